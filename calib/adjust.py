@@ -42,7 +42,6 @@ class BundleScene:
     """Cameras and board poses.
 
     Attributes:
-        cameras: The cameras.
         rotations: (B, 3, 3) float64, world from board.
         translations: (B, 3) float64, m, world from board.
     """
@@ -57,7 +56,6 @@ class Adjustment:
     """A scene after adjustment.
 
     Attributes:
-        scene: The adjusted scene.
         residuals_px: (N, 2) float64, px, observed minus reprojected.
         covariances: One (p, p) float64 per camera, of its free parameters: rotation (rad, about
             camera axes) and translation (m), then focal lengths (as logarithms), centre and
@@ -76,7 +74,6 @@ def adjust(
 
     Args:
         scene: Initial values.
-        observations: The detected corners.
         free: "poses": poses of boards and cameras are free. "lenses": poses of boards and the lens
             parameters are free. "both": all are free.
         fixed: What defines the world if camera poses are free: the first camera or the first board.
@@ -89,21 +86,20 @@ def adjust(
     problem = _Problem(scene, observations, free, fixed)
     from_step = _decoupled(problem)
     step = least_squares(
-        lambda step: problem.residuals(from_step @ step),
+        lambda step: problem.residuals(problem.parameters(from_step @ step)),
         np.zeros(len(problem.moving)),
-        jac=lambda step: problem.jacobian(from_step @ step) @ from_step,  # pyright: ignore[reportArgumentType]  # stubs know dense ones only
+        jac=lambda step: problem.jacobian(problem.parameters(from_step @ step)) @ from_step,  # pyright: ignore[reportArgumentType]  # stubs know dense ones only
         loss="soft_l1",
         f_scale=BOARDS.robust_px,
         tr_solver="lsmr",
         ftol=1e-6,
     ).x
-    x = from_step @ step
-    residuals = problem.reprojection(x)
+    parameters = problem.parameters(from_step @ step)
+    residuals = problem.reprojection(parameters)
     # Standard deviation estimated from the median absolute deviation, which resists outliers.
     sigma = 1.4826 * float(np.median(np.abs(residuals)))
-    return Adjustment(
-        problem.scene(x), residuals, _covariances(problem.jacobian(x), sigma, problem)
-    )
+    covariances = _covariances(problem.jacobian(parameters), sigma, problem)
+    return Adjustment(problem.scene(parameters), residuals, covariances)
 
 
 def _decoupled(problem: "_Problem") -> sparse.csr_matrix:
@@ -112,7 +108,7 @@ def _decoupled(problem: "_Problem") -> sparse.csr_matrix:
     Without it the inner iterations need many steps; focal length and distance, for example, have
     almost the same effect on a small board.
     """
-    jacobian = problem.jacobian(np.zeros(len(problem.moving))).tocsc()
+    jacobian = problem.jacobian(np.zeros(problem.size)).tocsc()
     starts = [
         *range(0, problem.boards_at, problem.block or 1),
         *range(problem.boards_at, problem.size, 6),
@@ -128,14 +124,15 @@ def _decoupled(problem: "_Problem") -> sparse.csr_matrix:
     return sparse.csr_matrix(sparse.block_diag(blocks))
 
 
-def plane_poses(
-    points_m: FloatArray, normalised: FloatArray, refine: bool = True
+def ideal_poses(
+    camera: Camera, points_m: FloatArray, pixels: FloatArray, refine: bool = True
 ) -> list[tuple[FloatArray, FloatArray, float]]:
     """Poses of a flat board relative to a camera.
 
     Args:
+        camera: The camera, whose pose is ignored.
         points_m: (N, 3), m, with z = 0.
-        normalised: (N, 2), observed ideal coordinates (x / z, y / z).
+        pixels: (N, 2), px, the recorded corners; those without a ray are ignored.
         refine: Whether to refine the closed-form solution by least squares.
 
     Returns:
@@ -146,7 +143,10 @@ def plane_poses(
     Source: Collins and Bartoli, Infinitesimal Plane-Based Pose Estimation, 2014 (OpenCV's
     SOLVEPNP_IPPE).
     """
-    if len(points_m) < 4 or not np.isfinite(normalised).all():
+    normalised = camera.lens.undistort((pixels - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2])
+    kept = np.isfinite(normalised).all(axis=1)
+    points_m, normalised = points_m[kept], normalised[kept]
+    if len(points_m) < 4:
         return []
     count, rotvecs, shifts, _ = cv2.solvePnPGeneric(
         points_m, normalised, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
@@ -192,17 +192,14 @@ class _Problem:
             else np.delete(np.arange(self.size), np.s_[still : still + 6])
         )
 
-    def _parameters(self, x: FloatArray) -> FloatArray:
+    def parameters(self, x: FloatArray) -> FloatArray:
         """All parameters, zero for the fixed ones."""
         parameters = np.zeros(self.size)
         parameters[self.moving] = x
         return parameters
 
-    def scene(self, x: FloatArray) -> BundleScene:
-        """Scene for free parameters."""
-        return self._scene(self._parameters(x))
-
-    def _scene(self, parameters: FloatArray) -> BundleScene:
+    def scene(self, parameters: FloatArray) -> BundleScene:
+        """Scene for all parameters."""
         boards = parameters[self.boards_at :].reshape(-1, 6)
         turned = Rotation.from_rotvec(boards[:, :3]).as_matrix() @ self.start.rotations
         blocks = parameters[: self.boards_at].reshape(-1, self.block)
@@ -233,12 +230,9 @@ class _Problem:
             distortion=camera.distortion + lens[4 : 4 + len(camera.distortion)],
         )
 
-    def reprojection(self, x: FloatArray) -> FloatArray:
+    def reprojection(self, parameters: FloatArray) -> FloatArray:
         """Observed minus reprojected corners, (N, 2) px."""
-        return self._reprojection(self._parameters(x))
-
-    def _reprojection(self, parameters: FloatArray) -> FloatArray:
-        scene, observations = self._scene(parameters), self.observations
+        scene, observations = self.scene(parameters), self.observations
         world = (
             np.einsum("nij,nj->ni", scene.rotations[observations.board], observations.points_m)
             + scene.translations[observations.board]
@@ -254,12 +248,9 @@ class _Problem:
             )
         return observations.pixels - reprojected
 
-    def residuals(self, x: FloatArray) -> FloatArray:
+    def residuals(self, parameters: FloatArray) -> FloatArray:
         """All residuals, flat: corners, then the prior of the distortion terms."""
-        return self._residuals(self._parameters(x))
-
-    def _residuals(self, parameters: FloatArray) -> FloatArray:
-        return np.concatenate([self._reprojection(parameters).ravel(), self._prior(parameters)])
+        return np.concatenate([self.reprojection(parameters).ravel(), self._prior(parameters)])
 
     def _prior(self, parameters: FloatArray) -> FloatArray:
         """Distortion terms divided by their scales, one per camera and term: a term of its scale
@@ -280,14 +271,13 @@ class _Problem:
         blocks = parameters[: self.boards_at].reshape(len(start), self.block)
         return ((start + blocks[:, self.lens_at + 4 :]) / scales).ravel()
 
-    def jacobian(self, x: FloatArray) -> sparse.csr_matrix:
-        """Forward differences.
+    def jacobian(self, parameters: FloatArray) -> sparse.csr_matrix:
+        """Forward differences by the free ones among the parameters.
 
         A corner depends on one camera and one board only, so all blocks are stepped at once.
         """
         observations, count = self.observations, len(self.observations.pixels)
-        parameters = self._parameters(x)
-        current = self._residuals(parameters)
+        current = self.residuals(parameters)
         rows, columns, values, step = [], [], [], 1e-6
         row = np.arange(2 * count)
         for offset, width, end, owners in (
@@ -298,7 +288,7 @@ class _Problem:
             for column in range(width):
                 stepped = parameters.copy()
                 stepped[offset + column : end : width] += step
-                change = (self._residuals(stepped) - current) / step
+                change = (self.residuals(stepped) - current) / step
                 rows.append(row)
                 columns.append(offset + column + width * owners)
                 values.append(change[: 2 * count])
@@ -346,12 +336,3 @@ def _covariances(
 def rms_px(residuals_px: FloatArray) -> float:
     """Root mean square length of (N, 2) residuals."""
     return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
-
-
-def ideal_poses(
-    camera: Camera, points_m: FloatArray, pixels: FloatArray, refine: bool = True
-) -> list[tuple[FloatArray, FloatArray, float]]:
-    """`plane_poses` of a board from recorded pixels; corners without a ray are ignored."""
-    normalised = camera.lens.undistort((pixels - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2])
-    kept = np.isfinite(normalised).all(axis=1)
-    return plane_poses(points_m[kept], normalised[kept], refine)

@@ -27,7 +27,6 @@ class CameraAgreement:
         error_px: Its error against the cameras that are not culprits.
         others_px: Error of those among themselves, without it.
         moments: Number of moments at which it saw somebody.
-        planes: Number of tangent planes compared.
     """
 
     camera: str
@@ -43,10 +42,8 @@ class Agreement:
 
     Attributes:
         error_px: Error of all cameras.
-        table: One row per camera.
         culprits: The cameras without which the others agree; empty if all agree, or if no subset
             does.
-        agrees: Whether all cameras agree.
     """
 
     error_px: float
@@ -164,26 +161,16 @@ def signed_errors(errors: PairErrors, name: str, others: Sequence[str]) -> Float
     listed = [
         values * (1 if first == name else -1)
         for (first, second), values in errors.items()
-        if _joins(name, first, second, others)
+        if (first == name and second in others) or (second == name and first in others)
     ]
     flat = np.concatenate([np.zeros(0), *(values.ravel() for values in listed)])
     return flat[np.isfinite(flat)]
 
 
-def _joins(name: str, first: str, second: str, others: Sequence[str]) -> bool:
-    return (first == name and second in others) or (second == name and first in others)
-
-
 def group_error(errors: PairErrors, names: Sequence[str]) -> float:
     """Error, px, of a group of cameras among themselves; NaN for a single camera."""
-    return trimmed_mean(
-        np.concatenate(
-            [
-                np.zeros(0),
-                *(v.ravel() for pair, v in errors.items() if pair[0] in names and pair[1] in names),
-            ]
-        )
-    )
+    inside = [values.ravel() for pair, values in errors.items() if set(pair) <= set(names)]
+    return trimmed_mean(np.concatenate([np.zeros(0), *inside]))
 
 
 def trimmed_mean(errors: FloatArray) -> float:

@@ -1,7 +1,5 @@
 """Files that are written whole or not at all: written beside their target, then renamed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re
@@ -20,18 +18,17 @@ _renames: dict[int, Path] = {}
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a file beside `path` that takes its name when the block ends without an error.
+    """Yields a file beside `path` that takes its name, in place of an earlier file, when the
+    block ends without an error.
 
     The file is on the disk before it takes the name, so that a full disk or a power cut leaves the
     earlier file. What killed processes left of the same file is removed.
 
-    Args:
-        path: the file; an earlier one of this name is replaced.
-
     Raises:
         InputError: the system refuses to write the file.
     """
-    remove_partials(path)
+    pattern = _PARTIAL.format(stem=re.escape(path.stem), suffix=re.escape(path.suffix))
+    _removed(path.parent, pattern)
     partial = path.with_name(f".{path.stem}.{partial_mark()}{path.suffix}")
     try:
         yield partial
@@ -85,19 +82,6 @@ def partial_mark() -> str:
     return f"partial-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
-def is_running(process: int) -> bool:
-    """Whether a process of this number is running on this machine."""
-    import psutil
-
-    return psutil.pid_exists(process)
-
-
-def remove_partials(path: Path) -> list[Path]:
-    """Removes what processes that are gone have left of a file; returns what was removed."""
-    pattern = _PARTIAL.format(stem=re.escape(path.stem), suffix=re.escape(path.suffix))
-    return _removed(path.parent, pattern)
-
-
 def remove_all_partials(folder: Path) -> list[Path]:
     """Removes what processes that are gone have left of any file in a folder, not in folders of it;
     returns what was removed.
@@ -120,11 +104,13 @@ def unwritable(path: Path, error: OSError) -> InputError:
 
 
 def _removed(folder: Path, pattern: str) -> list[Path]:
+    import psutil
+
     removed = []
     with suppress(OSError):
         for entry in os.scandir(folder):
             match = re.fullmatch(pattern, entry.name)
-            if match is not None and not is_running(int(match[1])):
+            if match is not None and not psutil.pid_exists(int(match[1])):
                 with suppress(OSError):
                     Path(entry.path).unlink()
                     removed.append(Path(entry.path))

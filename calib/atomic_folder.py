@@ -1,7 +1,5 @@
 """Folders that are written whole or not at all, by one process at a time."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os
@@ -39,7 +37,6 @@ def claimed(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[N
     A lock beside it, `.NAME.lock`, which ends with the process however that ends.
 
     Args:
-        path: the file or folder.
         waiting: called where another process has it, whose end is then awaited; None: that is an
             error.
 
@@ -174,7 +171,9 @@ class FolderWriter:
 
     def _put_in_place(self) -> None:
         target = self.out.resolve()
-        _flush_folder(self._partial)
+        for path in self._partial.rglob("*"):
+            if path.is_file() and not path.is_symlink():
+                flush(path)
         try:
             self._check(self.out)
             with suppress(OSError):
@@ -231,9 +230,6 @@ def recover(target: Path) -> list[Path]:
     """Removes what killed processes left of a folder beside it, and puts the earlier folder back
     where one was killed between the two renames of `replace_folder`. The caller has claimed the
     folder.
-
-    Returns:
-        What was removed.
     """
     removed = []
     pattern = _LEFTOVER.format(name=re.escape(target.name))
@@ -248,12 +244,9 @@ def recover(target: Path) -> list[Path]:
 
 
 def remove_leftovers(folder: Path) -> list[Path]:
-    """Removes what killed processes left of any file or folder in a folder.
+    """Removes what killed processes left of any file or folder in a folder, and returns it.
 
     Folders that are being written, and those below, are left alone.
-
-    Returns:
-        What was removed.
 
     Raises:
         InputError: the folder cannot be read.
@@ -269,13 +262,6 @@ def remove_leftovers(folder: Path) -> list[Path]:
         with suppress(InputError), claimed(folder / name):  # else somebody is writing it
             removed += recover(folder / name)
     return removed
-
-
-def _flush_folder(folder: Path) -> None:
-    """Waits until all files of a folder are on the disk."""
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.is_symlink():
-            flush(path)
 
 
 def _exchanged(first: Path, second: Path) -> bool:

@@ -112,24 +112,17 @@ class Board:
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
     def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | Refusal:
-        """Detects the board in an image.
+        """Detects the board's corners in an image, or says why there are none.
 
         Args:
             picture: (H, W) or (H, W, 3) uint8.
             effort: "quick" gives up early where no board is likely (about 10 ms); "patient" always
                 runs the detector (ten times as long); "thorough" then tries a second detector (a
                 hundred times as long).
-
-        Returns:
-            The detected corners, or the reason why there are none.
         """
         check_array("picture", picture, ("H", "W", 3)[: max(picture.ndim, 2)], np.uint8)
         grey = _grey(picture)
-        return (
-            self._find_checkerboard(grey, effort)
-            if self.marker_m is None
-            else self._find_charuco(grey)
-        )
+        return self._find_charuco(grey) if self.marker_m else self._find_checkerboard(grey, effort)
 
     def other_board(self, picture: Image) -> str | None:
         """Describes another board in an image without this one: with other numbers of corners or
@@ -160,17 +153,12 @@ class Board:
     def _other_markers(self, picture: Image) -> str | None:
         """Names the dictionary with most markers in the image."""
         counts: dict[str, tuple[int, int]] = {}
-        for name in (
-            name
-            for name in dir(cv2.aruco)
-            if name.startswith(("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO"))
-        ):
+        kinds = ("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO")
+        for name in (name for name in dir(cv2.aruco) if name.startswith(kinds)):
             dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
             ids = cv2.aruco.ArucoDetector(dictionary).detectMarkers(picture)[1]
-            counts[name] = (
-                0 if ids is None else len(ids),
-                -len(dictionary.bytesList),
-            )  # small ones are part of larger ones
+            # Small dictionaries are part of larger ones.
+            counts[name] = 0 if ids is None else len(ids), -len(dictionary.bytesList)
         best = max(counts, key=lambda name: counts[name])
         if counts[best][0] < _MIN_CORNERS or best == self.dictionary:
             return None
@@ -340,7 +328,6 @@ def view_between(
     """View of a moving board at a time between two frames of one camera.
 
     Args:
-        board: The board.
         before: View in the earlier frame.
         after: View in the later frame.
         fraction: Time passed since the earlier frame, 0 to 1 of that between the two.

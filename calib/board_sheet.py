@@ -45,16 +45,13 @@ def largest_square_m(columns: int, rows: int, paper: str) -> float:
 
 
 def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float, float]:
-    """Writes a one-page PDF: the board to scale, its numbers, and a ruler to check the print.
+    """Writes a one-page PDF: the board to scale, its numbers, and a ruler to check the print;
+    returns the page's width and height, m.
 
     Args:
-        board: The board.
         path: The file. A failure leaves no partial file.
         paper: A key of `PAPERS_M`, portrait or landscape as the board fits better; None for a page
             of the size that the board needs.
-
-    Returns:
-        The page's width and height, m.
 
     Raises:
         InputError: The board does not fit the paper, or the file cannot be written.

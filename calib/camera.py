@@ -108,12 +108,9 @@ class Camera:
         return not self.fisheye and not self.distortion.any()
 
     def project(self, points_world: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Projects world points into the image plane.
+        """Projects world points (N, 3), m, into the image plane.
 
         Pixels outside the image are returned as well.
-
-        Args:
-            points_world: (N, 3), m.
 
         Returns:
             Pixels (N, 2) float64, NaN where the camera cannot see the point, and depth along the
@@ -129,10 +126,7 @@ class Camera:
         return self._pixels(self.lens.distort(normalised)), depth_m
 
     def rays(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Casts viewing rays.
-
-        Args:
-            pixels: (N, 2) as (x, y), px, in the recorded image.
+        """Casts viewing rays through pixels (N, 2), x and y, px, of the recorded image.
 
         Returns:
             Origin (3,) float64, m, and directions (N, 3) float64, unit length, in the world; NaN
@@ -191,9 +185,6 @@ class Camera:
 @dataclass(frozen=True, eq=False)
 class Rig:
     """Cameras calibrated in one world, accessible by name.
-
-    Attributes:
-        cameras: The cameras.
 
     Raises:
         ValueError: No camera, or two of one name.

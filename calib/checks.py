@@ -25,7 +25,6 @@ def check_array(
 
     Args:
         name: Name of the argument, with which the message begins.
-        array: The argument.
         shape: Required shape: a number, or a letter such as "N" where any number will do.
         dtype: Required dtype or its kind, such as `np.bool_` or `np.integer`; None allows any.
         finite: Whether NaN and infinity are refused.
@@ -57,7 +56,6 @@ def float_array(
 
     Args:
         name: Name of the argument, with which the message begins.
-        value: The argument.
         shape: Required shape, as for `check_array`.
         finite: Whether NaN and infinity are refused.
 

@@ -24,7 +24,6 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
 
     Args:
-        path: The file.
         largest_bytes: Size beyond which the file is refused.
         errors: "replace" puts a mark in the place of bytes that are no text.
 
@@ -49,11 +48,8 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
 
 
 def parse_json(text: str, path: Path) -> Any:
-    """Content of JSON; whole numbers that no float64 can hold become infinite.
-
-    Args:
-        text: The text.
-        path: Its file, for messages.
+    """Content of JSON, of a file that messages name; whole numbers that no float64 can hold become
+    infinite.
 
     Raises:
         InputError: The text is no JSON, or nested too deeply.
@@ -69,11 +65,7 @@ def parse_json(text: str, path: Path) -> Any:
 
 
 def parse_toml(text: str, path: Path) -> dict[str, Any]:
-    """Content of TOML.
-
-    Args:
-        text: The text.
-        path: Its file, for messages.
+    """Content of TOML, of a file that messages name.
 
     Raises:
         InputError: The text is no TOML, or nested too deeply.
@@ -90,11 +82,7 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
 
 
 def parse_xml(text: str, path: Path) -> ElementTree.Element:
-    """Root element of XML.
-
-    Args:
-        text: The text.
-        path: Its file, for messages.
+    """Root element of XML, of a file that messages name.
 
     Raises:
         InputError: The text is no XML, is nested too deeply, or has a document type, with which

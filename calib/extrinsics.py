@@ -54,7 +54,6 @@ class Extrinsics:
     """A calibrated rig.
 
     Attributes:
-        rig: The cameras.
         table: Accuracy of each camera.
         rms_px: Root mean square reprojection error of all cameras.
         shared_boards: Number of boards seen by each pair of cameras.
@@ -71,7 +70,7 @@ class Extrinsics:
 def calibrate_extrinsics(
     board: Board, lenses: Rig, views: Views, floor: str | None = None, refine_lenses: bool = False
 ) -> Extrinsics:
-    """Estimates the poses of cameras.
+    """Estimates the poses of cameras, and their accuracy.
 
     Args:
         board: The board that was moved through the room.
@@ -83,9 +82,6 @@ def calibrate_extrinsics(
             squares in one direction and an even number in the other.
         refine_lenses: Whether the lens parameters are refined too; only useful if they are not
             known better from boards closer to the camera.
-
-    Returns:
-        The rig and its accuracy.
 
     Raises:
         InputError: A camera saw no board, the cameras are not connected by shared boards, or the
@@ -174,11 +170,9 @@ def _misfit(
     for name, view in seen.items():
         camera = by_name[name][1]
         points = board.points_m[view.ids]
-        options = (
-            {False: points, True: flipped_points(board, points)}
-            if board.is_symmetric
-            else {False: points}
-        )
+        options = {False: points}
+        if board.is_symmetric:
+            options[True] = flipped_points(board, points)
         errors = {}
         for flipped, flipped_or_not in options.items():
             pixels, _ = camera.project(flipped_or_not @ pose[0].T + pose[1])
@@ -206,21 +200,21 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
     # The board's z points into the floor: up is -z, and y changes its sign too.
     world_from_old = np.diag([1.0, -1, -1]) @ scene.rotations[at].T
     origin = scene.translations[at]
-    moved = []
-    for camera in scene.cameras:
-        rotation = camera.rotation @ world_from_old.T
-        moved.append(
-            replace(
-                camera, rotation=rotation, translation=camera.translation + camera.rotation @ origin
-            )
+    moved = tuple(
+        replace(
+            camera,
+            rotation=camera.rotation @ world_from_old.T,
+            translation=camera.translation + camera.rotation @ origin,
         )
+        for camera in scene.cameras
+    )
     under = [camera.name for camera in moved if camera.center_m[2] < 0]
     if under:
         raise InputError(
             f"{', '.join(under)} would be under the floor: the board must lie on it, face up, at"
             f" the moment {floor!r}"
         )
-    return tuple(moved)
+    return moved
 
 
 def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: int) -> CameraError:
@@ -228,7 +222,6 @@ def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: in
 
     Args:
         index: Number of the camera.
-        adjusted: The adjusted scene.
         seen: The observations of all cameras.
         count: Number of boards or points that this camera saw.
     """

@@ -26,7 +26,6 @@ class PictureError:
 
     Attributes:
         picture: Name of the picture.
-        corners: Number of corners detected.
         rms_px: Root mean square error.
         left_out: Why the picture was not used; None if it was.
     """
@@ -94,7 +93,6 @@ def calibrate_intrinsics(
     one by one, worst first, and named in the table.
 
     Args:
-        board: The board.
         views: Result of `Board.find` for each picture, by its name.
         lens: "pinhole" (k1 k2 p1 p2), "rational" (eight terms, for wide lenses) or "fisheye".
         camera: The camera's name, for messages.
@@ -214,24 +212,18 @@ def _check_plausible(camera: str, matrix: FloatArray, size: tuple[int, int]) -> 
     """
     width, height = size
     focal, centre = np.diag(matrix)[:2], matrix[:2, 2]
-    plausible = (
+    if not (
         np.isfinite(matrix).all()
         and (focal > 0.1 * max(size)).all()
         and (focal < 50 * max(size)).all()
-    )
-    if not (
-        plausible
         and 0 < centre[0] < width
         and 0 < centre[1] < height
         and 0.8 < focal[0] / focal[1] < 1.25
     ):
-        description = (
-            f"focal lengths {focal[0]:.0f}, {focal[1]:.0f}, centre {centre[0]:.0f},"
-            f" {centre[1]:.0f} px"
-        )
         raise InputError(
-            f"camera {camera}: the result is absurd ({description}): tilt the board in more"
-            " pictures and fill the image"
+            f"camera {camera}: the result is absurd (focal lengths {focal[0]:.0f}, {focal[1]:.0f},"
+            f" centre {centre[0]:.0f}, {centre[1]:.0f} px): tilt the board in more pictures and"
+            " fill the image"
         )
 
 

@@ -16,11 +16,7 @@ _WIDEST = 100  # tangent of 89.4 degrees: a flat image ends somewhere
 
 
 def _first_positive_root(coefficients: ArrayLike) -> float:
-    """Smallest positive real root of a polynomial, or infinity.
-
-    Args:
-        coefficients: Lowest order first, the constant not zero.
-    """
+    """Smallest positive real root, or infinity, of a polynomial: lowest order first, not zero."""
     # In 1 / s the constant leads, so that a tiny highest coefficient gives a root near zero and not
     # an overflow.
     inverse = np.roots(np.asarray(coefficients, dtype=np.float64))

@@ -1,6 +1,7 @@
 """Relative poses of pairs of cameras that saw the same boards."""
 
 from collections.abc import Mapping
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -77,13 +78,14 @@ def flipped_points(board: Board, points_m: FloatArray) -> FloatArray:
     return np.array([board.columns - 1, board.rows - 1, 0]) * board.square_m - points_m
 
 
-def shared_boards(names: tuple[str, ...], candidates: Candidates) -> dict[tuple[str, str], int]:
-    """Number of boards that each pair of cameras saw together."""
-    counts = {(a, b): 0 for i, a in enumerate(names) for b in names[i + 1 :]}
-    for seen in candidates.values():
-        for a, b in counts:
-            counts[a, b] += a in seen and b in seen
-    return counts
+def shared_boards(
+    names: tuple[str, ...], views: Mapping[str, Mapping[str, object]]
+) -> dict[Pair, int]:
+    """Number of boards, or points, that each pair of cameras saw, from what each camera saw."""
+    return {
+        pair: sum(seen.keys() >= set(pair) for seen in views.values())
+        for pair in combinations(names, 2)
+    }
 
 
 def chain_poses(
@@ -128,13 +130,11 @@ def _disconnected(names: tuple[str, ...], reached: set[str], shared: Mapping[Pai
 
 
 def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray, FloatArray, int]:
-    """Relative pose of two cameras on which most boards agree.
+    """Relative pose of two cameras on which most boards agree: rotation and translation, new from
+    known, and the number of boards that agree.
 
     The tilt of a small board is ambiguous, and a symmetric board may be numbered from either end,
     so each board gives several candidates; the right one recurs with every board.
-
-    Returns:
-        Rotation and translation, new from known, and the number of boards that agree.
     """
     candidates: list[tuple[FloatArray, FloatArray, int, float]] = []
     tiny = 1e-6  # ideal coordinates: a thousandth of a pixel

@@ -15,6 +15,7 @@ from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
 from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
+from calib.pairs import shared_boards
 from calib.rotation import matrix_from_rodrigues
 from calib.tuning import BOARDS
 
@@ -39,11 +40,7 @@ class ScenePoints:
 
 
 def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
-    """Estimates the poses of cameras.
-
-    Args:
-        lenses: Cameras with calibrated lenses; their poses are ignored.
-        points: The observed points.
+    """Estimates the poses of cameras with calibrated lenses; those that they have are ignored.
 
     Returns:
         The rig in the world of the measured points. Standard errors are relative to that world, and
@@ -90,17 +87,12 @@ def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
     table = tuple(
         camera_error(index, adjusted, seen, int(counts[index])) for index in range(len(cameras))
     )
-    shared = {
-        (a, b): sum(a in views and b in views for views in points.pixels.values())
-        for index, a in enumerate(lenses.names)
-        for b in lenses.names[index + 1 :]
-    }
     unused = [name for name in points.pixels if name not in board_points]
     return Extrinsics(
         Rig(adjusted.scene.cameras),
         table,
         rms_px(adjusted.residuals_px),
-        shared,
+        shared_boards(lenses.names, points.pixels),
         _advice(rows, adjusted, unused),
     )
 
@@ -182,13 +174,16 @@ def _fill_a_plane(points: FloatArray) -> bool:
 
 def triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:
     """Point (3,) nearest to the rays of pixels (N, 2), one per camera."""
-    normal, target = np.zeros((3, 3)), np.zeros(3)
-    for camera, pixel in zip(cameras, pixels, strict=True):
-        origin, direction = camera.rays(pixel[None])
-        across = np.eye(3) - np.outer(direction[0], direction[0])
-        normal += across
-        target += across @ origin
-    return np.asarray(np.linalg.lstsq(normal, target, rcond=None)[0], dtype=np.float64)
+    rays = [camera.rays(pixel[None]) for camera, pixel in zip(cameras, pixels, strict=True)]
+    origins, directions = zip(*rays, strict=True)
+    return nearest_point(np.array(origins), np.concatenate(directions))
+
+
+def nearest_point(origins: FloatArray, directions: FloatArray) -> FloatArray:
+    """Point (3,) nearest to lines through points (N, 3) along unit vectors (N, 3)."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None]
+    target = np.einsum("nij,nj->i", across, origins)
+    return np.linalg.lstsq(across.sum(axis=0), target, rcond=None)[0]
 
 
 def _advice(

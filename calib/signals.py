@@ -90,7 +90,6 @@ def offsets_from_signals(
 
     Args:
         signals: One of each of at least two cameras.
-        settings: Settings.
         reference: The camera whose clock is the reference; None for the first.
 
     Raises:

@@ -124,7 +124,7 @@ def solve(
     offset_s: float = 0.0,
     rounds: int = 40,
 ) -> FloatArray:
-    """Minimises the tangency errors by least squares with a soft L1 loss.
+    """Minimises the tangency errors by least squares with a soft L1 loss; returns the parameters.
 
     Args:
         suspect: The camera and its data.
@@ -132,9 +132,6 @@ def solve(
         start: Initial parameters.
         offset_s: Assumed clock offset.
         rounds: Maximum number of evaluations.
-
-    Returns:
-        The parameters, of the shape of `start`.
     """
     camera = suspect.track.camera
     unit = max(camera.size) / 480

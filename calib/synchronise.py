@@ -19,14 +19,7 @@ from scipy.optimize import least_squares
 
 from calib.agreement import image_scale, trimmed_mean
 from calib.checks import FloatArray
-from calib.correlation import (
-    Correlogram,
-    OffsetCosts,
-    Signal,
-    SignalSettings,
-    correlogram,
-    sampled,
-)
+from calib.correlation import Correlogram, OffsetCosts, Signal, SignalSettings, correlogram, sampled
 from calib.errors import InputError
 from calib.signals import Offset, checked_reference, consistent_offsets, offsets_from_signals
 from calib.tangency import OutlineTrack, offset_grid, tangency
@@ -63,9 +56,7 @@ class Synchronisation:
 
 
 def synchronise(
-    tracks: Sequence[OutlineTrack],
-    max_offset_s: float,
-    reference: str | None = None,
+    tracks: Sequence[OutlineTrack], max_offset_s: float, reference: str | None = None
 ) -> Synchronisation:
     """Estimates the offsets between cameras' clocks.
 
@@ -156,17 +147,11 @@ def require_motion(track: OutlineTrack) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Agreement of two cameras at all offsets.
+    """Agreement of two cameras at all offsets."""
 
-    Attributes:
-        offsets_s: (K,) offsets of the second camera relative to the first, s.
-        errors_px: (K,) tangency errors, px of an image of 480 x 360.
-        correlogram: Correlations of the outlines' velocities.
-    """
-
-    offsets_s: FloatArray
-    errors_px: FloatArray
-    correlogram: Correlogram
+    offsets_s: FloatArray  #: (K,) offsets of the second camera relative to the first, s.
+    errors_px: FloatArray  #: (K,) tangency errors, px of an image of 480 x 360.
+    correlogram: Correlogram  #: Correlations of the outlines' velocities.
 
     @classmethod
     def measure(cls, first: OutlineTrack, second: OutlineTrack, max_offset_s: float) -> "_Pair":
@@ -234,7 +219,6 @@ def _refined_offsets(
     """Offsets (cameras,), s, that minimise the weighted errors, and their standard errors.
 
     Args:
-        tracks: The outlines.
         start: (cameras,), s, initial offsets.
         weights: (pairs,), weight of each pair of cameras.
     """

@@ -54,7 +54,6 @@ class Outline:
         """Outline of the large components of a silhouette, or None if it is (nearly) empty.
 
         Args:
-            camera: The camera.
             mask: (H, W) bool, silhouette in the camera's image or in a reduced one.
             unknown: (H, W) bool, where nothing is known: where that touches the silhouette, the
                 body may go on behind it, as it does at the image's border. None: nowhere.
@@ -138,7 +137,6 @@ class OutlineTrack:
     """Outlines of one camera over time.
 
     Attributes:
-        camera: The camera.
         time_s: (T,) float64, increasing: times of its frames by its own clock.
         outlines: T outlines; None where nobody is seen.
     """
@@ -149,11 +147,7 @@ class OutlineTrack:
 
     @classmethod
     def from_masks(
-        cls,
-        camera: Camera,
-        time_s: FloatArray,
-        masks: Sequence[Mask],
-        unknown: Mask | None = None,
+        cls, camera: Camera, time_s: FloatArray, masks: Sequence[Mask], unknown: Mask | None = None
     ) -> "OutlineTrack":
         """Outlines of silhouettes (H, W) bool taken at times (T,), but for what is unknown."""
         return cls(

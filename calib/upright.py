@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Rig
 from calib.checks import FloatArray, float_array
+from calib.errors import InputError
 from calib.tuning import UPRIGHT
 
 Z_UP = np.eye(3)[2]
@@ -113,16 +114,26 @@ def unit_vector(direction: ArrayLike) -> FloatArray:
     return vector / length
 
 
-def direction_of(text: str) -> FloatArray:
+def direction_of(text: str, setting: str = 'up = "{}"', where: str = "") -> FloatArray:
     """Direction (3,), unit, of an axis' name (`-z`) or of three numbers (`0,0.1,-1`).
 
+    Args:
+        setting: how it is given, with {} in its place, for messages.
+        where: what stands before that in messages.
+
     Raises:
-        ValueError: the text is neither.
+        InputError: the text is neither.
     """
     name = text.strip().lower().removeprefix("+")
     if name in AXES:
         return AXES[name]
-    return unit_vector([float(number) for number in name.split(",")])
+    try:
+        return unit_vector([float(number) for number in name.split(",")])
+    except ValueError:
+        raise InputError(
+            f"{where}{setting.format(text[:40])} is no direction: give an axis, as in"
+            f" {setting.format('-z')}, or three numbers, as in {setting.format('0,0.1,-1')}"
+        ) from None
 
 
 def axis_name(up: ArrayLike) -> str:

@@ -17,7 +17,6 @@ from voxelpose.cli.arguments import (
     OverwriteResult,
     Threads,
     camera_names,
-    frames_of,
 )
 
 
@@ -88,7 +87,7 @@ summary.json, and the mannequin's recording/.
             from papers.swing_study import Study, run_study
             from silhouette_core.jit import set_threads
             from voxelpose.demo.filming import make_recording
-            from voxelpose.recording.folder import Recording
+            from voxelpose.recording.folder import Recording, frame_range
             from voxelpose.recording.truth import TRUTH
 
             set_threads(self.threads)
@@ -96,7 +95,8 @@ summary.json, and the mannequin's recording/.
             if source is None:
                 performance = "arm_swing" if self.arm == "near" else "far_arm_swing"
                 source = make_recording(folder / "recording", performance=performance)
-            recording = Recording.open(source, frames_of(self.frames), camera_names(self.camera))
+            frames = frame_range(self.frames)
+            recording = Recording.open(source, frames, camera_names(self.camera))
             truth = self.truth or source / TRUTH
             reading = Reading(self.sigma, self.prior == "normalised", self.additions)
             study = Study(

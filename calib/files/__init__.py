@@ -50,7 +50,7 @@ _BY_SUFFIX = {suffix: name for name, form in RIG_FORMATS.items() for suffix in f
 def read_rig(
     path: str | os.PathLike[str], unit: str | None = None, size: tuple[int, int] | None = None
 ) -> Rig:
-    """Reads a calibration of any known format.
+    """Reads a calibration of any known format, in metres.
 
     Args:
         path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
@@ -58,9 +58,6 @@ def read_rig(
             OpenCV file per camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
-
-    Returns:
-        The rig, in metres.
 
     Raises:
         InputError: The file is missing, of no known format, incomplete or wrong; the message is
@@ -79,7 +76,6 @@ def write_rig(
     """Writes a calibration in metres, with the unit stated. A failure leaves no partial file.
 
     Args:
-        rig: The cameras.
         path: The file. Its suffix selects the format: .toml aniposelib layout; .yml, .yaml, .xml
             OpenCV FileStorage; .json plain JSON; .txt Qualisys; none EasyMocap's folder.
         style: A name from `RIG_FORMATS`, to override the suffix.

@@ -26,7 +26,6 @@ class Source:
     """A calibration file to be read, with values that the file may lack.
 
     Attributes:
-        path: The file or folder.
         unit: Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None.
         size: Image (width, height), px, as given by the caller, or None.
     """
@@ -104,7 +103,6 @@ class Source:
         """Camera from raw values.
 
         Args:
-            name: Camera name.
             values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation`
                 and optionally `fisheye`.
             metres_per_unit: Length of the translation's unit, m.
@@ -221,11 +219,8 @@ def camera_values(camera: Camera) -> dict[str, Any]:
 
 
 def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
-    """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64.
-
-    Args:
-        camera: The camera.
-        container: What holds no other numbers, for the message.
+    """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64; messages name the container, which holds no
+    other numbers.
 
     Raises:
         InputError: The camera's lens has more terms.

@@ -7,8 +7,6 @@ is made. The dialect: YAML begins with `%YAML:1.0`; a matrix is a map with rows,
 base64; XML has `<_>` or spaces between the items of a list; `.Nan` and `-.Inf` are numbers.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import json
@@ -47,10 +45,8 @@ _DEEPEST = 50
 
 
 def load_storage(path: Path) -> dict[str, Any]:
-    """Content of a file as dictionaries, lists, arrays, floats and strings.
-
-    Args:
-        path: YAML, XML or JSON, recognised by its beginning.
+    """Content of a file, YAML, XML or JSON by its beginning, as dictionaries, lists, arrays, floats
+    and strings.
 
     Returns:
         Values by key. Numbers are floats; matrices (rows, cols) or (rows, cols, channels) arrays of

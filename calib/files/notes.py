@@ -16,11 +16,8 @@ def read_notes(path: Path) -> dict[str, Any]:
     except InputError:  # a calibration of another format
         return {}
     metadata = content.get("metadata", {})
-    return (
-        {key: value for key, value in metadata.items() if key not in ("unit", "units")}
-        if isinstance(metadata, dict)
-        else {}
-    )
+    metadata = metadata if isinstance(metadata, dict) else {}
+    return {key: value for key, value in metadata.items() if key not in ("unit", "units")}
 
 
 def read_up(path: Path) -> FloatArray | None:
@@ -33,10 +30,4 @@ def read_up(path: Path) -> FloatArray | None:
     if stated is None:
         return None
     text = ",".join(map(str, stated)) if isinstance(stated, list) else str(stated)
-    try:
-        return direction_of(text)
-    except ValueError:
-        raise InputError(
-            f"{path}: [metadata] up = {str(stated)[:40]} is no direction: give an axis, as in"
-            ' up = "-z", or three numbers'
-        ) from None
+    return direction_of(text, where=f"{path}: [metadata] ")

@@ -20,12 +20,10 @@ from calib.files.fields import Source
 
 
 def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    r"""RQ decomposition of a projection matrix.
+    r"""RQ decomposition of a projection matrix (3, 4), homogeneous pixels from world, of any scale
+    and sign.
 
     .. math:: P \sim K \, [R \mid t]
-
-    Args:
-        projection: (3, 4), homogeneous pixels from world, of any scale and sign.
 
     Returns:
         Matrix K (3, 3) with a positive diagonal and 1 in the corner, rotation R (3, 3), translation

@@ -15,13 +15,13 @@ Marker cameras are left out where there are video cameras. The unit is always mm
 """
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera, FloatArray, Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, five_distortion_numbers
 
@@ -103,8 +103,15 @@ def write_qualisys(rig: Rig, path: Path) -> None:
 def _camera(source: Source, index: int, element: ElementTree.Element, metres: float) -> Camera:
     """Camera from its element."""
     name = element.get("serial") or f"cam_{index + 1}"
-    video = _numbers(source, name, element, "fov_video", ("left", "top", "right", "bottom"))
-    left, top, right, bottom = video
+
+    def numbers(tag: str, keys: Iterable[str], missing: str | None = None) -> FloatArray:
+        child = element.find(tag)
+        if child is None:
+            raise source.error(f"<{tag}> is missing: export the calibration from QTM again", name)
+        texts = ((key, child.get(key, missing)) for key in keys)
+        return np.array([source.numbers(name, key, text, (1,))[0] for key, text in texts])
+
+    left, top, right, bottom = numbers("fov_video", ("left", "top", "right", "bottom"))
     size = source.image_size(name, (right - left + 1, bottom - top + 1))
     resolution = element.get("video_resolution", "")
     if (
@@ -116,48 +123,23 @@ def _camera(source: Source, index: int, element: ElementTree.Element, metres: fl
             " resolution or write a TOML",
             name,
         )
-    fu, fv, cu, cv = _numbers(
-        source,
-        name,
-        element,
-        "intrinsic",
-        ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV"),
-    )
-    intrinsic = element.find("intrinsic")
-    skew = source.numbers(
-        name, "skew", intrinsic.get("skew", "0") if intrinsic is not None else "0", (1,)
-    )[0]
+    lengths = ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV")
+    fu, fv, cu, cv = numbers("intrinsic", lengths)
+    (skew,) = numbers("intrinsic", ("skew",), missing="0")
     matrix = [
         [fu, skew, cu - _SUBPIXELS * left],
         [0, fv, cv - _SUBPIXELS * top],
         [0, 0, _SUBPIXELS],
     ]
-    rotation = _numbers(
-        source, name, element, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
-    ).reshape(3, 3)
-    position = _numbers(source, name, element, "transform", ("x", "y", "z"))
+    rotation = numbers("transform", (f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
+    position = numbers("transform", "xyz")
     values = {
         "size": size,
         "matrix": np.asarray(matrix, dtype=np.float64) / _SUBPIXELS,
-        "distortions": _numbers(source, name, element, "intrinsic", _DISTORTION, missing="0"),
+        "distortions": numbers("intrinsic", _DISTORTION, missing="0"),
         "rotation": _FLIP @ source.rotation(name, rotation),
     }
     return source.camera(name, values | {"translation": -values["rotation"] @ position}, metres)
-
-
-def _numbers(
-    source: Source,
-    name: str,
-    element: ElementTree.Element,
-    tag: str,
-    keys: tuple[str, ...],
-    missing: str | None = None,
-) -> NDArray[np.float64]:
-    """Numeric attributes of a camera's child element."""
-    child = element.find(tag)
-    if child is None:
-        raise source.error(f"<{tag}> is missing: export the calibration from QTM again", name)
-    return np.array([source.numbers(name, key, child.get(key, missing), (1,))[0] for key in keys])
 
 
 def _text(value: float) -> str:

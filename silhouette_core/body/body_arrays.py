@@ -1,7 +1,5 @@
 """A given body as arrays and JSON text, for files that hold the body itself."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 

@@ -20,8 +20,6 @@ With [template] or [shape], the body is made from these, at the stature; without
 that has the measurements.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -57,9 +55,6 @@ class _BodyFile(msgspec.Struct, forbid_unknown_fields=True):
 def read_body(path: Path) -> BodyModel:
     """Body of a body.toml.
 
-    Args:
-        path: the file.
-
     Raises:
         InputError: it cannot be read, is no such file, or holds what no body has.
     """
@@ -71,7 +66,6 @@ def write_body(body: BodyModel, path: Path, comment: str = "") -> None:
 
     Args:
         body: one made from the templates. Its measurements are told without its clothes.
-        path: the file.
         comment: a line at its head.
     """
     document = tomlkit.document()

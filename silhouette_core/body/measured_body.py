@@ -5,8 +5,6 @@ Eight parameters answer eight measurements; a measurement that is not known leav
 where the template, or the other parameters, suggest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,9 +16,7 @@ from calib.errors import InputError
 from silhouette_core.body.mesh_measurements import BodyMeasurements, TapeMeasure
 from silhouette_core.body.model import BodyModel, read_template
 from silhouette_core.body.population import check_measurements
-from silhouette_core.body.shape import ShapeSpace
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
-from silhouette_core.body.template_warp import warp_template
 from silhouette_core.tuning import MEASURING
 
 _AXES = {axis.name: k for k, axis in enumerate(SHAPE_AXES)}
@@ -61,14 +57,12 @@ _CHILD_HEAD = {"head_length": 30, "head_girth": 36, "neck_girth": 12, "foot_leng
 
 
 def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> BodyModel:
-    """Body whose measurements, taken on its mesh, are the wanted ones.
+    """Body whose measurements, taken on its mesh, are the wanted ones; its `sizes` and `shape` make
+    it again.
 
     Args:
         wanted: the stature, and what else is known.
         sex: "male", "female" or "unknown", which takes the man's template.
-
-    Returns:
-        The body; its `sizes` and `shape` make it again.
 
     Raises:
         InputError: a measurement is no person's, or no body has all of them.
@@ -97,10 +91,7 @@ def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> Bo
         worst = max(apart, key=lambda name: (name != "stature_m", apart[name]))
         raise _no_body(worst, wanted, measured[worst] * scale ** powers[worst])
     sizes = BodySizes(
-        wanted.stature_m,
-        measured["chest_girth_m"] * scale,
-        sex,
-        *parameters[_CHANGES].tolist(),
+        wanted.stature_m, measured["chest_girth_m"] * scale, sex, *parameters[_CHANGES].tolist()
     )
     return BodyModel.from_sizes(sizes).reshaped(_shape(parameters) + head)
 
@@ -133,21 +124,14 @@ def _head(stature_m: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class _Family:
-    """All bodies of a template: linear in the shape, and in the warp.
+    """All bodies of a template: linear in the shape, and in the warp."""
 
-    Attributes:
-        stature_m: of the template.
-        tape: takes the measurements.
-        spaces: shape space of the template, and its changes per unit of each of its changes.
-        joints_m: (27, 3) of the template.
-        joints_change: (20, 27, 3) along the shape axes.
-    """
-
-    stature_m: float
-    tape: TapeMeasure
+    stature_m: float  #: of the template.
+    tape: TapeMeasure  #: takes the measurements.
+    #: shape space of the template, and its changes per unit of each of its changes.
     spaces: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    joints_m: NDArray[np.float64]
-    joints_change: NDArray[np.float64]
+    joints_m: NDArray[np.float64]  #: (27, 3) of the template.
+    joints_change: NDArray[np.float64]  #: (20, 27, 3) along the shape axes.
 
     def measured(
         self, parameters: NDArray[np.float64], head: NDArray[np.float64]
@@ -163,10 +147,7 @@ class _Family:
         return self.tape.measure(np.asarray(vertices), joints)
 
     def residuals(
-        self,
-        parameters: NDArray[np.float64],
-        targets: dict[str, float],
-        head: NDArray[np.float64],
+        self, parameters: NDArray[np.float64], targets: dict[str, float], head: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(8,) relative differences of known measurements, and of the rest from what is usual."""
         measured = self.measured(parameters, head).known()
@@ -187,18 +168,10 @@ class _Family:
 @lru_cache(maxsize=2)
 def _family(sex: str) -> _Family:
     body = read_template(sex)
-
-    def space(vertices: NDArray[np.float64]) -> ShapeSpace:
-        skin = body.skin_parts, body.skin_weights
-        return ShapeSpace.from_rest(body.joints_m, vertices, body.landmarks_m, *skin, body.faces)
-
     spaces = [(body.space.vertices_m, body.space.vertices_change)]
     for change in range(4):
         first, second, third, fourth = np.eye(4)[change].tolist()
-        unit = (first, second, third, fourth)
-        warped = space(
-            warp_template(body.vertices_m, body.joints_m, body.skin_parts, body.skin_weights, unit)
-        )
+        warped = body.warped((first, second, third, fourth)).space
         spaces.append(
             (
                 warped.vertices_m - body.space.vertices_m,

@@ -135,11 +135,7 @@ class TapeMeasure:
 
 
 def measure_body(body: BodyModel) -> BodyMeasurements:
-    """Measurements taken on a body's mesh.
-
-    Args:
-        body: one made from the templates.
-    """
+    """Measurements taken on the mesh of a body made from the templates."""
     tape = TapeMeasure.of(read_template(body.sizes.sex))
     return tape.measure(body.vertices_m, body.joints_m)
 

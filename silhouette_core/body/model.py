@@ -78,11 +78,8 @@ class BodyModel:
 
     @classmethod
     def from_sizes(cls, sizes: BodySizes) -> BodyModel:
-        """Default body of a person's measurements.
-
-        Args:
-            sizes: stature, and chest girth and sex if known. An unknown sex takes the man's
-                template.
+        """Default body of a person's stature, and chest girth and sex if known; an unknown sex
+        takes the man's template.
 
         Returns:
             The template of that sex, scaled to the stature, with girths that follow the chest's, or
@@ -90,7 +87,7 @@ class BodyModel:
         """
         template = read_template(sizes.sex)
         if any(sizes.changes):
-            template = template._warped(sizes.changes)
+            template = template.warped(sizes.changes)
         scale = sizes.stature_m / template.sizes.stature_m
         body = template._scaled(scale, sizes)
         if sizes.chest_girth_m is None or any(sizes.changes):
@@ -141,10 +138,8 @@ class BodyModel:
         )
 
     def reshaped(self, shape: np.ndarray) -> BodyModel:
-        """This body with other deviations along the shape axes.
-
-        Args:
-            shape: (K,) float64, relative to the template scaled to the stature.
+        """This body with other deviations (K,) float64 along the shape axes, relative to the
+        template scaled to the stature.
         """
         joints, vertices, landmarks = self.space.apply(np.asarray(shape, float))
         return replace(
@@ -155,7 +150,7 @@ class BodyModel:
             shape=np.asarray(shape, float),
         )
 
-    def _warped(self, changes: Changes) -> BodyModel:
+    def warped(self, changes: Changes) -> BodyModel:
         """This template with other chest, waist, hips and thighs."""
         vertices = warp_template(
             self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes
@@ -230,13 +225,11 @@ class BodyModel:
         return vertex_normals(self.vertices_m, self.faces)
 
     def part_points(self, spacing_m: float) -> list[np.ndarray]:
-        """Lattice points inside every part.
+        """Lattice points inside every part: 27 arrays (n_p, 3) float64, positions at rest relative
+        to the part's own joint.
 
         Args:
             spacing_m: distance between neighbouring samples.
-
-        Returns:
-            27 arrays (n_p, 3) float64, positions at rest relative to the part's own joint.
         """
         points, part = sample_volume(self.vertices_m, self.faces, self.face_part, spacing_m)
         return [points[part == p] - self.joints_m[p] for p in range(len(self.names))]

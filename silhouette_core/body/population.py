@@ -46,15 +46,12 @@ _ADULTS = {"male": (17560, 686), "female": (16290, 642)}  # statures, tenths of 
 
 
 def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
-    """Mean and standard deviation of a measurement over people of a stature.
+    """Mean and standard deviation of a measurement, in its unit, over people of a stature.
 
     Args:
         name: of `BodyMeasurements`, other than stature_m.
         stature_m: of these people.
         sex: "male", "female" or "unknown", for which the men's are taken.
-
-    Returns:
-        Both in the measurement's unit.
     """
     power = 3 if name == "mass_kg" else 1
     rows = np.array(_ROWS["female" if sex == "female" else "male"][name]) / 1000

@@ -3,8 +3,6 @@
 The sources of every number are told in presets.toml, and what could not be verified.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,11 +16,7 @@ from silhouette_core.body.mesh_measurements import BodyMeasurements
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 
-SOURCES = {
-    "d": "by the designation",
-    "t": "from sellers' tables",
-    "c": "computed by us",
-}
+SOURCES = {"d": "by the designation", "t": "from sellers' tables", "c": "computed by us"}
 """Where a number comes from, by its letter in presets.toml."""
 _STANDARDS = {"men": ("male", "JIS L 4004"), "women": ("female", "JIS L 4005")}
 _MEASURES = "stature_m", "chest_girth_m", "waist_girth_m", "hip_girth_m"

@@ -1,7 +1,5 @@
 """Bodies made of rigid parts: capsules, boxes and closed meshes on a kinematic tree."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -119,7 +117,6 @@ def with_part(
     """Body with one more part, such as a tool in a hand. Its shape is given from then on.
 
     Args:
-        model: the body.
         name: of the part; its joint is a landmark of that name.
         parent: the part that carries it.
         joint_m: where it is joined at rest, in the body frame.

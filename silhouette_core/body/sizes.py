@@ -128,10 +128,8 @@ IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])
 
 
 def check_shape(shape: np.ndarray) -> None:
-    """Checks deviations along the shape axes that were read from a file.
-
-    Args:
-        shape: (K,) float64, relative, see `BodyModel.reshaped`.
+    """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, that were read from
+    a file.
 
     Raises:
         TypeError: it is not float64.

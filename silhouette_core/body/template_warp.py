@@ -42,7 +42,8 @@ def warp_template(
     skin_weights: NDArray[np.float64],
     changes: Changes,
 ) -> NDArray[np.float64]:
-    """Vertices of a template with other chest, waist, hips and thighs.
+    """Vertices (V, 3) of a template with other chest, waist, hips and thighs, linear in the
+    changes.
 
     Args:
         vertices_m: (V, 3), soles at z = 0.
@@ -50,9 +51,6 @@ def warp_template(
         skin_parts: (V, 4) parts that move a vertex.
         skin_weights: (V, 4) their weights; what belongs to an arm stays where it is.
         changes: relative growth at chest, waist, hips and thighs.
-
-    Returns:
-        (V, 3) vertices, linear in the changes.
     """
     stature = float(np.ptp(vertices_m[:, 2]))
     x, y, z = vertices_m.T / stature

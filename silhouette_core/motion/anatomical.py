@@ -94,11 +94,7 @@ class AnatomicalAngles:
 
 
 def anatomical_angles(motion: Motion) -> AnatomicalAngles:
-    """Anatomical angles of a motion, as defined in the module's documentation.
-
-    Args:
-        motion: T poses.
-    """
+    """Anatomical angles of a motion of T poses, as defined in the module's documentation."""
     rotations = joint_rotations(motion)
     rotation, obliquity, tilt = euler_degrees(rotations["pelvis"], "YXZ").T
     columns = {"pelvis_tilt": -tilt, "pelvis_obliquity": -obliquity, "pelvis_rotation": rotation}
@@ -122,10 +118,7 @@ def anatomical_angles(motion: Motion) -> AnatomicalAngles:
 
 
 def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
-    """Rotations of the far side of every joint relative to the near side.
-
-    Args:
-        motion: T poses.
+    """Rotations, at T poses, of the far side of every joint relative to the near side.
 
     Returns:
         (T, 3, 3) each: `pelvis` (laboratory from pelvis), `trunk`, `neck`, and `left_` and `right_`

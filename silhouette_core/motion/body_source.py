@@ -1,7 +1,5 @@
 """A body by what a user calls it: a preset's name, a body file, a rig, or an earlier result."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

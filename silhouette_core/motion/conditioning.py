@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.errors import InputError
-from silhouette_core.motion.gaps import (
-    GAP_METHODS,
-    frames_in_gaps,
-    gap_limit_frames,
-    poses_between,
-)
+from silhouette_core.motion.gaps import GAP_METHODS, frames_in_gaps, gap_limit_frames, poses_between
 from silhouette_core.motion.smoothing import LowPass, runs_of, smooth_runs
 from silhouette_core.tuning import DYNAMICS
 
@@ -71,14 +66,11 @@ class Conditioning:
 
 
 def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
-    """A motion with its gaps filled and filtered, which keeps the poses as they were.
+    """A motion with its gaps filled and filtered, which keeps the poses as they were. Frames that
+    were filled have the quality NaN, False or 0.
 
     Args:
         motion: as estimated, or conditioned otherwise before: that is undone.
-        conditioning: what is done.
-
-    Returns:
-        The motion. Frames that were filled have the quality NaN, False or 0.
     """
     source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
@@ -130,14 +122,12 @@ def _with_frames(motion: Motion, missing: np.ndarray, method: str) -> Motion:
 def quality_with_filled(
     filled: np.ndarray, quality: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Quality of all frames out of that of the frames with a pose of their own.
+    """Quality of all T frames out of that of the frames with a pose of their own: NaN, False or 0
+    in the frames that were filled.
 
     Args:
         filled: (T,) bool.
         quality: arrays with as many rows as `filled` has False.
-
-    Returns:
-        Arrays with T rows: NaN, False or 0 in the frames that were filled.
     """
     return {
         name: _among(filled, array, np.nan if array.dtype.kind == "f" else 0)
@@ -153,9 +143,6 @@ def _among(filled: np.ndarray, old: np.ndarray, new: np.ndarray | float) -> np.n
 
 def describe_conditioning(motion: Motion) -> dict[str, object]:
     """What was done to a motion, for summary.json and exports; empty where it was not recorded.
-
-    Args:
-        motion: T poses.
 
     Returns:
         The filter with its cut-off, order and, where it has them, frames of its window or its

@@ -1,7 +1,5 @@
 """Constants of posture and movement, and prediction of poses from frame to frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -70,8 +68,6 @@ def _per_dof_rad(
 
 RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)
 """(D,) joint angles of a person's resting stance."""
-STEP_SIGMA_RAD = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG)
-"""(D,) standard deviation of a person's joint angles' steps within 1 / `FPS`."""
 
 
 def is_person_tree(tree: KinematicTree) -> bool:
@@ -122,7 +118,6 @@ def predict(
     """Pose expected after `pose`, which followed on `previous`, at a damped constant velocity.
 
     Args:
-        pose: the latest pose.
         previous: the pose one frame before it; None if unknown: the body is expected to stay.
         limits_rad: (D, 2) limits of the body's angles, by default those of a person.
     """

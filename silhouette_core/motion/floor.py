@@ -1,7 +1,5 @@
 """The floor on which a moving body stands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.moments import even_moments
@@ -13,13 +11,8 @@ _MOST_FRAMES = 60
 
 
 def floor_height(motion: Motion) -> float:
-    """Height of the floor by the lowest points of the body.
-
-    Args:
-        motion: at least one pose, in a frame with z up.
-
-    Returns:
-        Metres; 0 where the body stands within 0.1 m of z = 0.
+    """Height of the floor, m, by the lowest points of the body in a frame with z up, at least one
+    pose; 0 where it stands within 0.1 m of z = 0.
     """
     some = motion.select(even_moments(len(motion), _MOST_FRAMES, margin=0))
     lowest = [

@@ -1,7 +1,5 @@
 """Frames without a pose between others: how many may be filled, and with which poses."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -51,7 +49,7 @@ def frames_in_gaps(frames: np.ndarray, longest: int) -> np.ndarray:
 def poses_between(
     frames: np.ndarray, arrays: Sequence[np.ndarray], wanted: np.ndarray, method: str
 ) -> list[np.ndarray]:
-    """Interpolated poses.
+    """Interpolated poses: the three arrays with n rows.
 
     Args:
         frames: (T,) int64, increasing, frames of the known poses.
@@ -59,9 +57,6 @@ def poses_between(
         wanted: (n,) int64, frames within them.
         method: `linear`: straight between the neighbours, rotations about a fixed axis (spherical
             linear interpolation); `pchip`: monotone cubic, which keeps the speeds at both ends.
-
-    Returns:
-        The three arrays with n rows.
     """
     from scipy.interpolate import PchipInterpolator
     from scipy.spatial.transform import Rotation, Slerp

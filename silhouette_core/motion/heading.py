@@ -12,10 +12,8 @@ from silhouette_core.motion.motion import Motion
 def split_heading(
     root_quaternion: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Heading and tilt of orientations: q = (heading about z) * tilt (swing-twist decomposition).
-
-    Args:
-        root_quaternion: (T, 4) w x y z, world_from_body.
+    """Heading and tilt of orientations (T, 4) w x y z, world_from_body: q = (heading about z) *
+    tilt (swing-twist decomposition).
 
     Returns:
         Heading (T,), radians from -pi to pi, 0 for a body upside down, which has none; and tilt
@@ -37,9 +35,6 @@ def mirrored(motion: Motion) -> Motion:
     """Mirror image of a motion in the plane x = 0, left and right exchanged.
 
     The body keeps its shape; only a symmetric body becomes its mirror image.
-
-    Args:
-        motion: the motion.
 
     Returns:
         A motion whose landmarks are those of `motion`, reflected, with left and right exchanged.

@@ -1,7 +1,5 @@
 """Inverse kinematics: joint angles for given directions of parts, and the height of the feet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +16,6 @@ class Targets:
     """Target directions for the parts of a body over time.
 
     Attributes:
-        model: the body.
         parts: part of each target.
         axes: (3,) float64 each, unit, fixed in the part, in the body frame of the rest pose.
         directions: (T, 3) float64 each, unit, world direction to which that axis should point.
@@ -41,7 +38,8 @@ class Targets:
         self.weights.append(weight)
 
     def angles(self, root_rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-        r"""Joint angles that minimise the weighted errors of the directions in every frame.
+        r"""Joint angles (T, D) float64, rad, in the order of `KinematicTree.dof_names`, that
+        minimise the weighted errors of the directions in every frame.
 
         .. math:: \min_q \sum_k w_k \lVert R_k(q)\, a_k - t_k \rVert^2 + \lambda \lVert q \rVert^2
 
@@ -50,9 +48,6 @@ class Targets:
 
         Args:
             root_rotation: (T, 3, 3) float64, world from body, of the pelvis.
-
-        Returns:
-            (T, D) float64, radians, in the order of `KinematicTree.dof_names`.
 
         Source: textbook Gauss-Newton with an active set of limits.
         """
@@ -81,7 +76,6 @@ def lowest_foot(
     """Height of the lowest point of the feet above the pelvis, (T,) float64, m; negative.
 
     Args:
-        model: the body.
         root_quaternion: (T, 4) float64, w, x, y, z, world from body.
         angles_rad: (T, D) float64, joint angles.
     """

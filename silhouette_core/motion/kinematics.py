@@ -38,7 +38,6 @@ def forward(
     with joint angles :math:`q_k` (rad) about axes :math:`a_k`, and joints :math:`J` at rest (m).
 
     Args:
-        model: the body.
         root_m: (T, 3) float64, world position of the pelvis joint.
         root_quaternion: (T, 4) float64, w, x, y, z, world from body.
         angles_rad: (T, D) float64, joint angles in the order of `model.dof_names`.
@@ -63,7 +62,6 @@ def place(
     """As `forward`, of poses in the form of `Pose`.
 
     Args:
-        model: the body.
         root_m: (T, 3) float64, world position of the pelvis joint.
         root_rotation: (T, 3, 3) float64, world from body.
         angles_rad: (T, D) float64.
@@ -83,6 +81,20 @@ def place_with_axes(
     return *placed, axes
 
 
+def relative_rotations(part_rotation: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Rotations (…, P, 3, 3) of parts relative to their parents, the identity at rest; of the root
+    relative to the world.
+
+    Args:
+        part_rotation: (…, P, 3, 3) float64, world from part.
+        parents: (P,) int; -1 for the root.
+    """
+    local, children = part_rotation.copy(), parents >= 0
+    above = np.swapaxes(part_rotation[..., parents[children], :, :], -1, -2)
+    local[..., children, :, :] = above @ part_rotation[..., children, :, :]
+    return local
+
+
 def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -> np.ndarray:
     """World positions (T, L, 3) of the landmarks, m, in the order of the body's tree: of a person
     `joints.LANDMARK_NAMES`.
@@ -98,7 +110,6 @@ def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -
     .. math:: x_v = \sum_k w_{vk} \bigl(R_{p_{vk}} (v - J_{p_{vk}}) + o_{p_{vk}}\bigr)
 
     Args:
-        model: the body.
         part_rotation: (27, 3, 3) float64, world from body.
         part_origin: (27, 3) float64, world, m.
 

@@ -1,7 +1,5 @@
 """Motion files: safetensors, whose content is never executed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -74,17 +72,13 @@ _GAP_FRAMES, _GAP_RATE = 1000, 4
 
 
 def write_motion(motion: Motion, path: Path) -> None:
-    """Writes a motion.
+    """Writes a motion, usually as motion.safetensors.
 
     Arrays have the names of the attributes, those of the quality `quality.NAME`. Poses before
     filter and filling are `unfiltered.NAME`, a row for each frame that was not filled; `filled` is
     left out where none was. The metadata hold the measurements of the body, and `conditioning` the
     settings of filter and filling. A body that is not made from a person's measurements is written
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
-
-    Args:
-        motion: the motion.
-        path: the file, usually motion.safetensors.
     """
     arrays = {
         "root_m": motion.root_m,
@@ -142,13 +136,7 @@ def _with_ordered_metadata(data: bytes) -> bytes:
 
 
 def read_motion(path: Path) -> Motion:
-    """Motion of a file written by `write_motion`.
-
-    Args:
-        path: the file.
-
-    Returns:
-        The motion, its body made from the measurements.
+    """Motion of a file written by `write_motion`, its body made from the measurements.
 
     Raises:
         InputError: the file is missing, damaged, or of another kind.
@@ -232,7 +220,11 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
         filled=arrays.get("filled", np.zeros(0, bool)),
-        conditioning=_conditioning(about.get("conditioning")),
+        conditioning=(  # None in files of earlier versions
+            msgspec.convert(json.loads(about["conditioning"]), Conditioning)
+            if "conditioning" in about
+            else None
+        ),
     )
     if _UNFILTERED + "root_m" not in arrays:
         return motion
@@ -240,12 +232,6 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     poses = {name: arrays[_UNFILTERED + name] for name in _POSES}
     unfiltered = replace(found, **poses, quality={}, conditioning=None)
     return replace(motion, unfiltered=unfiltered)
-
-
-def _conditioning(text: str | None) -> Conditioning | None:
-    """The settings of a file; None of files of earlier versions."""
-    content = {} if text is None else json.loads(text)
-    return None if text is None else msgspec.convert(content, Conditioning)
 
 
 def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> BodyModel:

@@ -1,7 +1,5 @@
 """Zero-phase low-pass filters over the poses of a finished motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -108,16 +106,13 @@ class LowPass:
 
 
 def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> np.ndarray:
-    """Smooths evenly sampled signals without lag.
+    """Smooths evenly sampled signals (T, n) float64 without lag.
 
     Args:
         values: (T, n) float64.
         fps: samples per second.
         low_pass: the filter; None: the usual one. Signals on which it does not act, short ones or
             of low frame rates, are returned unchanged.
-
-    Returns:
-        (T, n) float64.
     """
     low_pass = low_pass or LowPass()
     if not low_pass.acts(len(values), fps):
@@ -140,9 +135,11 @@ def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> n
 
 
 def continuous_quaternions(quaternions: np.ndarray) -> np.ndarray:
-    """Quaternions (T, 4) with the signs that make each nearest to its predecessor."""
-    signs = np.cumprod(np.where((quaternions[1:] * quaternions[:-1]).sum(1) < 0, -1.0, 1.0))
-    return quaternions * np.concatenate([[1.0], signs])[:, None]
+    """Quaternions (T, ..., 4) with the signs that make each nearest to its predecessor."""
+    signs = np.cumprod(
+        np.where((quaternions[1:] * quaternions[:-1]).sum(-1) < 0, -1.0, 1.0), axis=0
+    )
+    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
 
 
 def smooth_quaternions(

@@ -1,7 +1,5 @@
 """Tables of a batch: table.csv, table.md, and index.html with pictures and links."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections import Counter
@@ -20,14 +18,7 @@ _SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 
 
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
-    """Writes the three tables.
-
-    Args:
-        outcomes: of all jobs.
-        folder: the batch's folder.
-
-    Returns:
-        Their paths.
+    """Writes the three tables; returns their paths.
 
     Raises:
         InputError: a file cannot be written.

@@ -115,24 +115,21 @@ class Job:
             names = [Recording.open(self.recording, unit=_text(given, "unit")).rig.names[0]]
         return Recording.open(
             self.recording,
-            _frames(_text(given, "frames")),
+            frame_range(_text(given, "frames"), 'frames = "{}"'),
             names or None,
             _text(given, "unit"),
             float(given["fps"]) if "fps" in given else None,
         )
 
     def estimator_settings(self, threads: int | None) -> Settings:
-        """Settings of the estimation.
-
-        Args:
-            threads: number of threads; None: all cores.
+        """Settings of the estimation with a number of threads; None: all cores.
 
         Raises:
             InputError: a value cannot be used.
         """
         fields = _fields(self.settings, self.command, "")
         if "up" in self.settings:
-            fields["up"] = _up(str(self.settings["up"]))
+            fields["up"] = tuple(direction_of(str(self.settings["up"])).tolist())
         return Settings(
             **fields,
             threads=threads,
@@ -248,10 +245,9 @@ def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
         if not fits or (isinstance(value, bool) and kind is not bool):
             raise InputError(f"{where}: {name} = {str(value)[:60]!r} must be {_WORDS[kind]}")
     try:
-        if "frames" in settings:
-            _frames(str(settings["frames"]))
+        frame_range(_text(settings, "frames"), 'frames = "{}"')
         if "up" in settings:
-            _up(str(settings["up"]))
+            direction_of(str(settings["up"]))
         Conditioning(**_fields(settings, command, "conditioning"))
     except InputError as error:
         raise InputError(f"{where}: {str(error)[:300]}") from None
@@ -271,17 +267,6 @@ def _text(settings: Mapping[str, object], name: str) -> str | None:
     return str(settings[name]) if name in settings else None
 
 
-def _frames(text: str | None) -> tuple[int | None, int | None] | None:
-    if text is None:
-        return None
-    try:
-        return frame_range(text)
-    except ValueError:
-        raise InputError(
-            f'frames = {text!r} is not understood: give first:last, as in "0:100"'
-        ) from None
-
-
 def _fields(settings: Mapping[str, Any], command: Command, group: str) -> dict[str, Any]:
     """Values of the settings that set fields of a group, by field."""
     known = _SETTINGS | _OPTIONS[command]
@@ -291,11 +276,3 @@ def _fields(settings: Mapping[str, Any], command: Command, group: str) -> dict[s
         if field and place == group:
             fields[field] = value
     return fields
-
-
-def _up(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = direction_of(text).tolist()
-    except ValueError:
-        raise InputError(f'up = {text!r} is no direction: give an axis, as in "-z"') from None
-    return x, y, z

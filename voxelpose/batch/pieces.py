@@ -1,7 +1,5 @@
 """Long recordings in pieces that overlap, estimated side by side and joined."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -28,7 +26,6 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
     Those after the first keep the body that the first one finds.
 
     Args:
-        job: the recording.
         piece_s: length of a piece, s.
         out: folder of the results.
 
@@ -60,7 +57,6 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
     overlap.
 
     Args:
-        job: the recording.
         folders: results of its pieces, in their order.
         output: destination.
 
@@ -89,13 +85,11 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
-    """Motions of pieces as one, and how far apart they are at each seam.
+    """Motions of pieces of one body, in the order of their frames, as one, and how far apart they
+    are at each seam; each overlaps its neighbours at most.
 
     Where two have the same frames, positions and angles pass from one to the other, linearly
     over those frames; the quality is that of the nearer one.
-
-    Args:
-        motions: of one body, in the order of their frames; each overlaps its neighbours at most.
 
     Returns:
         The motion, and the mean distance of the joints in the frames that two pieces share, mm;

@@ -1,7 +1,5 @@
 """The run of a batch: every job in whichever process is free, none stopping the others."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
@@ -34,7 +32,6 @@ class BatchSettings:
     """Settings of a batch.
 
     Attributes:
-        out: folder of the results.
         processes: jobs at a time on this machine.
         cluster: address of a Dask scheduler whose machines work instead; None: this machine.
         pictures: whether overlays and contact sheets are drawn.
@@ -55,7 +52,6 @@ class Outcome:
     """What came of a job.
 
     Attributes:
-        job: the job.
         status: `done`; `kept`: done by an earlier run with the same settings; `failed`.
         message: why it failed, in a line; empty otherwise.
         seconds: duration of the estimation.
@@ -120,19 +116,15 @@ class _Task:
 def run_batch(
     jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
-    """Runs the jobs that are not done yet.
+    """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
     has other settings now.
 
     Args:
-        jobs: the jobs.
         settings: where, and by whom.
         told: told every outcome, and how many there are so far; None for a piece of a long
             recording.
-
-    Returns:
-        An outcome for each job, in their order.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.

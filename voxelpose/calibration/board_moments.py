@@ -42,13 +42,11 @@ def board_moments(
     interpolated between the frames before and after.
 
     Args:
-        board: The board.
         readers: Pictures by camera name.
         times: (frames,) float64, s, increasing, of one clock, by camera name; None: all cameras
             film in step, from the first frame on.
         floor: A frame of the first camera that is always kept; None if there is none.
         max_moments: Maximum number of moments.
-        reporter: Receives the progress.
 
     Raises:
         InputError: Pictures cannot be read, or a camera never saw the board.

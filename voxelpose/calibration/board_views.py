@@ -121,16 +121,8 @@ def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures
 def find_views(
     board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
-    """Detects the board in one camera's pictures.
-
-    Args:
-        board: The board.
-        pictures: The pictures.
-        max_views: Maximum number of frames of a video; stills are all used.
-        reporter: Receives the progress.
-
-    Returns:
-        A view, or the reason why there is none, by the picture's name.
+    """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
+    a view, or the reason why there is none.
 
     Raises:
         InputError: A picture cannot be read, or none shows the board; another board that they show
@@ -203,7 +195,6 @@ def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -
     """Selects frames of a video with a still board at different positions, sizes and tilts.
 
     Args:
-        board: The board.
         views: Views by frame, in order of time.
         max_views: Maximum number of frames.
 

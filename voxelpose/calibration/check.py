@@ -1,7 +1,5 @@
 """Check of a recording's calibration against its silhouettes, with diagnosis and repair."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -76,12 +74,10 @@ class Check:
         tracks: their outlines at the moments.
         moments: numbers of the frames compared.
         times_s: times of these frames.
-        agreement: agreement of the cameras.
         repairs: explanations for the cameras that do not agree.
         repaired: the rig with these cameras corrected; None if none could be.
         after: agreement of `repaired`.
         checked_frames: moment -> camera name -> image, for some of the moments.
-        notes: limitations of this check.
     """
 
     rig: Rig
@@ -99,12 +95,7 @@ class Check:
 def check_recording(
     recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None
 ) -> Check:
-    """Checks a recording's cameras against its silhouettes.
-
-    Args:
-        recording: at least two cameras.
-        settings: settings; None for the defaults.
-        reporter: receives the progress.
+    """Checks a recording's cameras, two or more, against its silhouettes.
 
     Raises:
         InputError: one camera only, nobody seen, or a file that cannot be read.
@@ -170,20 +161,16 @@ def _outlines(
             unknown = silhouettes.unknown.get(name)
             outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
         if moment in shown:
-            checked_frames[moment + recording.first] = {
-                name: _checked_frame(frames[name], mask) for name, mask in masks.items()
-            }
+            checked_frames[moment + recording.first] = shown_now = {}
+            for name, mask in masks.items():
+                small = cv2.resize(frames[name], mask.shape[::-1], interpolation=cv2.INTER_AREA)
+                shown_now[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
         reporter.advance()
     times = recording.times_s[moments]
     return {
         name: OutlineTrack(recording.rig[name], times, tuple(seen))
         for name, seen in outlines.items()
     }, checked_frames
-
-
-def _checked_frame(frame: Frame, mask: NDArray[np.bool_]) -> CheckedFrame:
-    small = cv2.resize(frame, mask.shape[::-1], interpolation=cv2.INTER_AREA)
-    return CheckedFrame(np.asarray(small, np.uint8), mask)
 
 
 def _dense_outlines(
@@ -214,7 +201,6 @@ def outline_track(
     """Outlines of one camera over time.
 
     Args:
-        camera: the camera.
         frames: its T frames.
         time_s: (T,) float64, their times, s.
         silhouettes: of a recording with this camera.
@@ -321,15 +307,13 @@ def remedy(check: Check, camera: str) -> str:
 
 
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
-    """Writes the repaired calibration, and timestamps.csv where a camera is out of step.
+    """Writes the repaired calibration, and timestamps.csv where a camera is out of step, into a
+    folder.
 
     Args:
         check: a check with something to repair.
         recording: the checked recording.
         out: a folder to be created.
-
-    Returns:
-        The folder.
 
     Raises:
         InputError: nothing can be repaired, or the folder exists or cannot be made.

@@ -1,7 +1,5 @@
 """Picture of a check: each camera's silhouette with the tangent planes of the other cameras."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -24,18 +24,12 @@ _FILLED = (66, 56, 48)
 
 
 def coverage_picture(lenses: list[Lens]) -> Image:
-    """Draws the used corners of every camera; cells of the image without any are red.
-
-    Returns:
-        (H, W, 3) uint8, BGR.
-    """
+    """Used corners of every camera, (H, W, 3) uint8 BGR; cells of the image without any are red."""
     panels = [_panel(lens) for lens in lenses]
     rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
     width = max(sum(panel.shape[1] for panel in row) for row in rows)
-    picture = np.empty(
-        (sum(max(panel.shape[0] for panel in row) for row in rows), width, 3), np.uint8
-    )
-    picture[:] = PAPER
+    height = sum(max(panel.shape[0] for panel in row) for row in rows)
+    picture = np.full((height, width, 3), PAPER, np.uint8)
     y = 0
     for row in rows:
         x = 0
@@ -57,8 +51,7 @@ def _panel(lens: Lens) -> Image:
         f" {intrinsics.matrix[0, 0]:.0f} px"
     )
     across = max(width, text_width(detail, 15), text_width(_LEGEND, 13)) + 2 * _MARGIN
-    panel = np.empty((height + _HEAD + _FOOT, across, 3), np.uint8)
-    panel[:] = PAPER
+    panel = np.full((height + _HEAD + _FOOT, across, 3), PAPER, np.uint8)
     write_text(panel, lens.camera, _MARGIN, 30, 20, INK, bold=True)
     write_text(panel, detail, _MARGIN, 54, 15, FAINT)
     image = panel[_HEAD : _HEAD + height, _MARGIN : _MARGIN + width]

@@ -46,8 +46,6 @@ def extrinsics_from_recording(
         lenses: Cameras with calibrated lenses.
         folder: A video, a folder of frames or a still per camera: synchronous, or with the times
             of all frames in timestamps.csv.
-        settings: Settings.
-        reporter: Receives the progress.
 
     Raises:
         InputError: Cameras and pictures do not match, or the pictures do not determine the poses.

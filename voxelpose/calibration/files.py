@@ -36,7 +36,6 @@ def write_calibration(
     """Writes a calibration, a picture and a report. A failure leaves no partial file.
 
     Args:
-        rig: The cameras.
         out: The calibration; its suffix selects the format.
         notes: Stored in the calibration, if its format supports that.
         picture: PNG file and what it shows.

@@ -19,7 +19,6 @@ class Lens:
 
     Attributes:
         camera: Name of the camera.
-        intrinsics: The calibrated lens.
         views: Detections by picture name.
     """
 
@@ -44,17 +43,12 @@ def calibrate_lenses(
     max_views: int,
     reporter: Reporter,
 ) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates each camera separately.
+    """Calibrates each camera separately; returns also the reasons of failure by camera.
 
     Args:
-        board: The board.
         cameras: Pictures by camera.
         kind: Lens model.
         max_views: Maximum number of frames of a video.
-        reporter: Receives the progress.
-
-    Returns:
-        The lenses, and the reasons of failure by camera.
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():

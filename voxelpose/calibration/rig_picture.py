@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, FloatArray, Rig
+from calib.points import nearest_point
 from calib.upright import UprightFrame, up_candidates
 from voxelpose.view.images.canvas import (
     FAINT,
@@ -31,21 +32,13 @@ _MOST_LINES = 50
 
 @dataclass(frozen=True)
 class _Panel:
-    """One orthographic view, with the world's x to the right.
+    """One orthographic view, with the world's x to the right."""
 
-    Attributes:
-        up: World axis that points up.
-        low: (3,) float64, m, world point at the lower left corner.
-        scale: px per m.
-        left_px: Column of that corner in the picture.
-        bottom_px: Row of that corner in the picture.
-    """
-
-    up: int
-    low: FloatArray
-    scale: float
-    left_px: float
-    bottom_px: float
+    up: int  #: World axis that points up.
+    low: FloatArray  #: (3,) float64, m, world point at the lower left corner.
+    scale: float  #: px per m.
+    left_px: float  #: Column of that corner in the picture.
+    bottom_px: float  #: Row of that corner in the picture.
 
     def at(self, points: FloatArray) -> FloatArray:
         """Pixels (N, 2) of world points (N, 3)."""
@@ -58,15 +51,11 @@ class _Panel:
 
 
 def rig_picture(rig: Rig, floor: bool = True) -> Image:
-    """Draws a rig.
+    """Picture of a rig, (H, W, 3) uint8 BGR: from above on the left, from the side on the right.
 
     Args:
-        rig: The cameras.
         floor: Whether the world's z is the height above the floor; if not, what is up for the
             cameras is drawn upward.
-
-    Returns:
-        (H, W, 3) uint8, BGR: from above on the left, from the side on the right.
     """
     rig = rig if floor else UprightFrame.from_up(up_candidates(rig)[0]).rig(rig)
     low, high = _extent(rig, floor)
@@ -76,8 +65,7 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
         2 * _MARGIN + _GAP + round(2 * edges[0] * scale),
         _HEAD + _FOOT + round(max(edges[1], edges[2]) * scale),
     )
-    picture = np.empty((height, max(width, 860), 3), np.uint8)
-    picture[:] = PAPER
+    picture = np.full((height, max(width, 860), 3), PAPER, np.uint8)
     above = _Panel(1, low, scale, _MARGIN, height - _FOOT)
     side = _Panel(2, low, scale, _MARGIN + edges[0] * scale + _GAP, height - _FOOT)
     counts = _counts(rig, low, high, floor)
@@ -131,12 +119,7 @@ def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
     centers = np.array([camera.center_m for camera in rig])
     axes = np.array([camera.rotation[2] for camera in rig])
     # The point nearest to all optical axes; limited for almost parallel axes.
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    middle = np.linalg.lstsq(
-        across.sum(axis=0) + 1e-3 * np.eye(3),
-        (across @ centers[..., None]).sum(axis=0)[:, 0],
-        rcond=None,
-    )[0]
+    middle = nearest_point(centers, axes)
     depth = max(1.0, float(np.ptp(centers, axis=0).max()))
     middle = np.clip(middle, centers.min(axis=0) - depth, centers.max(axis=0) + depth)
     shown = np.vstack(

@@ -51,7 +51,6 @@ class SyncSettings:
             a calibration; "board", a carried board's speed, which needs lenses; "sound";
             "silhouettes", their vertical velocities. None: the first of a board, if one is given, a
             calibration, common sound and silhouettes that there is.
-        board: the board that is carried.
         lenses: the cameras' lenses; None: those of the recording's calibration.
     """
 
@@ -85,12 +84,10 @@ class Sync:
     """Synchronisation of a recording.
 
     Attributes:
-        result: the offsets.
         by: what they were found from.
         times: times of every camera's frames by its own clock, s, from the files' rates and a
             common start.
         fps: rate of each camera.
-        notes: limitations of this result.
     """
 
     result: Synchronisation | SignalOffsets
@@ -118,9 +115,7 @@ def sync_recording(
     Args:
         folder: the recording folder; its videos may differ in length and rate. Only geometry needs
             a calibration.
-        settings: settings; None for the defaults.
         cameras: names of the cameras used; None for all.
-        reporter: receives the progress.
 
     Raises:
         InputError: something is missing, or nothing that all cameras recorded tells their offsets.
@@ -143,21 +138,13 @@ def sync_recording(
 
 @dataclass(frozen=True, eq=False)
 class _Films:
-    """The pictures of all cameras, each with its own rate.
+    """The pictures of all cameras, each with its own rate."""
 
-    Attributes:
-        folder: the recording folder.
-        calibrated: whether it holds a calibration.
-        readers: frame readers by camera name.
-        times: (frames,) float64, s, by each camera's clock.
-        fps: rates.
-    """
-
-    folder: Path
-    calibrated: bool
-    readers: dict[str, FrameReader]
-    times: dict[str, Times]
-    fps: dict[str, float]
+    folder: Path  #: the recording folder.
+    calibrated: bool  #: whether it holds a calibration.
+    readers: dict[str, FrameReader]  #: frame readers by camera name.
+    times: dict[str, Times]  #: (frames,) float64, s, by each camera's clock.
+    fps: dict[str, float]  #: rates.
 
     @classmethod
     def open(cls, folder: Path, settings: SyncSettings, cameras: Sequence[str] | None) -> _Films:
@@ -270,14 +257,8 @@ def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
             "how fast a board moves is seen through known lenses: give --intrinsics, as written by"
             " `voxelpose calibrate intrinsics`, or choose another way with --by"
         )
-    signals = board_signals(
-        settings.board,
-        films.readers,
-        films.times,
-        lenses,
-        films.window("board", settings),
-        reporter,
-    )
+    window = films.window("board", settings)
+    signals = board_signals(settings.board, films.readers, films.times, lenses, window, reporter)
     reporter.stage("offsets")
     how = SignalSettings(films.max_offset_s("board", settings))
     result = offsets_from_signals(signals, how, settings.reference)

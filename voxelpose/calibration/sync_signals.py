@@ -1,7 +1,5 @@
 """Signals by which a recording's cameras are synchronised: outlines, a carried board, sound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -34,12 +32,9 @@ def board_signals(
     """Speed of a carried board in space, m/s, which is the same for all cameras.
 
     Args:
-        board: the board.
         readers: pictures by camera name.
         times: (frames,) float64, s, by each camera's clock.
-        lenses: the lenses of all cameras.
         window_s: begin and end of the part that is used, by each camera's clock.
-        reporter: receives the progress.
 
     Raises:
         InputError: a lens is missing or is of another picture size, or a camera hardly sees the
@@ -70,8 +65,6 @@ def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Sig
     """Speed (T, 1), m/s, of a board's middle relative to a camera; NaN where it is not seen.
 
     Args:
-        board: the board.
-        camera: the lens.
         time_s: (T,) float64, s.
         views: T views; what is no `BoardView` counts as not seen.
     """
@@ -96,7 +89,6 @@ def sound_signals(paths: Mapping[str, Path], seconds: float, reporter: Reporter)
     Args:
         paths: videos by camera name.
         seconds: length of the part, from the beginning, that is used.
-        reporter: receives the progress.
 
     Raises:
         InputError: a camera recorded no sound.

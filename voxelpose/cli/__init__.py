@@ -3,8 +3,6 @@
 Slow imports are left to the commands' `run`, so that help is printed at once.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import os
@@ -69,13 +67,11 @@ _READER_GONE = 141
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs a command and ends the process.
+    """Runs a command, the arguments after `voxelpose` or those of the process, and ends the
+    process.
 
     Exit codes: 0 done; 1 a check failed, or a bug, with its traceback; 2 an error that the user can
     correct, in one line on stderr; 130 interrupted; 141 nobody reads the output any more.
-
-    Args:
-        arguments: arguments after `voxelpose`; None for those of the process.
     """
     # OpenCV and FFmpeg would print messages between ours.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -99,13 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Runs a command.
-
-    Args:
-        arguments: arguments after `voxelpose`.
-
-    Returns:
-        The exit code.
+    """Runs a command, the arguments after `voxelpose`; returns the exit code.
 
     Raises:
         SystemExit: the arguments are wrong (code 2), or help was requested (code 0).

@@ -2,59 +2,44 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
 
+
+def _optional(metavar: str, words: str | None = None) -> Any:
+    """Marks an option whose value, where none is given, is not shown in its help."""
+    return arg(metavar=metavar, help=words, help_behavior_hint="")
+
+
 RecordingFolder = Annotated[
     Positional[Path], arg(metavar="RECORDING", help="Folder of the recording.")
 ]
-OptionalFile = Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")]
-OptionalLength = Annotated[float | None, arg(metavar="M", help_behavior_hint="")]
-OptionalName = Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]
+OptionalFile = Annotated[Path | None, _optional("FILE")]
+OptionalLength = Annotated[float | None, _optional("M")]
+OptionalName = Annotated[str | None, _optional("NAME")]
 Sex = Annotated[Literal["male", "female", "unknown"], arg(help="Sex, for the body's proportions.")]
 BodyName = Annotated[
     str | None,
-    arg(
-        metavar="BODY",
-        help_behavior_hint="",
-        help="The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, an"
+    _optional(
+        "BODY",
+        "The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, an"
         " earlier result of the same person, or a rig. Default: found in the pictures.",
     ),
 ]
-Frames = Annotated[
-    str | None,
-    arg(
-        metavar="A:B",
-        help_behavior_hint="",
-        help="First frame and one past the last. Default: all.",
-    ),
-]
+Frames = Annotated[str | None, _optional("A:B", "First frame and one past the last. Default: all.")]
 Cameras = Annotated[
-    str | None,
-    arg(
-        metavar="NAME,NAME",
-        help_behavior_hint="",
-        help="Names of the cameras to use. Default: all.",
-    ),
+    str | None, _optional("NAME,NAME", "Names of the cameras to use. Default: all.")
 ]
 Unit = Annotated[
     Literal["m", "cm", "mm"] | None,
-    arg(
-        metavar="m|cm|mm",
-        help_behavior_hint="",
-        help="Unit of the calibration's lengths, where the file does not state it.",
-    ),
+    _optional("m|cm|mm", "Unit of the calibration's lengths, where the file does not state it."),
 ]
 Fps = Annotated[
     float | None,
-    arg(
-        metavar="N",
-        help_behavior_hint="",
-        help="Frames per second, where the files do not state it or state it wrongly.",
-    ),
+    _optional("N", "Frames per second, where the files do not state it or state it wrongly."),
 ]
 Filter = Annotated[
     Literal["butterworth", "savgol", "gaussian", "none"],
@@ -65,10 +50,9 @@ Cutoff = Annotated[
 ]
 FilterOrder = Annotated[
     int | None,
-    arg(
-        metavar="N",
-        help_behavior_hint="",
-        help="Order of the Butterworth filter, applied forward and backward, or degree of"
+    _optional(
+        "N",
+        "Order of the Butterworth filter, applied forward and backward, or degree of"
         " Savitzky-Golay's polynomial. Default: 2 or 3.",
     ),
 ]
@@ -83,42 +67,28 @@ GapMethod = Annotated[
     Literal["linear", "pchip", "none"],
     arg(help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."),
 ]
-Threads = Annotated[
-    int | None,
-    arg(metavar="N", help_behavior_hint="", help="Number of processor threads. Default: all."),
-]
+Threads = Annotated[int | None, _optional("N", "Number of processor threads. Default: all.")]
 Up = Annotated[
     str | None,
-    arg(
-        metavar="AXIS",
-        help_behavior_hint="",
-        help="Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers"
+    _optional(
+        "AXIS",
+        "Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers"
         " (0,0.1,-1). Default: [metadata] up of the calibration, else found.",
     ),
+]
+MarkerSide = Annotated[
+    float | None,
+    _optional(
+        "M", "Side of a marker in metres, for a ChArUco board. Default: a plain checkerboard."
+    ),
+]
+Dictionary = Annotated[
+    str, arg(metavar="NAME", help="OpenCV's name of the markers of a ChArUco board.")
 ]
 OverwriteFile = Annotated[bool, arg(help="Replace existing files.")]
 OverwriteResult = Annotated[
     bool, arg(help="Replace an earlier result in OUT, once the new one is complete.")
 ]
-
-
-def frames_of(text: str | None) -> tuple[int | None, int | None] | None:
-    """First frame and one past the last of --frames, as `frame_range` reads them.
-
-    Raises:
-        InputError: the text is not understood.
-    """
-    if text is None:
-        return None
-    from voxelpose.recording.folder import frame_range
-
-    try:
-        return frame_range(text)
-    except ValueError:
-        raise InputError(
-            f"--frames {text} is not understood: give first:last, as in 0:100 (the last is not"
-            " included)"
-        ) from None
 
 
 def up_direction(text: str | None) -> tuple[float, float, float] | None:
@@ -131,13 +101,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
         return None
     from calib.upright import direction_of
 
-    try:
-        x, y, z = direction_of(text).tolist()
-    except ValueError:
-        raise InputError(
-            f"--up {text} is no direction: give an axis, as in --up=-z, or three numbers, as in"
-            " --up 0,0.1,-1"
-        ) from None
+    x, y, z = direction_of(text, "--up={}").tolist()
     return x, y, z
 
 

@@ -19,7 +19,6 @@ from voxelpose.cli.arguments import (
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
-    from silhouette_core.body.presets import BodyPreset
 
 _NAMES = {
     "stature_m": "stature",
@@ -94,13 +93,13 @@ bodies that have names. The measurements are taken on the body's surface, as a t
         preset = body_preset(self.body)
         _print_measurements(body)
         if preset is not None:
-            _print_sources(preset)
+            told = ", ".join(f"{_NAMES[name]} {source}" for name, source in preset.sources.items())
+            print(f"{preset.standard} {preset.name}: {told}; not compared with the standard itself")
         if self.png is not None:
-            from calib.atomic import write_whole
+            from voxelpose.calibration.files import write_png
             from voxelpose.view.images.body_picture import body_picture
-            from voxelpose.view.images.canvas import png
 
-            write_whole(self.png, png(body_picture(body)))
+            write_png(body_picture(body), self.png)
             print(f"picture: {self.png}")
         return 0
 
@@ -109,9 +108,8 @@ bodies that have names. The measurements are taken on the body's surface, as a t
 
         if self.png is None:
             raise InputError("body show all draws a picture: add --png FILE, or name one body")
-        from calib.atomic import write_whole
+        from voxelpose.calibration.files import write_png
         from voxelpose.view.images.body_picture import bodies_picture
-        from voxelpose.view.images.canvas import png
 
         presets = body_presets()
         captions = []
@@ -119,8 +117,7 @@ bodies that have names. The measurements are taken on the body's surface, as a t
             stature, *girths = preset.measurements.known().values()
             sizes = " / ".join(f"{100 * girth:.0f}" for girth in girths)
             captions.append(f"{preset.name}  {stature:.2f} m\n{sizes}")
-        picture = bodies_picture([preset.body() for preset in presets], captions)
-        write_whole(self.png, png(picture))
+        write_png(bodies_picture([preset.body() for preset in presets], captions), self.png)
         print(f"picture: {self.png}")
         return 0
 
@@ -188,7 +185,9 @@ follows from the rest. The file is taken by --body of fit, track, demo and libra
 
     def run(self) -> int:
         """Writes the body; returns the exit code."""
-        _check_body_file(self.out, self.overwrite)
+        if self.out.suffix.lower() != ".toml":
+            raise InputError(f"--out {self.out} is no body file: give a name that ends in .toml")
+        refuse_existing([self.out], self.overwrite)
         from silhouette_core.body.body_file import write_body
         from silhouette_core.body.measured_body import body_from_measurements
         from silhouette_core.body.mesh_measurements import BodyMeasurements
@@ -202,12 +201,6 @@ follows from the rest. The file is taken by --body of fit, track, demo and libra
         return 0
 
 
-def _check_body_file(out: Path, overwrite: bool) -> None:
-    if out.suffix.lower() != ".toml":
-        raise InputError(f"--out {out} is no body file: give a name that ends in .toml")
-    refuse_existing([out], overwrite)
-
-
 def _print_measurements(body: BodyModel) -> None:
     from silhouette_core.body.mesh_measurements import measure_body
 
@@ -217,14 +210,4 @@ def _print_measurements(body: BodyModel) -> None:
         print(f"{_NAMES[name]:10} {value:7.{digits}f} {unit}")
 
 
-def _print_sources(preset: BodyPreset) -> None:
-    told = ", ".join(f"{_NAMES[name]} {source}" for name, source in preset.sources.items())
-    print(f"{preset.standard} {preset.name}: {told}; not compared with the standard itself")
-
-
-SUBCOMMANDS = {
-    "list": ListBodies,
-    "show": ShowBody,
-    "choose": ChooseBody,
-    "make": MakeBody,
-}
+SUBCOMMANDS = {"list": ListBodies, "show": ShowBody, "choose": ChooseBody, "make": MakeBody}

@@ -9,24 +9,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import OptionalLength, OverwriteFile, refuse_existing, two_numbers
+from voxelpose.cli.arguments import (
+    Dictionary,
+    MarkerSide,
+    OptionalLength,
+    OverwriteFile,
+    refuse_existing,
+    two_numbers,
+)
 
 if TYPE_CHECKING:
     from calib.board import Board
 
 _MAX_SQUARE_M = 2
-
-Dictionary = Annotated[
-    str, arg(metavar="NAME", help="OpenCV's name of the markers of a ChArUco board.")
-]
-MarkerSide = Annotated[
-    float | None,
-    arg(
-        metavar="M",
-        help_behavior_hint="",
-        help="Side of a marker in metres, for a ChArUco board. Default: a plain checkerboard.",
-    ),
-]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,6 @@ from voxelpose.cli.arguments import (
     RecordingFolder,
     Unit,
     camera_names,
-    frames_of,
     refuse_existing,
 )
 from voxelpose.cli.terminal import plain, rich_console
@@ -67,16 +66,11 @@ Exit code 0: all cameras agree; 1: one does not.
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.check import CheckSettings, check_recording, write_repair
-            from voxelpose.recording.folder import Recording
+            from voxelpose.recording.folder import Recording, frame_range
 
             settings = CheckSettings(self.moments, self.most_late)
-            recording = Recording.open(
-                self.recording,
-                frames_of(self.frames),
-                camera_names(self.cameras),
-                self.unit,
-                self.fps,
-            )
+            frames, names = frame_range(self.frames), camera_names(self.cameras)
+            recording = Recording.open(self.recording, frames, names, self.unit, self.fps)
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:

@@ -11,6 +11,8 @@ from tyro.conf import Positional, arg
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
+    Dictionary,
+    MarkerSide,
     OptionalFile,
     OptionalLength,
     OverwriteFile,
@@ -18,7 +20,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.calibrate_board import BoardArguments, Dictionary, MarkerSide
+from voxelpose.cli.calibrate_board import BoardArguments
 
 if TYPE_CHECKING:
     from calib.camera import Rig

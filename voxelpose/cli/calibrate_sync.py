@@ -11,6 +11,8 @@ from tyro.conf import arg
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
+    Dictionary,
+    MarkerSide,
     OptionalFile,
     OptionalLength,
     OptionalName,
@@ -20,7 +22,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.calibrate_board import BoardArguments, Dictionary, MarkerSide
+from voxelpose.cli.calibrate_board import BoardArguments
 from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:

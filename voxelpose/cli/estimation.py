@@ -1,7 +1,5 @@
 """What `voxelpose fit` and `voxelpose track` share: arguments, and the estimation itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +23,6 @@ from voxelpose.cli.arguments import (
     Threads,
     Unit,
     Up,
-    frames_of,
     up_direction,
 )
 
@@ -71,15 +68,12 @@ class EstimationArguments:
         options: Mapping[str, bool | int | float | str],
         estimator: str,
     ) -> int:
-        """Estimates the motion, writes the result and prints a summary.
+        """Estimates the motion, writes the result and prints a summary; returns the exit code.
 
         Args:
             cameras: names of the cameras to use; None for all.
             options: settings of the estimator alone.
             estimator: name under which the estimator is registered.
-
-        Returns:
-            The exit code.
         """
         from voxelpose.cli.progress import Progress
 
@@ -90,7 +84,7 @@ class EstimationArguments:
             from silhouette_core.motion.body_source import resolved_body
             from silhouette_core.motion.conditioning import Conditioning
             from voxelpose.fitting import Output, fit
-            from voxelpose.recording.folder import Recording
+            from voxelpose.recording.folder import Recording, frame_range
 
             settings = Settings(
                 stature_m=self.stature,
@@ -107,7 +101,7 @@ class EstimationArguments:
                 options=dict(options)
                 | ({} if self.body is None else {"body": resolved_body(self.body)}),
             )
-            frames = frames_of(self.frames)
+            frames = frame_range(self.frames)
             recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)
             if recording.calibration_path is None:
                 progress.note(

@@ -1,7 +1,5 @@
 """Values of a command's options from voxelpose.toml of a recording, the folders above, the user."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
@@ -27,11 +25,7 @@ class FolderSetting:
 
 
 def load_command(section: str) -> Any:
-    """The class of a command.
-
-    Args:
-        section: its section in a voxelpose.toml, as in `fit` or `calibrate.board`.
-    """
+    """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
     name, _, word = section.partition(".")
     module = importlib.import_module(f"voxelpose.cli.{name}")
     if hasattr(module, "SUBCOMMANDS"):

@@ -1,20 +1,12 @@
 """voxelpose library build and info."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from voxelpose.cli.arguments import (
-    BodyName,
-    OptionalFile,
-    OptionalLength,
-    Sex,
-    Threads,
-)
+from voxelpose.cli.arguments import BodyName, OptionalFile, OptionalLength, Sex, Threads
 
 
 @dataclass(frozen=True)

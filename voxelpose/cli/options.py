@@ -1,7 +1,5 @@
 """Options of a command: names and types, and their values from files."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import types
@@ -94,10 +92,8 @@ def options_of(command: type) -> dict[str, Option]:
 
 
 def folder_of(command: Any) -> Path:
-    """The folder that a command works on: its argument without a name, else the current folder.
-
-    Args:
-        command: instance of a command's class.
+    """The folder that a command's instance works on: its argument without a name, else the
+    current folder.
     """
     named = {option.field for option in options_of(type(command)).values()}
     for field in fields(command):

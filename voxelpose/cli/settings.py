@@ -1,7 +1,5 @@
 """voxelpose settings."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import MISSING, dataclass
 from pathlib import Path

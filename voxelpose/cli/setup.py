@@ -1,7 +1,5 @@
 """voxelpose setup."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 

@@ -24,7 +24,7 @@ _ORDER = "ZXY"
 
 
 def write_bvh(motion: Motion, path: Path) -> None:
-    """Writes a motion as BVH.
+    """Writes a motion of at least one pose as BVH.
 
     Axis map: x_bvh = x, y_bvh = z, z_bvh = -y of the upright frame; centimetres. With all rotations
     zero the skeleton stands in the model's rest pose (upright, arms 45 degrees down), facing +z.
@@ -34,10 +34,6 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
     Frames without a pose between the first and the last pose are interpolated, since BVH cannot
     contain gaps.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
     """
     motion = motion.upright()
     local, root = _without_gaps(motion)

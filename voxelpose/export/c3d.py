@@ -1,7 +1,5 @@
 """C3D: named points over time, for motion capture software, MATLAB and biomechanics tools."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 
@@ -20,7 +18,7 @@ _POINT_BYTES = 16  # one point in one frame: x, y, z and residual, as float32
 
 
 def write_c3d(motion: Motion, path: Path) -> None:
-    """Writes the points of `named_points` as C3D.
+    """Writes the points of `named_points`, of at least one pose, as C3D.
 
     Axis map: none; x, y, z are the upright frame's, as is usual in motion capture laboratories;
     millimetres. POINT:X_SCREEN and POINT:Y_SCREEN state the axes that point right and up on a
@@ -30,10 +28,6 @@ def write_c3d(motion: Motion, path: Path) -> None:
     residual -1, C3D's mark of a point that was not seen, and no position. The first pose is the
     file's frame 1, whatever its number in the recording. POINT:CONDITIONING states filter and
     filling of gaps, POINT:FILLED the frames (the first 255) that were filled, or 0.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
 
     Raises:
         InputError: the motion is too long for C3D.

@@ -1,7 +1,5 @@
 """export.json: how the files of an export were made, for formats that have no place to say so."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -42,7 +40,6 @@ def write_export_record(
         motion: at least one pose.
         names: files that were written now.
         earlier: entries of other files of the folder, which are kept.
-        path: the file.
     """
     entry = {
         "fps": motion.fps,

@@ -1,7 +1,5 @@
 """Export of a motion in several formats at once, whole or not at all."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress
@@ -41,7 +39,8 @@ _WRITERS["opensim"] = {
 def export_motion(
     motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False
 ) -> list[Path]:
-    """Writes a motion in several formats.
+    """Writes a motion in several formats; returns the files' paths, with export.json, which says
+    how they were made.
 
     Args:
         motion: at least one pose.
@@ -49,9 +48,6 @@ def export_motion(
         formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
             body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
-
-    Returns:
-        Paths of the files, with export.json, which says how they were made.
 
     Raises:
         InputError: a format is unknown or does not fit the body, the motion has no pose, a file

@@ -1,7 +1,5 @@
 """Binary glTF (GLB): skinned, animated body for Blender, three.js, Unity, Unreal and Godot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.smoothing import continuous_quaternions
 from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
 from voxelpose.version import __version__
 
@@ -27,7 +26,7 @@ _BODY = 0  # node of the mesh; the node of part p is p + 1
 
 
 def write_glb(motion: Motion, path: Path) -> None:
-    """Writes a motion as a skinned, animated body in one file.
+    """Writes a motion of at least one pose as a skinned, animated body in one file.
 
     Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
     27, have the names of the body's parts; without animation they are in the rest pose (upright,
@@ -37,10 +36,6 @@ def write_glb(motion: Motion, path: Path) -> None:
 
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
     """
     motion = motion.upright()
     model = motion.model
@@ -145,7 +140,7 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
 
 
 def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> None:
-    rotations = _continuous(
+    rotations = continuous_quaternions(
         quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
     )
     root = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
@@ -168,10 +163,3 @@ def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, p
     animation.samplers.append(
         gltf.AnimationSampler(input=time, output=values, interpolation=gltf.ANIM_LINEAR)
     )
-
-
-def _continuous(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns (T, P, 4) quaternions with the signs that make each nearest to its predecessor."""
-    agrees = (quaternion[1:] * quaternion[:-1]).sum(axis=-1) >= 0
-    signs = np.cumprod(np.where(agrees, 1.0, -1.0), axis=0)
-    return np.concatenate([quaternion[:1], quaternion[1:] * signs[..., None]])

@@ -1,7 +1,5 @@
 """hypotheses.csv: the most probable poses of every frame, as joint positions."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -47,7 +45,6 @@ def write_hypotheses(
     Args:
         hypotheses: frame number, probabilities (n,) in descending order, and joint positions
             (n, L, 3), world, metres, of every frame.
-        path: the CSV file.
         tree: of the body, with L landmarks; by default a person's.
     """
     with path.open("w", encoding="utf-8", newline="") as file:
@@ -59,14 +56,11 @@ def write_hypotheses(
 
 
 def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
-    """Reads the hypotheses of every frame.
+    """Reads the hypotheses of every frame number, the most probable first.
 
     Args:
         path: the CSV file; a missing file gives no hypotheses.
         tree: as of `write_hypotheses`.
-
-    Returns:
-        Hypotheses by frame number, the most probable first.
 
     Raises:
         InputError: the file is damaged.

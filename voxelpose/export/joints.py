@@ -28,7 +28,6 @@ def write_joints(motion: Motion, path: Path) -> None:
     Args:
         motion: T poses; frames without a pose have no rows. Where some were filled, they have the
             confidence 0, and the last column, `filled`, is 1 for them.
-        path: the CSV file.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
     names = column_names(motion.model.tree.landmark_names)

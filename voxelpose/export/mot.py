@@ -5,8 +5,6 @@ made with one calibration coincide. A person who faces the world's +y faces Open
 OpenSim's models do.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +31,8 @@ _COORDINATES = {
 
 
 def write_mot(motion: Motion, path: Path) -> None:
-    """Writes joint coordinates with the names and signs of Rajagopal et al.'s full-body model.
+    """Writes joint coordinates, of at least one pose, with the names and signs of Rajagopal et
+    al.'s full-body model.
 
     Angles are in degrees and continuous in time; `pelvis_tx`, `_ty`, `_tz` are in metres with the
     axis map above, for the model's pelvis scaled by stature. The order of rotations is the model's:
@@ -43,10 +42,6 @@ def write_mot(motion: Motion, path: Path) -> None:
 
     Frames without a pose have no row; OpenSim interpolates between rows by their times. A line of
     the head states filter and filling of gaps.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
     """
     columns = mot_coordinates(motion)
     # Adding 0.0 turns -0.0 into 0.0.
@@ -95,13 +90,8 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
 
 
 def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation angles about z, x and y that are continuous in time.
-
-    Args:
-        matrices: (T, 3, 3) float64.
-
-    Returns:
-        (3, T) float64, degrees; of the equivalent triples, each is the nearest to its predecessor.
+    """Rotation angles (3, T) about z, x and y, degrees, of matrices (T, 3, 3), that are continuous
+    in time: of the equivalent triples, each is the nearest to its predecessor.
     """
     angles = euler_degrees(matrices, "ZXY")
     for row in range(1, len(angles)):

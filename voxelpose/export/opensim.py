@@ -6,8 +6,6 @@ own models under SimTK's MIT use agreement; nothing of it is part of this packag
 its bodies and coordinates. Axes and names are those of `voxelpose.export.trc`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,7 +34,6 @@ class OpenSimMarker:
         name: as in the TRC.
         body: body of the model on which it lies.
         place_m: in that body's frame (x forward, y up, z right), of a person 1.70 m tall.
-        weight: in the inverse kinematics.
         fixed: whether it is the joint's centre, the frame's origin. Others are moved to where the
             static pose has them.
     """
@@ -120,7 +117,6 @@ def write_marker_set(motion: Motion, path: Path) -> None:
 
     Args:
         motion: not used; the marker set is that of a person 1.70 m tall, which scaling adapts.
-        path: the file.
     """
     root = ElementTree.Element("MarkerSet", name="voxelpose")
     objects = ElementTree.SubElement(root, "objects")
@@ -142,7 +138,6 @@ def write_static(motion: Motion, path: Path) -> None:
 
     Args:
         motion: its body is a person's.
-        path: the file.
     """
     model = motion.model
     turned = np.array([0.0, 0.0, 0.0, 1.0])  # half round, since bodies rest facing -y
@@ -158,11 +153,8 @@ def write_static(motion: Motion, path: Path) -> None:
 
 
 def write_seen(motion: Motion, path: Path) -> None:
-    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
+    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop;
+    there is at least one pose.
     """
     write_trc(motion, path, lost_rows=False)
 
@@ -173,7 +165,6 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 
     Args:
         motion: gives the frame rate, which decides the times of the static pose.
-        path: the file.
     """
     times = f"0 {(_STATIC_FRAMES - 1) / motion.fps:.6f}"
     tool = ElementTree.Element("ScaleTool", name="voxelpose")
@@ -210,11 +201,8 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 
 
 def write_ik_setup(motion: Motion, path: Path) -> None:
-    """Writes the setup of OpenSim's inverse kinematics, from the first pose to the last.
-
-    Args:
-        motion: at least one pose.
-        path: the file.
+    """Writes the setup of OpenSim's inverse kinematics, from the first of one or more poses to the
+    last.
     """
     first, last = motion.frames[[0, -1]] / motion.fps
     tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")

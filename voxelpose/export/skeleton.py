@@ -1,7 +1,5 @@
 """Quantities that several formats share: local rotations, named points, frames, y-up axes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +7,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
+from silhouette_core.motion.kinematics import relative_rotations
 from silhouette_core.motion.motion import Motion
 
 Y_UP_FROM_WORLD = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
@@ -23,12 +22,7 @@ def local_rotations(motion: Motion) -> NDArray[np.float64]:
     Returns:
         (T, P, 3, 3) float64; the root's rotation is relative to the world, z up.
     """
-    rotation, _ = motion.parts()
-    local = rotation.copy()
-    for part, parent in enumerate(motion.model.parents):
-        if parent >= 0:
-            local[:, part] = np.swapaxes(rotation[:, parent], 1, 2) @ rotation[:, part]
-    return local
+    return relative_rotations(motion.parts()[0], motion.model.parents)
 
 
 def part_ends(model: BodyModel) -> NDArray[np.float64]:
@@ -51,10 +45,7 @@ def part_ends(model: BodyModel) -> NDArray[np.float64]:
 
 
 def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Points of the fitted body that marker formats hold in place of markers.
-
-    Args:
-        motion: T poses.
+    """Points of the fitted body, T poses, that marker formats hold in place of markers.
 
     Returns:
         K names, and (T, K, 3) float64, world, metres: the joints of joints.csv, the joints of

@@ -1,7 +1,5 @@
 """Tables as CSV and arrays as NPZ, for spreadsheets, R, MATLAB and Python."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +18,6 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 
     Positions are in world coordinates, metres. Frames without a pose have no row. Where some were
     filled, the last column, `filled`, is 1 for them.
-
-    Args:
-        motion: T poses.
-        path: the CSV file.
     """
     names = [f"{joint}_{axis}_m" for joint in motion.model.tree.landmark_names for axis in "xyz"]
     _write(motion, names, motion.landmarks().reshape(len(motion), -1), 6, path)
@@ -35,10 +29,6 @@ def write_angles(motion: Motion, path: Path) -> None:
     The angles are those of `silhouette_core.motion.anatomical`, in degrees, of a body on a person's
     tree; then those of all joints that a person does not have. Frames without a pose have no row;
     those filled are marked as in joints_wide.csv.
-
-    Args:
-        motion: T poses.
-        path: the CSV file.
     """
     model, known = motion.model, AnatomicalAngles((), np.zeros((len(motion), 0)))
     if is_person_tree(model.tree):
@@ -61,10 +51,6 @@ def write_npz(motion: Motion, path: Path) -> None:
     `up` (3,) and `floor_m` (the floor's height along it), `conditioning` (filter and filling of
     gaps, in words), `parents`, `rest_joints` (27, 3), and the names of the columns: `part_names`,
     `angle_names`, `anatomical_names`, `landmark_names`. Frames without a pose have no row.
-
-    Args:
-        motion: T poses.
-        path: the file.
     """
     model, anatomical = motion.model, {}
     if is_person_tree(model.tree):

@@ -5,8 +5,6 @@ files of both programs made with one calibration with z up coincide. A person wh
 OpenSim's +x, as OpenSim's models do.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -38,7 +36,6 @@ def write_trc(motion: Motion, path: Path, *, lost_rows: bool = True) -> None:
 
     Args:
         motion: at least one pose.
-        path: the file.
         lost_rows: whether frames without a pose have a row. Its cells then hold NaN, which OpenSim
             reads as markers that were not seen (empty cells at the end of a row stop its reader);
             at a frame that shows none its inverse kinematics stop.

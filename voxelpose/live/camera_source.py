@@ -146,12 +146,8 @@ class CameraReader:
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         else:
-            limits = [
-                cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
-                _TIMEOUT_MS,
-                cv2.CAP_PROP_READ_TIMEOUT_MSEC,
-                _TIMEOUT_MS,
-            ]
+            timeouts = cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, cv2.CAP_PROP_READ_TIMEOUT_MSEC
+            limits = [number for kind in timeouts for number in (kind, _TIMEOUT_MS)]
             capture = cv2.VideoCapture(self.source.address, cv2.CAP_FFMPEG, limits)
         try:
             while not self._stop.is_set() and capture.grab():
@@ -194,8 +190,7 @@ class CameraReader:
                     " the camera to the calibrated format"
                 )
                 return
-            shrinks = size[0] > width
-            way = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+            way = cv2.INTER_AREA if size[0] > width else cv2.INTER_LINEAR
             picture = np.asarray(cv2.resize(picture, self._size, interpolation=way), np.uint8)
         if int(picture[::_GRID, ::_GRID].max()) < _DARK:
             self.state = "black pictures: is the lens covered, or another program using the camera?"

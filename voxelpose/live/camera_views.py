@@ -1,7 +1,5 @@
 """The cameras in the page: where they stand, and small pictures of what they see."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2
@@ -33,11 +31,10 @@ class CameraViews:
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _LONG_SIDE_PX) for camera in rig]
         look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
-        drawn = [
+        drawn = (
             add_camera(scene, camera, format="jpeg", jpeg_quality=70, **look) for camera in rig
-        ]
-        self._handles = [frustum for frustum, _ in drawn]
-        self._labels = [label for _, label in drawn]
+        )
+        self._handles, self._labels = zip(*drawn, strict=True)
         self._next = 0
 
     def show(self, visible: bool) -> None:
@@ -69,15 +66,12 @@ class CameraViews:
 def small_picture(
     picture: NDArray[np.uint8], silhouette: NDArray[np.bool_] | None, view: UndistortedView
 ) -> NDArray[np.uint8]:
-    """Small picture, undistorted, with the silhouette's outline.
+    """Small picture, (h, w, 3) uint8 RGB, undistorted, with the silhouette's outline.
 
     Args:
         picture: (H, W, 3) uint8 BGR, as captured.
         silhouette: (h, w) bool, of the picture or of it scaled down; None: no outline.
         view: of the size to be returned.
-
-    Returns:
-        (h, w, 3) uint8 RGB.
     """
     size = view.pinhole.size
     # Bilinear: means over all pixels of a large picture would cost ten times as much.

@@ -1,7 +1,5 @@
 """VMC messages to one receiver, in UDP datagrams."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from contextlib import suppress

@@ -5,8 +5,6 @@ rotation in the T-pose (VRM's normalised bones): upright, legs straight down, ar
 sides, palms down.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import PART_NAMES
-from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.kinematics import quaternions, relative_rotations
 from voxelpose.live.live_frame import PosedBody
 
 UNITY_FROM_WORLD = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -99,18 +97,13 @@ def humanoid_pose(body: PosedBody) -> HumanoidPose:
     with the part's rotation :math:`R_p`, the turn :math:`A_b` from T-pose to rest pose (45 degrees
     for arms, forearms and hands, else none) and Unity's axes :math:`M`. Twist of forearm and hand
     is left to the humanoid: silhouettes do not show it.
-
-    Args:
-        body: the pose.
     """
     turned = body.part_rotation[BONE_PARTS] @ _REST_FROM_T_POSE
     world = UNITY_FROM_WORLD @ turned @ UNITY_FROM_WORLD.T
     origin = body.part_origin_m[BONE_PARTS] @ UNITY_FROM_WORLD.T
-    local, offset = world.copy(), origin.copy()
+    local, offset = relative_rotations(world, BONE_PARENTS), origin.copy()
     children = BONE_PARENTS >= 0
     parents = BONE_PARENTS[children]
-    parent_from_world = world[parents].transpose(0, 2, 1)
-    local[children] = parent_from_world @ world[children]
     between = origin[children] - origin[parents]
-    offset[children] = np.einsum("bij,bj->bi", parent_from_world, between)
+    offset[children] = np.einsum("bji,bj->bi", world[parents], between)
     return HumanoidPose(offset, quaternions(local)[:, [1, 2, 3, 0]])

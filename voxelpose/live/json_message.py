@@ -1,26 +1,20 @@
 """Frames as JSON, one line each: the schema that docs/live.md describes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.kinematics import quaternions, relative_rotations
 from voxelpose.live.live_frame import LiveFrame, PosedBody
 
 SCHEMA_VERSION = 1
 
 
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
-    """One frame as a line of JSON that ends with a line feed.
-
-    Args:
-        frame: one moment.
-        sent_unix_s: the present, Unix time.
+    """One frame, sent at a Unix time, as a line of JSON that ends with a line feed.
 
     Returns:
         The object that docs/live.md describes; numbers that are not finite are null.
@@ -41,7 +35,7 @@ def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
 def _body(body: PosedBody) -> dict[str, object]:
     model, pose = body.model, body.pose
     joints = zip(_rounded(body.joints_m), _rounded(body.joint_confidence), strict=True)
-    turns = _rounded(quaternions(_local(body)))
+    turns = _rounded(quaternions(relative_rotations(body.part_rotation, model.parents)))
     return {
         "confidence": _rounded(body.confidence),
         "root": {
@@ -55,15 +49,6 @@ def _body(body: PosedBody) -> dict[str, object]:
         "local_rotations_wxyz": dict(zip(model.names, turns, strict=True)),
         "angles_rad": dict(zip(model.dof_names, _rounded(pose.angles_rad), strict=True)),
     }
-
-
-def _local(body: PosedBody) -> NDArray[np.float64]:
-    """Rotations (27, 3, 3) of the parts relative to their parents; the root's to the world."""
-    rotation, parents = body.part_rotation, body.model.parents
-    children = parents >= 0
-    local = rotation.copy()
-    local[children] = rotation[parents[children]].transpose(0, 2, 1) @ rotation[children]
-    return local
 
 
 def _rounded(values: ArrayLike) -> Any:

@@ -1,11 +1,9 @@
 """The two estimators in live use: silhouettes of a moment in, a posed body out."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any, Protocol
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Rig
+from calib.points import nearest_point
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
@@ -30,10 +29,9 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.tuning import MEASURING
-from voxelpose.live.estimator_process import EstimatorProcess
 from voxelpose.live.live_frame import PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
-from voxelpose.live.remote_object import begin_process
+from voxelpose.live.remote_object import RemoteObject, begin_process
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
@@ -73,8 +71,6 @@ class FoundPose:
     """A person in one frame.
 
     Attributes:
-        model: the body.
-        pose: its pose.
         confidence: of the pose, from 0 to 1.
         shown: (15,) confidence of each joint, relative to the pose's.
         hypotheses: as of `PosedBody`.
@@ -108,8 +104,52 @@ class LiveEstimator(Protocol):
         ...
 
 
-class LiveMultiView:
-    """Several cameras, in a process of their own.
+class _Sparing:
+    """What finds poses, whose body model, which is large, is sent only when it has changed."""
+
+    def __init__(self, make: Callable[..., Any], arguments: tuple[object, ...]):
+        self._finder = make(*arguments)
+        self._sent: BodyModel | None = None
+
+    def step(self, given: object) -> FoundPose | None:
+        found = self._finder.step(given)
+        if found is None:
+            return None
+        known, self._sent = found.model is self._sent, found.model
+        return replace(found, model=None) if known else found  # type: ignore[arg-type]
+
+    def close(self) -> None:
+        self._finder.close()
+
+
+class EstimatorProcess(RemoteObject):
+    """What finds poses, in a process of its own.
+
+    Args:
+        make: makes it there, with the methods `step` and `close`; a function or class of a module.
+        arguments: of `make`.
+
+    Raises:
+        InputError: as `make` raises it.
+    """
+
+    def __init__(self, make: Callable[..., Any], *arguments: object):
+        """Begins the process, and waits until it is ready."""
+        super().__init__(_Sparing, make, arguments)
+        self._model: BodyModel | None = None
+        self.wait()
+
+    def step(self, given: Any) -> FoundPose | None:
+        """See `LiveEstimator.step`; what it raises there is raised here."""
+        found = self.call("step", given)
+        if found is None:
+            return None
+        self._model = found.model or self._model
+        return replace(found, model=self._model)
+
+
+class LiveMultiView(EstimatorProcess):
+    """Several cameras.
 
     Args:
         rig: the cameras, as they take their pictures.
@@ -118,19 +158,11 @@ class LiveMultiView:
 
     def __init__(self, rig: Rig, settings: FollowSettings):
         """Begins the process, and waits until it is ready."""
-        self._poses = EstimatorProcess(FollowedBody, rig, settings)
+        super().__init__(FollowedBody, rig, settings)
 
     def prepare(self, moment: LiveMoment) -> Moment:
         """The silhouettes."""
         return moment.silhouettes
-
-    def step(self, prepared: Moment) -> FoundPose | None:
-        """See `LiveEstimator.step`."""
-        return self._poses.step(prepared)
-
-    def close(self) -> None:
-        """See `LiveEstimator.close`."""
-        self._poses.close()
 
 
 class FollowedBody:
@@ -216,30 +248,27 @@ class MonocularSetup:
     fps: float
     pictures: bool
 
-    def finder(self) -> PersonFinder:
-        """What finds the person in a frame."""
-        return PersonFinder(self.rig.cameras[0], self.pictures and not self.options.outline_only)
-
-    def stages(self, reporter: Reporter) -> PoseStages:
-        """Reads or makes the library, which may take minutes at the first use."""
-        library = library_for(self.options, self.settings, reporter)
+    def stages(self) -> PoseStages:
+        """Reads the library."""
+        library = library_for(self.options, self.settings, SilentReporter())
         camera, interval_s = self.rig.cameras[0], 1 / self.fps
         return PoseStages(library, camera, self.settings, self.options, interval_s, _Untimed())
 
 
-class LiveMonocular:
+class LiveMonocular(EstimatorProcess):
     """One camera: the person here, poses in a process of their own.
 
     Args:
-        setup: the camera and the person.
         reporter: told about the library.
     """
 
     def __init__(self, setup: MonocularSetup, reporter: Reporter):
-        """Reads or makes the library."""
-        self._name, self._finder = setup.rig.names[0], setup.finder()
+        """Reads or makes the library, which may take minutes at the first use."""
         library_for(setup.options, setup.settings, reporter)  # made here, where it is reported
-        self._poses = EstimatorProcess(MonocularPoses, setup)
+        coloured = setup.pictures and not setup.options.outline_only
+        self._finder = PersonFinder(setup.rig.cameras[0], coloured)
+        self._name = setup.rig.names[0]
+        super().__init__(MonocularPoses, setup)
 
     def prepare(self, moment: LiveMoment) -> SeenPerson | None:
         """Person in a frame; None where it shows nobody."""
@@ -247,37 +276,25 @@ class LiveMonocular:
         person = self._finder.find(moment.pictures[self._name], mask)
         return None if person is None else (moment.number, moment.time_s, person)
 
-    def step(self, prepared: SeenPerson | None) -> FoundPose | None:
+    def step(self, given: SeenPerson | None) -> FoundPose | None:
         """See `LiveEstimator.step`."""
-        return None if prepared is None else self._poses.step(prepared)
-
-    def close(self) -> None:
-        """See `LiveEstimator.close`."""
-        self._poses.close()
+        return None if given is None else super().step(given)
 
 
 class MonocularPoses:
-    """Poses of the person whom one camera sees.
-
-    Args:
-        setup: the camera and the person.
-    """
+    """Poses of the person whom one camera sees."""
 
     def __init__(self, setup: MonocularSetup):
         """Reads the library."""
-        self._stages = setup.stages(SilentReporter())
+        self._stages = setup.stages()
 
     def step(self, seen: SeenPerson) -> FoundPose:
         """The likeliest pose and others."""
         (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
         model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
         shown = np.where(found.occluded[model.landmark_part], LIVE.occluded, 1.0)
-        hypotheses = tuple(
-            (float(probability), joints)
-            for probability, joints in zip(
-                found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True
-            )
-        )
+        likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
+        hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
         return FoundPose(model, found.pose, confidence, shown, hypotheses)
 
     def close(self) -> None:
@@ -313,9 +330,7 @@ def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:
 def _drawn(rig: Rig, body: BodyModel) -> dict[str, NDArray[np.bool_]]:
     """Silhouettes (h, w) bool of an upright body at the point nearest to all optical axes."""
     axes = np.stack([camera.rotation[2] for camera in rig])
-    away = np.eye(3) - axes[:, :, None] * axes[:, None]
-    centers = np.stack([camera.center_m for camera in rig])
-    middle = np.linalg.lstsq(away.sum(0), np.einsum("cij,cj->i", away, centers), rcond=None)[0]
+    middle = nearest_point(np.stack([camera.center_m for camera in rig]), axes)
     vertices = body.vertices_m + middle - body.joints_m[0]
     masks = {}
     for camera in rig:

@@ -1,7 +1,5 @@
 """What the stages of live estimation hand to each other and show."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -23,8 +21,6 @@ class PosedBody:
     """Body found in one frame.
 
     Attributes:
-        model: the body.
-        pose: its pose.
         part_rotation: (27, 3, 3) float64, world from part, the identity at rest.
         part_origin_m: (27, 3) float64, world positions of the parts' joints.
         joints_m: (15, 3) float64, world, in the order of `joints.LANDMARK_NAMES`.

@@ -1,7 +1,5 @@
 """Recording of live pictures as a recording folder, complete at every moment."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 import threading
@@ -41,13 +39,10 @@ class LiveRecorder:
 
     Args:
         folder: the recording folder to be made.
-        rig: the cameras.
-        subject: the person.
         empty: pictures of the empty view by camera name; left out where `private`.
         private: whether silhouettes are kept instead of pictures.
 
     Attributes:
-        written: number of moments written.
         failure: why recording ended by itself; empty: it did not.
 
     Raises:
@@ -80,13 +75,10 @@ class LiveRecorder:
         self._thread.start()
 
     def put(self, shot: Shot, masks: Masks | None = None) -> None:
-        """Hands over a moment of which every camera has a picture; returns at once.
+        """Hands over a moment of which every camera has a picture, and the silhouettes, which a
+        private recording keeps instead; returns at once.
 
         It is left out where the disk is too slow.
-
-        Args:
-            shot: the pictures.
-            masks: the silhouettes, which a private recording keeps instead.
         """
         kept = masks if self.private else shot.pictures
         if kept is not None and not self.failure and set(shot.pictures) == set(self._sizes):

@@ -1,7 +1,5 @@
 """The room in the page: floor, person, cameras, hull, other likely poses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

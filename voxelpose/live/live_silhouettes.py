@@ -1,7 +1,5 @@
 """Silhouettes of live pictures, and the background learned from the empty view."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -34,7 +34,6 @@ class PagePanel:
         """Makes the panel.
 
         Args:
-            gui: viser's.
             session: asked from threads of the page.
             receivers: returns their states.
         """

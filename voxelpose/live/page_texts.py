@@ -1,7 +1,5 @@
 """Texts of the page, as HTML, in which parts come from other machines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Addresses of receivers, as `--send` takes them."""
 
-from __future__ import annotations
-
 import socket
 from dataclasses import dataclass
 from typing import Literal

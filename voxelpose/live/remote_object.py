@@ -1,7 +1,5 @@
 """An object in a process of its own, whose interpreter it shares with nobody."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

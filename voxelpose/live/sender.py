@@ -1,7 +1,5 @@
 """One receiver: it is sent the newest frame, and tried again where nobody answers."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

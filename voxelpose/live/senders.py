@@ -1,7 +1,5 @@
 """All receivers of a session."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time
@@ -24,10 +22,7 @@ class Senders:
     """
 
     def __init__(self, addresses: Sequence[str]) -> None:
-        """Starts the thread.
-
-        Args:
-            addresses: as `parse_receiver` takes them; none are allowed, too.
+        """Starts the thread for addresses as `parse_receiver` takes them, or none.
 
         Raises:
             InputError: an address is wrong, or its host is not known.

@@ -1,7 +1,5 @@
 """A live session: capture, silhouettes, estimation and sending, each in threads of its own."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque
@@ -135,10 +133,8 @@ class LiveSession:
         self._recordings, self._record_next = 0, False
 
     def start_cameras(self, record: bool = False) -> None:
-        """Starts all threads.
-
-        Args:
-            record: whether to record as soon as the empty view is known, which is recorded too.
+        """Starts all threads, and perhaps recording as soon as the empty view is known, which is
+        recorded too.
         """
         self._record_next = record
         if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):

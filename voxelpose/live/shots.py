@@ -1,7 +1,5 @@
 """Pictures of several cameras that were taken at one moment, matched by their time stamps."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -103,9 +101,6 @@ class ShotMatcher:
         names: of the cameras, in the calibration's order.
         now: seconds since the session's start.
         each: called with every shot, also with those that nobody takes; returns at once.
-
-    Attributes:
-        shots: where the newest shot waits.
     """
 
     def __init__(

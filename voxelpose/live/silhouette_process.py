@@ -1,7 +1,5 @@
 """Live silhouettes in a process of their own."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from multiprocessing.shared_memory import SharedMemory
@@ -49,11 +47,8 @@ class SilhouetteProcess:
         self._process.call("learn", silhouettes)
 
     def of(self, time_s: float, pictures: Mapping[str, Picture]) -> tuple[Moment, frozenset[str]]:
-        """Silhouettes of one moment, and the names of the cameras that show somebody else too.
-
-        Args:
-            time_s: of the moment.
-            pictures: (H, W, 3) uint8 BGR by camera name, as recorded.
+        """Silhouettes of one moment's pictures, (H, W, 3) uint8 BGR by camera name, as recorded,
+        and the names of the cameras that show somebody else too.
         """
         for name, picture in pictures.items():
             self._pictures[name][:] = picture

@@ -1,7 +1,5 @@
 """The person's body in the page: a skinned mesh whose bones follow the pose."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

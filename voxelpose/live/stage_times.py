@@ -1,7 +1,5 @@
 """Durations of the stages of a session: of recent frames, and since its start."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque
@@ -22,8 +20,6 @@ class Durations:
     Attributes:
         least: the shortest.
         most: the longest.
-        mean: their mean.
-        median: their median.
         p95: 95 % are at most so long.
         p99: 99 % are at most so long.
     """

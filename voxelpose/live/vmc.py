@@ -3,8 +3,6 @@
 Source: VMC protocol specification, protocol.vmc.info, performer to marionette.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
@@ -25,9 +23,6 @@ def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
     last, since some receivers draw at it. Without a body there are no bones: a receiver then keeps
     its last pose. `/voxelpose/confidence` is an address of our own, which receivers ignore, as the
     protocol asks them to.
-
-    Args:
-        frame: one moment.
     """
     bundles: list[OscBundleBuilder] = []
     room = 0

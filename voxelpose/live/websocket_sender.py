@@ -1,7 +1,5 @@
 """JSON lines to one receiver, over a WebSocket that is opened from here."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError, check_name
@@ -47,7 +47,6 @@ class Recording:
     Iterating yields the frames in order and may be repeated.
 
     Attributes:
-        folder: the recording folder.
         calibration_path: the calibration file; None where a single camera has none and
             `default_camera` is assumed.
         rig: the cameras in use, in the calibration's order.
@@ -56,7 +55,6 @@ class Recording:
         frame_count: number of frames in use.
         fps: frames per second.
         times_s: (frame_count,) float64, seconds since the recording's first frame.
-        subject: the person that was filmed.
         silhouettes_given: whether the frames are silhouettes already (white on black, from
             masks/) and not camera images.
         up: (3,) float64, unit, direction of up in the world as the calibration states it; None:
@@ -93,7 +91,6 @@ class Recording:
         Only the first frame of every video is decoded.
 
         Args:
-            folder: the recording folder.
             frames: first frame and one past the last, either None as in a Python slice; None
                 selects all frames.
             cameras: names of the cameras to use; None selects all.
@@ -101,29 +98,18 @@ class Recording:
             fps: frames per second; needed for folders of images without timestamps.csv, and takes
                 precedence over both the videos' rates and timestamps.csv.
 
-        Returns:
-            The recording.
-
         Raises:
             InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
-        if not folder.is_dir():
-            raise InputError(
-                f"{folder} is not a recording: give a folder with a video per camera and"
-                " calibration.toml"
-            )
-        paths, silhouettes_given = _paths(folder, cameras)
-        for path in (folder.resolve(), *paths.values()):
-            check_name(path)
-        readers = {name: FrameReader.open(path) for name, path in paths.items()}
+        readers, silhouettes_given = open_readers(folder, cameras)
         calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
             names = tuple(_paths(folder, None)[0])
         elif calibration is None:
-            raise _no_calibration(folder, tuple(paths))
+            raise _no_calibration(folder, tuple(readers))
         else:
             rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
             names = rig.names
@@ -205,10 +191,8 @@ class Recording:
             yield self.first + step, float(self.times_s[step]), frames
 
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
-        """Yields the frames of selected time steps, (H, W, 3) uint8 BGR by camera name.
-
-        Args:
-            steps: time steps, counted from `first`, in ascending order.
+        """Yields the frames of time steps in ascending order, counted from `first`: (H, W, 3) uint8
+        BGR by camera name.
 
         Raises:
             InputError: a file cannot be read as far as requested.
@@ -217,7 +201,7 @@ class Recording:
         readers = {name: reader.select(numbers) for name, reader in self.readers.items()}
         return read_together(readers, 0, len(numbers))
 
-    def upright_frame(self, up: Sequence[float] | None = None) -> UprightFrame:
+    def upright_frame(self, up: ArrayLike | None = None) -> UprightFrame:
         """The frame with z up, as far as it is known without looking for a person.
 
         Args:
@@ -340,16 +324,30 @@ def only_camera(folder: Path) -> str:
     return names[0]
 
 
-def frame_range(text: str) -> tuple[int | None, int | None]:
+def frame_range(
+    text: str | None, setting: str = "--frames {}"
+) -> tuple[int | None, int | None] | None:
     """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
 
+    Args:
+        text: the range; None: all frames.
+        setting: how it is given, with {} in its place, for messages.
+
     Raises:
-        ValueError: the text is none of these.
+        InputError: the text is none of these.
     """
+    if text is None:
+        return None
     first, colon, last = text.partition(":")
-    if not colon:
-        return int(first), int(first) + 1
-    return (int(first) if first else None), (int(last) if last else None)
+    try:
+        if not colon:
+            return int(first), int(first) + 1
+        return (int(first) if first else None), (int(last) if last else None)
+    except ValueError:
+        raise InputError(
+            f"{setting.format(text)} is not understood: give first:last, as in"
+            f" {setting.format('0:100')} (the last is not included)"
+        ) from None
 
 
 def is_recording(folder: Path) -> bool:
@@ -360,6 +358,26 @@ def is_recording(folder: Path) -> bool:
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
+def open_readers(
+    folder: Path, cameras: Sequence[str] | None = None
+) -> tuple[dict[str, FrameReader], bool]:
+    """Readers of a recording's pictures by name, of all or some cameras, and whether they are
+    silhouettes.
+
+    Raises:
+        InputError: it is no folder, or there are no pictures, or some that cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder} is not a recording: give a folder with a video per camera and"
+            " calibration.toml"
+        )
+    paths, silhouettes_given = _paths(folder, cameras)
+    for path in (folder.resolve(), *paths.values()):
+        check_name(path)
+    return {name: FrameReader.open(path) for name, path in paths.items()}, silhouettes_given
+
+
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
     """Videos or image folders by camera name, and whether they are silhouettes, from masks/."""
     paths = pictures_by_camera(folder)
@@ -368,8 +386,8 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         paths = pictures_by_camera(folder / "masks")
     if not paths:
         raise InputError(
-            f"{folder} holds no video: put one per camera there, named as in the calibration"
-            " (cam_1.mp4)"
+            f"{folder} holds no video: put one per camera there, or a folder of frames, named as in"
+            " the calibration (cam_1.mp4, or cam_1/0001.png ...)"
         )
     if cameras is not None:
         filmed = ", ".join(paths)
@@ -387,14 +405,10 @@ def calibration_path(folder: Path) -> Path | None:
 
 
 def default_camera(name: str, size: tuple[int, int]) -> Camera:
-    """Camera assumed for a single video without calibration.
+    """Camera assumed for a single video of a size (width, height), px, without calibration.
 
     It is level and one metre above the ground; its field of view along the longer image side is
     53 degrees.
-
-    Args:
-        name: camera name.
-        size: image (width, height), px.
     """
     focal = max(size)  # 53 degrees are between a telephone and a webcam
     matrix = np.array([[focal, 0.0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1]])

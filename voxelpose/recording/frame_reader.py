@@ -57,9 +57,6 @@ class FrameReader:
     def open(cls, path: Path) -> "FrameReader":
         """Opens a video, an image or a folder of images.
 
-        Args:
-            path: the file or folder.
-
         Raises:
             InputError: it is missing, empty or cannot be read.
         """
@@ -103,10 +100,8 @@ class FrameReader:
             yield frame
 
     def select(self, numbers: Sequence[int]) -> "FrameReader":
-        """Returns a reader of selected frames.
-
-        Args:
-            numbers: frame numbers in ascending order; a number may be repeated.
+        """Returns a reader of frames with these numbers, in ascending order; a number may be
+        repeated.
         """
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers

@@ -1,7 +1,5 @@
 """voxelpose.toml: settings of commands that a folder, those above it or a user have in common."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -11,12 +9,10 @@ SETTINGS_FILE = "voxelpose.toml"
 
 
 def settings_files(folder: Path) -> list[Path]:
-    """Files that hold settings for a folder, the nearest first.
+    """Files that hold settings for a folder, such as a recording, the nearest first; links are
+    followed.
 
     They are those in the folder, in every folder above it, and in the user's configuration folder.
-
-    Args:
-        folder: a recording, for example; links are followed.
     """
     start = Path(os.path.realpath(folder))
     folders = (start, *start.parents, user_config_path("voxelpose"))

@@ -1,7 +1,5 @@
 """Loudness of a video's sound over time, read by FFmpeg, which imageio-ffmpeg brings along."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,18 +18,19 @@ _RATE_HZ = 16000
 _PER_STEP = round(_RATE_HZ * STEP_S)
 _CHUNK = 4 * _PER_STEP * 1000  # bytes
 _LOWEST_HZ = 300  # hum, wind and steps are below
+_FFMPEG_QUIET = ("-v", "quiet", "-nostdin")
 
 
 def has_sound(path: Path) -> bool:
     """Whether a file is a video with sound."""
-    return path.is_file() and "Audio:" in _described(path)
+    words = ("-hide_banner", "-nostdin", "-i", str(path.absolute()))
+    return path.is_file() and "Audio:" in _finished(*words).stderr
 
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:
     """How suddenly it becomes loud, (T, 1), each millisecond: a clap is a peak, noise is zero.
 
     Args:
-        path: the video.
         camera: name of its camera.
         seconds: length of the part, from the beginning, that is used.
 
@@ -65,10 +64,8 @@ def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
     # Silence is put where the sound begins later than the pictures, or has gaps.
     filters = f"aresample={_RATE_HZ}:async=1:first_pts=0,highpass=f={_LOWEST_HZ}"
     words = ["-t", f"{seconds:.3f}", "-i", str(path.absolute()), "-map", "0:a:0", "-af", filters]
-    with subprocess.Popen(
-        [_ffmpeg(), "-v", "quiet", "-nostdin", *words, "-ac", "1", "-f", "f32le", "-"],
-        stdout=subprocess.PIPE,
-    ) as process:
+    command = [*_FFMPEG_QUIET, *words, "-ac", "1", "-f", "f32le", "-"]
+    with subprocess.Popen([_ffmpeg(), *command], stdout=subprocess.PIPE) as process:
         while process.stdout and (chunk := process.stdout.read(_CHUNK)):
             samples = np.frombuffer(chunk[: len(chunk) // 4 * 4], "<f4").astype(np.float64)
             whole = samples[: len(samples) // _PER_STEP * _PER_STEP]
@@ -78,13 +75,9 @@ def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
 def _first_picture_s(path: Path) -> float:
     """Time of the first picture, s, in the file's time, in which the sound may begin before it."""
     words = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy", "-frames:v", "1"]
-    finished = subprocess.run(
-        [_ffmpeg(), "-v", "quiet", "-nostdin", *words, "-f", "framecrc", "-"],
-        capture_output=True,
-        check=False,
-    )
+    finished = _finished(*_FFMPEG_QUIET, *words, "-f", "framecrc", "-")
     unit, ticks = 0.0, 0.0
-    for line in finished.stdout.decode("utf-8", "replace").splitlines():
+    for line in finished.stdout.splitlines():
         if line.startswith("#tb 0:"):
             top, _, bottom = line.removeprefix("#tb 0:").partition("/")
             unit = float(top) / float(bottom)
@@ -93,14 +86,11 @@ def _first_picture_s(path: Path) -> float:
     return max(ticks * unit, 0.0)
 
 
-def _described(path: Path) -> str:
-    """What FFmpeg tells of a file."""
-    finished = subprocess.run(
-        [_ffmpeg(), "-hide_banner", "-nostdin", "-i", str(path.absolute())],
-        capture_output=True,
-        check=False,
+def _finished(*words: str) -> subprocess.CompletedProcess[str]:
+    """FFmpeg with these arguments, at its end."""
+    return subprocess.run(
+        [_ffmpeg(), *words], capture_output=True, check=False, encoding="utf-8", errors="replace"
     )
-    return finished.stderr.decode("utf-8", "replace")
 
 
 def _ffmpeg() -> str:

@@ -32,9 +32,6 @@ class Subject:
 def read_subject(path: Path) -> Subject:
     """Reads subject.toml; a missing file gives a subject about whom nothing is known.
 
-    Args:
-        path: the file.
-
     Raises:
         InputError: the file is not TOML, or a key or value is not understood.
     """

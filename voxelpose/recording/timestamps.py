@@ -21,14 +21,12 @@ Times = NDArray[np.float64]
 
 
 def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str, Times]:
-    """Reads timestamps.csv: cam_id,frame_time, one row per frame in the order of the frames.
+    """Reads timestamps.csv: cam_id,frame_time, one row per frame in the order of the frames, into
+    (frames,) float64, s, by camera name.
 
     Args:
         path: the file; cam_id is the camera's name, or 1 for cam_1; frame_time is in seconds.
         readers: frame readers by name of the cameras whose times are read.
-
-    Returns:
-        (frames,) float64, s, by camera name.
 
     Raises:
         InputError: the file is not such a table, or does not fit the videos.
@@ -86,7 +84,7 @@ def write_timestamps(path: Path, times: Mapping[str, Times]) -> None:
 def match_frames(
     times: Mapping[str, Times], path: Path
 ) -> tuple[Times, dict[str, NDArray[np.int64]]]:
-    """Frames of all cameras that match in time.
+    """Times (M,), s, and frame numbers (M,) int64 by camera name, of frames that match in time.
 
     The camera with the lowest rate is the reference; among equally slow ones, the camera to which
     the others' frames are nearest. Every frame of the reference is matched with the frame of every
@@ -95,9 +93,6 @@ def match_frames(
     Args:
         times: (frames,) s, by camera name.
         path: source of the times, for messages.
-
-    Returns:
-        Times (M,), s, and frame numbers (M,) int64 by camera name.
 
     Raises:
         InputError: there is no time at which all cameras have a frame.

@@ -45,7 +45,6 @@ def load_truth(
     or a joints.csv with whatever joints it names.
 
     Args:
-        path: the file.
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
 
@@ -81,7 +80,6 @@ def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m
     """Writes truth.json: `{"unit": "m", "joints": {name: [[x, y, z] per frame]}, ...}`.
 
     Args:
-        path: the file.
         joints_m: (T, 15, 3) float64, world, z up, metres, in the order of LANDMARK_NAMES.
         fps: frames per second.
         stature_m: height of the person, metres.
@@ -97,7 +95,6 @@ def read_truth(
     """Reads known joint positions from truth.json or a TRC.
 
     Args:
-        path: the file.
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
 
@@ -129,10 +126,7 @@ def _read_json(path: Path) -> NDArray[np.float64]:
         count = max(len(joints.get(name) or ()) for name in LANDMARK_NAMES)
         unknown = [np.nan] * 3
         frames = [
-            [
-                unknown if position is None else position
-                for position in joints.get(name) or [None] * count
-            ]
+            [unknown if place is None else place for place in joints.get(name) or [None] * count]
             for name in LANDMARK_NAMES
         ]
         return np.array(frames, float).reshape(len(frames), count, 3).swapaxes(0, 1)

@@ -3,14 +3,12 @@
 They are painted, unknown/CAMERA.png, or drawn as polygons in recording.toml.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
 from calib.documents import load_text, parse_toml
@@ -31,7 +29,6 @@ def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> 
 
     Args:
         paths: a picture by camera name, of the camera's size.
-        rig: the cameras in use.
         names: all cameras of the recording; those that are not in use may have pictures, too.
 
     Raises:
@@ -51,8 +48,6 @@ def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
     """Brightest channel (H, W) of a picture that marks places in a camera's pictures.
 
     Args:
-        path: the picture.
-        camera: the camera.
         remedy: what to do about a picture of another size, for messages.
 
     Raises:
@@ -72,22 +67,30 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
 
     Args:
         path: the file; one that does not exist names no places.
-        rig: the cameras in use.
         names: all cameras of the recording.
 
     Raises:
         InputError: the file is not TOML, a key is not known, there is no such camera, or what it
             holds are no polygons.
     """
-    masks: UnknownMasks = {}
-    for name, polygons in unknown_polygons(path, names).items():
-        if name in rig:
-            width, height = rig[name].size
-            image = np.zeros((height, width), np.uint8)
-            for polygon in polygons:
-                cv2.fillPoly(image, [np.rint(polygon).astype(np.int32)], 1)
-            masks[name] = image.view(np.bool_)
-    return masks
+    return {
+        name: painted_mask(polygons, rig[name].size)
+        for name, polygons in unknown_polygons(path, names).items()
+        if name in rig
+    }
+
+
+def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Pixels (H, W) bool within any of the polygons.
+
+    Args:
+        polygons: corners (N, 2) each, in px.
+        size: width and height in px.
+    """
+    image = np.zeros(size[::-1], np.uint8)
+    for polygon in polygons:
+        cv2.fillPoly(image, [np.rint(np.asarray(polygon)).astype(np.int32)], 1)
+    return image.view(np.bool_)
 
 
 def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray[np.float64]]]:

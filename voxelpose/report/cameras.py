@@ -1,7 +1,5 @@
 """Agreement of the cameras with the fitted body, and of their outlines with one another."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,10 +57,8 @@ class CameraCheck:
 
 
 def check_cameras(scenes: ResultScenes) -> CameraCheck:
-    """Compares body and silhouettes, and the outlines, at moments spread over the recording.
-
-    Returns:
-        The check; empty where the recording is missing.
+    """Compares body and silhouettes, and the outlines, at moments spread over the recording; empty
+    where that is missing.
 
     Raises:
         InputError: the recording cannot be read.

@@ -1,7 +1,5 @@
 """Charts as self-contained SVG elements, whose text and colours follow the page."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Mapping, Sequence
@@ -40,7 +38,6 @@ class TimeChart:
 
     Attributes:
         title: above the chart.
-        unit: of the values.
         curves: label -> (values (T,), colour).
         limits: of the axis; None: from the values.
         below: values below this are shaded as doubtful; None: none are.
@@ -59,16 +56,12 @@ def time_chart(
     name: str,
     size_in: tuple[float, float] = (3.7, 2.1),
 ) -> str:
-    """Chart of curves over time.
+    """Chart, an svg element, of curves over time.
 
     Args:
-        chart: the curves.
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
         size_in: width and height, inches of 72 px.
-
-    Returns:
-        An svg element.
     """
     style = {**_STYLE, "axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6}
     with matplotlib.rc_context({**style, "svg.hashsalt": name}):
@@ -97,15 +90,12 @@ def time_chart(
 def part_chart(
     overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64]
 ) -> str:
-    """Chart of every part's fraction inside the hull, a row per part.
+    """Chart, an svg element, of every part's fraction inside the hull, a row per part.
 
     Args:
         overlap: (T, P) fractions, drawn in the colours of the viewer.
         labels: of the P parts.
         time_s: (T,) seconds.
-
-    Returns:
-        An svg element.
     """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": "parts"}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")

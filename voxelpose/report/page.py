@@ -1,7 +1,5 @@
 """The report's page, self-contained in one file."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from importlib import resources
@@ -87,10 +85,6 @@ def write_report(
         out: the file; None: report.html in the result.
         recording: where the recording is now, if it was moved.
         overwrite: whether a file that is not a report may be replaced.
-        reporter: notified of every stage.
-
-    Returns:
-        The file.
 
     Raises:
         InputError: it is no result, or the file cannot be written.
@@ -114,7 +108,6 @@ def render_page(package: str, template: str, contents: Mapping[str, object]) -> 
     """A page whose texts are escaped.
 
     Args:
-        package: which has the template.
         template: name of its file.
         contents: the template's variables, all of them.
     """

@@ -4,8 +4,6 @@ Single pictures rather than the videos themselves: the page stays one file, can 
 and stays synchronous with the charts.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -76,7 +74,6 @@ def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) ->
     """Image (h, w, 3) uint8 BGR as a data URI.
 
     Args:
-        image: the image.
         width: largest width, px, to which it is reduced.
         suffix: ".webp" or ".jpg".
         quality: from 1 to 100.

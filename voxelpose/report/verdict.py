@@ -1,7 +1,5 @@
 """Assessment of a result by its numbers, in plain words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -29,7 +27,6 @@ class Finding:
 
     Attributes:
         level: "good", "look" closer, or "bad".
-        title: the aspect.
         words: the assessment.
         advice: what to do; empty where nothing is wrong.
     """

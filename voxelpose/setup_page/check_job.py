@@ -1,7 +1,5 @@
 """The check of the cameras, in a thread of its own, with its progress and its findings."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 from typing import Any
@@ -45,11 +43,7 @@ class CheckJob:
     """At most one check at a time, whose findings stay until the next."""
 
     def __init__(self, recording: Recording) -> None:
-        """Starts nothing.
-
-        Args:
-            recording: with a calibration.
-        """
+        """Starts nothing; the recording has a calibration."""
         self._recording = recording
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
@@ -78,9 +72,14 @@ class CheckJob:
             "total": progress.total,
         }
 
-    @property
-    def picture(self) -> bytes | None:
-        """PNG of the last check; None where there is none."""
+    def picture(self) -> bytes:
+        """PNG of the last check.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self._picture is None:
+            raise InputError("the cameras have not been checked")
         return self._picture
 
     def close(self) -> None:

@@ -1,7 +1,5 @@
 """Points of the scene, clicked in the pictures: points.csv, and how far off they are."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence
@@ -57,14 +55,11 @@ def check_points(points: Sequence[PointClicked]) -> None:
 
 
 def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
-    """Writes points.csv, in which further columns of an earlier one are kept.
+    """Writes points.csv, in which further columns of an earlier one are kept; returns the names
+    that are clicked nowhere and so were not written.
 
     Args:
-        path: the file.
         points: all points; rows of cameras that are not shown are among their pixels.
-
-    Returns:
-        Names of points that were not written since they are clicked nowhere.
 
     Raises:
         InputError: the file cannot be written.
@@ -93,7 +88,6 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
 
     Args:
         points: measured ones, or clicked in two cameras and more, which are triangulated.
-        rig: the cameras.
 
     Returns:
         By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera;

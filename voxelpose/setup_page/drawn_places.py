@@ -16,15 +16,14 @@ from calib.atomic import write_whole
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording, pictures_by_camera
-from voxelpose.recording.unknown_places import RECORDING_FILE, paint_unknown, unknown_polygons
-from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
-from voxelpose.setup_page.region_files import (
-    RegionFile,
-    drawn_region,
+from voxelpose.recording.unknown_places import (
+    RECORDING_FILE,
+    paint_unknown,
     painted_mask,
-    read_regions,
-    write_region,
+    unknown_polygons,
 )
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
+from voxelpose.setup_page.region_files import RegionFile, drawn_region, read_regions, write_region
 
 _LARGEST_BYTES = 1_000_000
 
@@ -127,15 +126,12 @@ class DrawnRecording(Recording):
 
 
 def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
-    """Changes a section of a TOML file; its comments, and all else in it, stay.
+    """Changes a section of a TOML file; its comments, and all else in it, stay. Returns whether
+    there was anything to write.
 
     Args:
         path: the file; made where there is none and something to write.
-        section: its name.
         values: by key; None takes one out.
-
-    Returns:
-        Whether there was anything to write.
 
     Raises:
         InputError: the file is no TOML, the section is none, or the file cannot be written.

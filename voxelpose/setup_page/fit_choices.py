@@ -1,7 +1,5 @@
 """Settings of `fit` in the voxelpose.toml of a recording; its comments and all else stay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -16,11 +14,7 @@ from voxelpose.setup_page.page_requests import FitChosen, check_camera_names
 
 
 def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
-    """Checks what depends on the recording.
-
-    Args:
-        chosen: the settings.
-        names: cameras of the recording.
+    """Checks what depends on the recording, which has cameras of these names.
 
     Raises:
         InputError: there is no such camera, or up is no direction.
@@ -30,23 +24,7 @@ def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
         if any("," in name for name in chosen.cameras):
             raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
     if chosen.up is not UNSET and chosen.up is not None:
-        up_vector(chosen.up)
-
-
-def up_vector(text: str) -> tuple[float, float, float]:
-    """Direction of up, unit, of an axis or three numbers.
-
-    Raises:
-        InputError: the text is neither.
-    """
-    try:
-        x, y, z = direction_of(text).tolist()
-    except ValueError:
-        raise InputError(
-            f"up = {text[:40]!r} is no direction: give an axis, as in -z, or three numbers, as in"
-            " 0,0.1,-1"
-        ) from None
-    return x, y, z
+        direction_of(chosen.up)
 
 
 def save_choices(path: Path, chosen: FitChosen) -> bool:

@@ -1,7 +1,5 @@
 """Up and the floor: what may be up, and a grid on the floor as the cameras see it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -13,15 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from calib.camera import Rig
-from calib.errors import InputError, check_name
+from calib.errors import InputError
 from calib.files import read_rig
 from calib.files.notes import read_up
-from voxelpose.recording.folder import (
-    Recording,
-    calibration_path,
-    default_camera,
-    pictures_by_camera,
-)
+from voxelpose.recording.folder import Recording, calibration_path, default_camera, open_readers
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.subject import read_subject
 
@@ -47,7 +42,6 @@ class OpenedFolder:
         """Opens all cameras of which there are pictures.
 
         Args:
-            folder: the recording folder.
             unit: unit of the calibration's lengths, where the file does not state it.
             fps: frames per second, where the files do not state it.
 
@@ -58,7 +52,7 @@ class OpenedFolder:
             return cls(Recording.open(folder, None, None, unit, fps), True, "")
         except InputError as error:
             fault = str(error)
-        readers, given = _readers(folder)
+        readers, given = open_readers(folder)
         calibration = calibration_path(folder)
         rig = _calibrated(calibration, readers, unit)
         if rig is not None and len(rig) == len(readers):
@@ -85,28 +79,6 @@ class OpenedFolder:
             cameras.names,
         )
         return cls(recording, rig is not None, fault)
-
-
-def _readers(folder: Path) -> tuple[Mapping[str, FrameReader], bool]:
-    """Readers of all pictures by camera name, and whether they are silhouettes.
-
-    Raises:
-        InputError: there are none, or some cannot be read.
-    """
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a recording: give a folder with a video per camera")
-    check_name(folder.resolve())
-    paths = pictures_by_camera(folder)
-    given = not paths
-    paths = paths or pictures_by_camera(folder / "masks")
-    if not paths:
-        raise InputError(
-            f"{folder} holds no video: put one per camera there, or a folder of frames per camera"
-            " (cam_1.mp4, or cam_1/0001.png ...)"
-        )
-    for path in paths.values():
-        check_name(path)
-    return {name: FrameReader.open(path) for name, path in paths.items()}, given
 
 
 def _calibrated(

@@ -1,7 +1,5 @@
 """What the page may send: every number bounded, every text short, nothing else let through."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Annotated, Literal, TypeVar
 
@@ -60,7 +58,6 @@ class PointClicked(Struct, forbid_unknown_fields=True):
     """A point of the scene.
 
     Attributes:
-        name: its name.
         pixels: px, by camera name, where it was clicked.
         position_m: world coordinates in metres, where measured.
     """
@@ -83,7 +80,6 @@ class FitChosen(Struct, forbid_unknown_fields=True):
         voxel: edge of a voxel, metres.
         repair: what is done about cameras that do not agree.
         stature: height of the person, metres.
-        cameras: names of those in use.
         up: direction of up, an axis or three numbers.
     """
 

@@ -1,7 +1,5 @@
 """Pictures of the page: moments, the empty view, silhouettes and painted places as overlays."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -33,10 +31,7 @@ class MomentFrames:
         self._empty: dict[str, Frame] | None = None
 
     def frames(self, moment: int) -> Mapping[str, Frame]:
-        """Frames (H, W, 3) uint8, BGR, by camera name.
-
-        Args:
-            moment: time step, from 0.
+        """Frames (H, W, 3) uint8, BGR, of a time step, from 0, by camera name.
 
         Raises:
             InputError: there is no such moment, or it cannot be read.

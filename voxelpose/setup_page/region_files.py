@@ -3,14 +3,11 @@
 The picture alone decides: polygons count only where they paint exactly what it shows.
 """
 
-from __future__ import annotations
-
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +16,7 @@ from PIL import Image, PngImagePlugin
 from calib.atomic import unwritable, write_whole
 from calib.errors import InputError
 from voxelpose.recording.folder import pictures_by_camera
+from voxelpose.recording.unknown_places import painted_mask
 from voxelpose.setup_page.page_requests import Polygon, Polygons, RegionDrawing
 
 _KEY = "voxelpose polygons"
@@ -29,7 +27,6 @@ class RegionFile:
     """The region of a camera as its file has it.
 
     Attributes:
-        path: the file.
         mask: (H, W) bool, where the person may be.
         polygons: what it was drawn from, px; empty where it was painted.
     """
@@ -44,25 +41,9 @@ class RegionFile:
         return not self.polygons
 
 
-def painted_mask(polygons: Sequence[Polygon], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels (H, W) bool within any of the polygons, as the reader of recording.toml paints them.
-
-    Args:
-        polygons: corners in px.
-        size: width and height in px.
-    """
-    image = np.zeros(size[::-1], np.uint8)
-    for polygon in polygons:
-        cv2.fillPoly(image, [np.rint(np.array(polygon)).astype(np.int32)], 1)
-    return image.view(np.bool_)
-
-
 def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:
-    """The region files of a recording, by camera name.
-
-    Args:
-        folder: the recording.
-        masks: (H, W) bool by camera name, as of `Recording.regions`.
+    """The region files of a recording, by camera name, as are the masks of `Recording.regions`, (H,
+    W) bool.
     """
     paths, files = pictures_by_camera(folder / "regions", stills=True), {}
     for name, mask in masks.items():
@@ -95,8 +76,6 @@ def write_region(
     """Writes the region of a camera; returns the files that were written and removed.
 
     Args:
-        folder: the recording.
-        name: of the camera.
         drawing: its region.
         file: its present file.
         size: width and height in px.

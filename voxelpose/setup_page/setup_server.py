@@ -1,7 +1,5 @@
 """The setup page's server: its own files, pictures, and requests as JSON, behind the gate."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import traceback
@@ -108,9 +106,9 @@ class SetupServer:
             case ("api", "state"):
                 return _json(session.state())
             case ("api", "check"):
-                return _json(session.check_status())
+                return _json(session.check.status())
             case ("api", "check", "picture"):
-                return session.check_picture(), "image/png"
+                return session.check.picture(), "image/png"
             case ("picture", camera):
                 moment = dict(request.query).get("moment")
                 if moment is None:

@@ -1,7 +1,5 @@
 """What the page shows and saves: one recording folder that is being set up."""
 
-from __future__ import annotations
-
 import base64
 import threading
 from collections.abc import Callable, Mapping
@@ -11,7 +9,7 @@ import numpy as np
 from msgspec import UNSET
 
 from calib.errors import InputError
-from calib.upright import UprightFrame, axis_name
+from calib.upright import UprightFrame, axis_name, direction_of
 from voxelpose.recording.settings_files import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
@@ -22,7 +20,7 @@ from voxelpose.setup_page.clicked_points import (
     save_clicked,
 )
 from voxelpose.setup_page.drawn_places import DrawnRecording, PlaceFiles
-from voxelpose.setup_page.fit_choices import check_choices, save_choices, up_vector
+from voxelpose.setup_page.fit_choices import check_choices, save_choices
 from voxelpose.setup_page.ground import ground_lines, up_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
@@ -45,17 +43,12 @@ _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up
 
 
 class SetupSession:
-    """A recording folder behind the page.
-
-    Attributes:
-        folder: the folder.
-    """
+    """A recording folder behind the page."""
 
     def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
         """Reads what the folder holds besides pictures.
 
         Args:
-            opened: the recording.
             settings: reads the settings of `fit` for the folder.
 
         Raises:
@@ -67,13 +60,13 @@ class SetupSession:
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
         self._backgrounds = BackgroundModels(self._recording)
-        self._check = CheckJob(self._recording)
+        self.check = CheckJob(self._recording)
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
 
     def close(self) -> None:
         """Ends what is running."""
-        self._check.close()
+        self.check.close()
 
     def state(self) -> dict[str, Any]:
         """All that the page shows at first, and after saving.
@@ -188,13 +181,10 @@ class SetupSession:
             InputError: there is no calibration, or up is no direction.
         """
         self._need("floor")
-        up = None if asked.up is None else up_vector(asked.up)
+        up = None if asked.up is None else direction_of(asked.up)
         frame = self._recording.upright_frame(up)
         frame = UprightFrame(frame.rotation, asked.height_m)
-        return {
-            "up": axis_name(frame.up),
-            "cameras": ground_lines(self._recording.rig, frame),
-        }
+        return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:
         """Begins the check of the cameras.
@@ -203,22 +193,8 @@ class SetupSession:
             InputError: it is not possible.
         """
         self._need("check")
-        self._check.start()
-        return self._check.status()
-
-    def check_status(self) -> dict[str, Any]:
-        """State of the check; see `CheckJob.status`."""
-        return self._check.status()
-
-    def check_picture(self) -> bytes:
-        """PNG of the last check.
-
-        Raises:
-            InputError: there is none.
-        """
-        if self._check.picture is None:
-            raise InputError("the cameras have not been checked")
-        return self._check.picture
+        self.check.start()
+        return self.check.status()
 
     def save(self, asked: SaveRequest) -> dict[str, Any]:
         """Writes what is asked for; returns the files, what is left out, and the new state.

@@ -17,9 +17,6 @@ def import_open3d(screen: bool = False) -> ModuleType:
     Args:
         screen: whether a window will be opened.
 
-    Returns:
-        The module.
-
     Raises:
         InputError: it is missing or broken, or there is no screen; the line names the remedy.
     """

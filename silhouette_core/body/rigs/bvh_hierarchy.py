@@ -1,7 +1,5 @@
 """Hierarchy of Biovision (BVH) files: the skeleton before the motion."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Skeleton of a BVH file, its bones as capsules."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +12,13 @@ from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Capsule, body_of_parts
 from silhouette_core.body.rigs.bvh_hierarchy import BvhJoint, split_bvh
-from silhouette_core.body.rigs.rig_checks import check_bones, check_rest, parents_first, short
+from silhouette_core.body.rigs.rig_checks import (
+    check_bones,
+    check_different,
+    check_rest,
+    parents_first,
+    z_up,
+)
 from silhouette_core.body.rigs.rig_dofs import FREE_DEG, UNITS_M, RigTable, read_rig_table
 from silhouette_core.tuning import MEASURING
 
@@ -48,9 +52,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
             " beside it"
         )
     names = [joint.name for joint in joints]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"{path} has two joints with the name {short(twice)}: rename one")
+    check_different(path, names)
     parents_first(path, {j.name: names[j.parent] if j.parent >= 0 else "" for j in joints})
     table.check_joints(path, names)
     tree = KinematicTree.from_parts(
@@ -63,7 +65,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
     )
     positions = _positions(joints, table.unit_m)
     ends = {
-        number: positions[number] + table.unit_m * _upright(joint.end)
+        number: positions[number] + table.unit_m * z_up(joint.end)
         for number, joint in enumerate(joints)
         if joint.end is not None
     }
@@ -102,14 +104,8 @@ def _positions(joints: list[BvhJoint], unit_m: float) -> NDArray[np.float64]:
     positions = np.zeros((len(joints), 3))
     for number, joint in enumerate(joints):
         above = positions[joint.parent] if joint.parent >= 0 else 0.0
-        positions[number] = above + unit_m * _upright(joint.offset)
+        positions[number] = above + unit_m * z_up(joint.offset)
     return positions
-
-
-def _upright(offset: list[float]) -> NDArray[np.float64]:
-    """From y up, facing +z, to z up, facing -y."""
-    x, y, z = offset
-    return np.array([x, -z, y])
 
 
 def _capsule(

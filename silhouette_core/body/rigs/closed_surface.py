@@ -4,8 +4,6 @@ A surface is closed where every edge belongs to an even number of triangles: the
 it an even number of times, by which points inside are told (`body.volume`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array

@@ -4,8 +4,6 @@ MakeHuman stands with bent elbows, the human tree with straight arms 45 degrees 
 horizontal. A bone's turn brings it from the first rest pose into the second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -69,10 +67,8 @@ class HumanRest:
 
 
 def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, NDArray[np.float64]]:
-    """Rotation (3, 3) of every bone from MakeHuman's rest pose to the human tree's.
-
-    Args:
-        heads_m: (3,) heads of the bones.
+    """Rotation (3, 3) of every bone with a head (3,), m, from MakeHuman's rest pose to the human
+    tree's.
     """
     turns = {bone: np.eye(3) for bone in PART_OF_BONE}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
@@ -100,7 +96,6 @@ def native_dofs(
     their axes and limits seen from that pose. A bone that continues its part has none.
 
     Args:
-        bone: the bone.
         parent: its parent.
         turns: as `turns_to_human_rest` gives them.
     """

@@ -1,7 +1,5 @@
 """Rigged glTF and GLB: a skinned mesh and its skeleton, in the names of its nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +16,14 @@ from silhouette_core.body.rigs.gltf_document import GltfDocument
 from silhouette_core.body.rigs.rig_checks import (
     MOST_VERTICES,
     check_bones,
+    check_different,
     check_rest,
     normalised_weights,
     parents_first,
     part_of_faces,
     short,
     strongest_four,
+    z_up,
 )
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
 
@@ -49,9 +49,6 @@ def read_gltf(path: Path) -> BodyModel:
     -y. Every joint but the root turns about three axes, 150 degrees to either side, or as
     NAME.rig.toml beside the file says. Seams and holes of the surface are closed. Meshes without a
     skin, materials, morph targets and animations are left out. Landmarks are the joints.
-
-    Args:
-        path: the file.
 
     Raises:
         InputError: the file is damaged, has no skin, or has a rig that no body can have.
@@ -95,14 +92,14 @@ def read_gltf(path: Path) -> BodyModel:
         root_fixed=table.root_fixed,
     )
     check_bones(path, order, tree.parents, joints)
-    return _body(path, tree, _upright(joints), surfaces)
+    return _body(path, tree, z_up(joints), surfaces)
 
 
 def _body(
     path: Path, tree: KinematicTree, joints: NDArray[np.float64], surfaces: list[_Surface]
 ) -> BodyModel:
     first = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    vertices = _upright(np.concatenate([surface.vertices for surface in surfaces]))
+    vertices = z_up(np.concatenate([surface.vertices for surface in surfaces]))
     faces = np.concatenate([s.faces + n for s, n in zip(surfaces, first, strict=False)])
     check_rest(path, joints, vertices)
     kept, faces, vertices, _ = close_surface(vertices, faces)
@@ -119,9 +116,7 @@ def _body(
     return BodyModel.as_given(tree, joints, vertices, faces, part, (parts, weights), joints)
 
 
-def _node_transforms(
-    document: GltfDocument,
-) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
+def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
     """World from node (4, 4) of every node, and the number of its parent, -1 without one."""
     nodes = document.items("nodes")
     if len(nodes) > _MOST_NODES:
@@ -188,10 +183,7 @@ def _skin_joints(document: GltfDocument, skin: object) -> list[int]:
 
 def _node_names(document: GltfDocument, nodes: list[int]) -> dict[int, str]:
     names = {node: str(document.item("nodes", node).get("name", f"joint_{node}")) for node in nodes}
-    if len(set(names.values())) < len(names):
-        every = list(names.values())
-        twice = next(name for name in every if every.count(name) > 1)
-        raise InputError(f"{document.path} has two joints with the name {short(twice)}: rename one")
+    check_different(document.path, list(names.values()))
     return names
 
 
@@ -266,8 +258,3 @@ def _surface_of(
         moved = np.einsum("vij,vj->vi", move[:, :, :3], points) + move[:, :, 3]
         rest += weights[:, k, None] * moved
     return _Surface(rest, corners.reshape(-1, 3), parts[joints], weights)
-
-
-def _upright(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From y up, facing +z, to z up, facing -y."""
-    return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)

@@ -1,7 +1,5 @@
 """Closed surfaces of a URDF link: boxes, cylinders, spheres and mesh files."""
 
-from __future__ import annotations
-
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -25,7 +23,6 @@ def link_shapes(path: Path, link: Any, world: NDArray[np.float64]) -> list[Close
 
     Args:
         path: the robot's file, beside which meshes lie.
-        link: yourdfpy's link.
         world: (4, 4) frame of the link in the body frame.
 
     Raises:

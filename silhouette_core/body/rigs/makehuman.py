@@ -1,7 +1,5 @@
 """Bodies of MakeHuman's data folder, on a rig of its own or on this project's human tree."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

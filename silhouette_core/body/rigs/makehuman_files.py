@@ -6,8 +6,6 @@ rigs/standard/rig.NAME.json and weights.NAME.json, and the files
 Lengths are in decimetres there, y up; here they become metres, z up, facing -y.
 """
 
-from __future__ import annotations
-
 import gzip
 import zlib
 from collections.abc import Mapping
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
-from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short
+from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB
 _FARTHEST_DM = 10_000
@@ -93,7 +91,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
         raise InputError(f"{path} has a face with a vertex that does not exist: copy it again")
     _check_positions(path, vertices)
     cubes = {name: np.array(sorted(own)) for name, own in members.items()}
-    return BaseMesh(_metres(vertices), faces, cubes)
+    return BaseMesh(0.1 * z_up(vertices), faces, cubes)
 
 
 def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
@@ -128,7 +126,7 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     except (ValueError, IndexError) as error:
         raise InputError(f"{path} is damaged ({str(error)[:150]}): copy it again") from None
     _check_positions(path, change)
-    return _metres(change)
+    return 0.1 * z_up(change)
 
 
 def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:
@@ -195,7 +193,6 @@ def place_of(
         path: the rig's file, for messages.
         bone: the bone, for messages.
         place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
-        mesh: the base mesh.
         vertices_m: (N, 3) its vertices after shaping.
 
     Raises:
@@ -245,9 +242,3 @@ def _unpacked(path: Path) -> str:
 def _check_positions(path: Path, numbers: NDArray[np.float64]) -> None:
     if not (np.isfinite(numbers).all() and np.abs(numbers).max(initial=0) < _FARTHEST_DM):
         raise InputError(f"{path} has positions that no body has: copy it again")
-
-
-def _metres(decimetres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From decimetres, y up, facing +z, to metres, z up, facing -y."""
-    x, y, z = decimetres.T
-    return 0.1 * np.stack([x, -z, y], axis=1)

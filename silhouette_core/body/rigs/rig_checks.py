@@ -1,12 +1,10 @@
 """Checks of rigs that were read from files, whoever made them."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.errors import InputError
 
@@ -17,6 +15,19 @@ MOST_VERTICES = 400_000
 SMALLEST_M, LARGEST_M = 1 / 100, 100
 """Smallest and largest extent of a body."""
 LONGEST_NAME = 80
+
+
+def z_up(points: ArrayLike) -> NDArray[np.float64]:
+    """Points (..., 3) of a file with y up, facing +z, with z up, facing -y."""
+    x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
+    return np.stack([x, -z, y], axis=-1)
+
+
+def check_different(path: Path, names: Sequence[str]) -> None:
+    """Refuses joints of one name with an `InputError`."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{path} has two joints with the name {short(name)}: rename one")
 
 
 def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS) -> list[str]:
@@ -149,14 +160,12 @@ def normalised_weights(
 def strongest_four(
     parts: NDArray[np.integer], weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The four largest weights of each vertex, summing to 1.
+    """The four largest weights of each vertex, summing to 1: parts (V, 4) int32 and weights (V, 4)
+    float64, largest first.
 
     Args:
         parts: (V, K) number of each weight's part.
         weights: (V, K).
-
-    Returns:
-        Parts (V, 4) int32 and weights (V, 4) float64, largest first.
     """
     if weights.shape[1] < 4:
         room = ((0, 0), (0, 4 - weights.shape[1]))

@@ -1,7 +1,5 @@
 """Degrees of freedom of a rig's joints, and limits from a table beside the rig."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -74,9 +72,6 @@ def table_of(path: Path) -> Path:
 
 def read_rig_table(path: Path) -> RigTable:
     """The table beside a rig, or an empty one.
-
-    Args:
-        path: the rig's file.
 
     Raises:
         InputError: the table is damaged, or says what cannot be.

@@ -1,7 +1,5 @@
 """Formats of rigs, and the choice of the reader."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path

@@ -3,8 +3,6 @@
 yourdfpy (MIT, last release 2026) parses them, from text that was found to be XML of bounded depth.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 from collections.abc import Callable
@@ -40,19 +38,12 @@ _FACING = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # x forward to -y
 
 @dataclass(frozen=True, eq=False)
 class _Robot:
-    """Links of a robot with all joints at zero.
+    """Links of a robot with all joints at zero."""
 
-    Attributes:
-        order: names of the links, parents first.
-        joint_to: link -> the joint that carries it, yourdfpy's; none of the root.
-        world: link -> its frame (4, 4) in the body frame.
-        part: link -> the link after which its part is named.
-    """
-
-    order: list[str]
-    joint_to: dict[str, Any]
-    world: dict[str, NDArray[np.float64]]
-    part: dict[str, str]
+    order: list[str]  #: names of the links, parents first.
+    joint_to: dict[str, Any]  #: link -> the joint that carries it, yourdfpy's; none of the root.
+    world: dict[str, NDArray[np.float64]]  #: link -> its frame (4, 4) in the body frame.
+    part: dict[str, str]  #: link -> the link after which its part is named.
 
 
 def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> BodyModel:
@@ -66,7 +57,6 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
     the last links of every chain of fixed ones.
 
     Args:
-        path: the file.
         say: receives a line about every joint that moves in the file, but not here.
 
     Raises:

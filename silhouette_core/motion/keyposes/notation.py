@@ -20,8 +20,6 @@ repetition is both), `yaw_per_cycle` (degrees of turning), `speed` and `sideways
 the left).
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Motions of a body that performs movements."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
@@ -28,7 +26,6 @@ def keypose_motions(
     Variations are wider or narrower, slower or faster, and in another posture.
 
     Args:
-        model: the body.
         fps: frames per second.
         variants: number of motions of each movement.
         seed: seed of the variations.
@@ -48,15 +45,11 @@ def keypose_motions(
 
 
 def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
-    """Motion of one movement.
+    """Motion of one movement, with the lower foot on the floor throughout.
 
     Args:
         movement: key poses, joined by monotone cubic curves.
-        model: the body.
         fps: frames per second.
-
-    Returns:
-        The motion, with the lower foot on the floor throughout.
     """
     times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)
     curves = dict(

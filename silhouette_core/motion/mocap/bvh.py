@@ -5,8 +5,6 @@ object for every joint and frame; pybvh 0.9 refuses joints with positions of the
 by Blender and MotionBuilder.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -24,9 +22,6 @@ LARGEST_CLIP = 300_000_000
 
 def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
     """Hierarchy, channels and frame rate of a file.
-
-    Args:
-        path: the file.
 
     Returns:
         The joints, parents first, without end sites; the channels (T, C) float64 in the file's
@@ -60,19 +55,16 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
 def local_transforms(
     path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], selected: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Transforms of selected joints from their channels.
+    """Transforms of selected joints from their channels: parent_from_joint (T, W, 3, 3) and offsets
+    (T, W, 3), float64.
 
     Rotations apply in the order listed, R = R_first R_second R_third, degrees. Positions replace
     the joint's offset (Blender, MotionBuilder); the root's are added to it.
 
     Args:
         path: the file, for messages.
-        joints: the hierarchy.
         numbers: (T, C) float64, all channels.
         selected: (W,) int64, indices of the joints.
-
-    Returns:
-        parent_from_joint (T, W, 3, 3) and offsets (T, W, 3), float64.
 
     Raises:
         InputError: a joint rotates twice in succession about one axis.

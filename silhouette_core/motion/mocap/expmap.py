@@ -1,7 +1,5 @@
 """Reader of exponential maps: a CSV of numbers with skeleton.json in the same folder."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

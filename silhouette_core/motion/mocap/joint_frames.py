@@ -1,12 +1,11 @@
 """Body axes in the joint frames of a recorded skeleton."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.rotation import nearest_rotation
 from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.tuning import RETARGETING
 
@@ -94,7 +93,6 @@ def hinge_axis(
     None if the clip hardly bends it.
 
     Args:
-        recorded: the clip.
         side: "left" or "right".
         bones: roles of the limb's three joints without their side; it bends positively from the
             first bone toward the second.
@@ -141,9 +139,8 @@ def sole(recorded: MocapClip, side: str) -> NDArray[np.float64]:
         [np.cross(back, np.broadcast_to(up, back.shape)), back, np.broadcast_to(up, back.shape)],
         axis=-1,
     )[standing]
-    return _mean_rotation(
-        np.swapaxes(recorded.rotations[standing, recorded.roles[foot]], 1, 2) @ body
-    )
+    axes = np.swapaxes(recorded.rotations[standing, recorded.roles[foot]], 1, 2) @ body
+    return nearest_rotation(axes.mean(axis=0))
 
 
 def _mean_axes(recorded: MocapClip, up: NDArray, rows: NDArray, doubt_deg: float) -> JointFrames:
@@ -152,15 +149,12 @@ def _mean_axes(recorded: MocapClip, up: NDArray, rows: NDArray, doubt_deg: float
     body = np.stack([left, np.cross(up, left), np.broadcast_to(up, left.shape)], axis=-1)
     roles = {role: recorded.roles[role] for role in _TRUNK if role in recorded.roles}
     axes = {
-        role: _mean_rotation(np.swapaxes(recorded.rotations[rows, joint], 1, 2) @ body)
+        role: nearest_rotation(
+            (np.swapaxes(recorded.rotations[rows, joint], 1, 2) @ body).mean(axis=0)
+        )
         for role, joint in roles.items()
     }
     return JointFrames(axes, doubt_deg)
-
-
-def _mean_rotation(rotations: NDArray) -> NDArray[np.float64]:
-    left, _, right = np.linalg.svd(rotations.mean(axis=0))
-    return left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
 
 
 def _trunk(recorded: MocapClip) -> NDArray:

@@ -1,7 +1,5 @@
 """Motions of the body model from files and folders of recorded motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -45,17 +43,13 @@ def _is_motion(file: Path) -> bool:
 def load_motions(
     paths: Sequence[Path], model: BodyModel, names: Path | None = None
 ) -> list[Motion]:
-    """Recorded motions, retargeted to a body; clips of one skeleton share the axes of its trunk.
+    """Recorded motions, one for each of `motion_files(paths)`, retargeted to a body; clips of one
+    skeleton share the axes of its trunk.
 
     Recordings faster than `FPS` are reduced to it by taking the nearest frames.
 
     Args:
-        paths: files and folders.
-        model: the body.
         names: joint-name map for all files; None chooses a shipped one for each.
-
-    Returns:
-        One motion for each of `motion_files(paths)`.
 
     Raises:
         InputError: as `read_clip`.

@@ -47,9 +47,6 @@ class NameMap:
         skeleton counts. A limb's line may state both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg
         and RightUpLeg; {left}, {L} and {l} likewise.
 
-        Args:
-            path: the file.
-
         Raises:
             InputError: it is missing, no TOML, or has a line that is no role.
         """
@@ -83,7 +80,9 @@ class NameMap:
             elif key in _LIMBS:
                 for side in _SIDES:
                     names[f"{side}_{key}"] = tuple(
-                        _SIDE_WORD.sub(lambda m, s=side: _word(m[1], s), spelling)
+                        _SIDE_WORD.sub(
+                            lambda m, s=side: m[1] if s == "left" else _RIGHT[m[1]], spelling
+                        )
                         for spelling in spellings
                     )
             else:
@@ -107,15 +106,12 @@ class NameMap:
 
 
 def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[str, int]:
-    """Index of the joint of every role.
+    """Index of the joint of every role, at least of those of `NEEDED`.
 
     Args:
         source: name of the motion's file, for messages.
         joints: names of the skeleton's joints.
         path: a map; None: the shipped map that covers most roles.
-
-    Returns:
-        Indices by role, at least those of `NEEDED`.
 
     Raises:
         InputError: a required joint has no name.
@@ -136,10 +132,6 @@ def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[st
         f"{source}: unknown joints: nothing found for {lacking} (the skeleton has {seen}): give a"
         " joint-name map in TOML"
     )
-
-
-def _word(word: str, side: str) -> str:
-    return word if side == "left" else _RIGHT[word]
 
 
 def _plain(name: str) -> str:

@@ -1,7 +1,5 @@
 """Reader of motion files of any format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -9,11 +9,10 @@ to its neighbours. Degrees of freedom that silhouettes do not show (`KinematicTr
 at rest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.upright import UprightFrame
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
@@ -38,7 +37,7 @@ _X, _Y, _Z = np.eye(3)
 
 
 def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | None = None) -> Motion:
-    """Motion of a body that moves as a recorded skeleton.
+    """Motion of a body that moves as a recorded skeleton, at the recording's rate.
 
     The file's up axis, along which the body stands on average, becomes z; y up becomes x, -z, y, so
     that a body that faces the file's +z faces -y. Positions are scaled by the ratio of the legs'
@@ -48,17 +47,13 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
 
     Args:
         recorded: the clip, with the roles of its joints.
-        model: the body.
         reference: axes of the trunk, if another clip of the skeleton shows them better; None: from
             this clip.
-
-    Returns:
-        The motion, at the recording's rate.
     """
     reference = reference or find_joint_frames(recorded)
     if len(recorded) > 3 and _leaps(recorded):
         recorded = recorded.posed(recorded.rotations[1:], recorded.positions[1:])
-    world = _world_from_file(up_axis(recorded))
+    world = UprightFrame.from_up(up_axis(recorded)).rotation
     targets = _targets(recorded, reference, model, world)
     roots = _in_world(recorded, "pelvis", reference.joint_from_body["pelvis"], world)
     angles = targets.angles(roots)
@@ -127,19 +122,6 @@ def _leaps(recorded: MocapClip) -> bool:
     relative = recorded.positions - recorded.positions[:, :1]
     steps = np.linalg.norm(np.diff(relative[:30], axis=0), axis=2).max(axis=1)
     return steps[0] > 3 * steps[1:].max()
-
-
-def _world_from_file(up: NDArray) -> NDArray[np.float64]:
-    if up[2] < -0.5:
-        return np.diag([1.0, -1.0, -1.0])
-    return _shortest(up, _Z)
-
-
-def _shortest(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Smallest rotation (3, 3) from unit vector a to b."""
-    cross, cosine = np.cross(a, b), float(a @ b)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    return np.eye(3) + skew + skew @ skew / max(1 + cosine, 1e-9)
 
 
 def _scale(recorded: MocapClip, model: BodyModel) -> float:

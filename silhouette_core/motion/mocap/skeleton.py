@@ -59,15 +59,12 @@ class MocapClip:
 def place_joints(
     parents: NDArray[np.int64], offsets: NDArray[np.float64], local: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """World transforms from local ones.
+    """World transforms from local ones: (T, J, 3, 3) world_from_joint and (T, J, 3) positions.
 
     Args:
         parents: (J,), parents before children, -1 for a root.
         offsets: (T or 1, J, 3) each joint relative to its parent.
         local: (T, J, 3, 3) parent_from_joint.
-
-    Returns:
-        (T, J, 3, 3) world_from_joint and (T, J, 3) positions.
     """
     rotations = local.copy()
     positions = np.broadcast_to(offsets, (*local.shape[:2], 3)).copy()

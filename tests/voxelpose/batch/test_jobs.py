@@ -77,8 +77,8 @@ def test_settings_are_read_as_in_toml_or_as_text():
         ('[[recording]]\nfolder = "anna/walk"\nsize = 2', "fit has no setting 'size'.*stature"),
         ('[[recording]]\nfolder = "anna/walk"\nstature = "tall"', "stature = 'tall' must be a num"),
         ('[[recording]]\nfolder = "anna/walk"\ntolerance = true', "must be a whole number"),
-        ('[[recording]]\nfolder = "anna/walk"\nframes = "all"', "frames = 'all' is not underst"),
-        ('[[recording]]\nfolder = "anna/walk"\nup = "sky"', "up = 'sky' is no direction"),
+        ('[[recording]]\nfolder = "anna/walk"\nframes = "all"', 'frames = "all" is not underst'),
+        ('[[recording]]\nfolder = "anna/walk"\nup = "sky"', 'up = "sky" is no direction'),
         ('[[recording]]\nfolder = "anna/walk"\ncommand = "guess"', 'command "fit" or "track"'),
         ("[[recording", "no valid TOML"),
     ],
@@ -100,7 +100,7 @@ def test_what_is_not_there_is_named(studio):
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
-        ('frames = "0:x"', "recording 1: frames = '0:x' is not understood"),
+        ('frames = "0:x"', 'recording 1: frames = "0:x" is not understood'),
         ('up = "w"', "recording 1: "),
         ('filter = "kalman"', "recording 1: no filter 'kalman'"),
         ("gap_limit = 1.5", "gap_limit = '1.5' must be a number of frames, or text as in"),
@@ -129,5 +129,5 @@ def test_other_settings_count_where_a_job_has_none(studio):
     assert full.settings == {"stature": 1.7, "fps": 50.0, "backend": "reference"}
     assert full.sources == dict.fromkeys(("fps", "backend"), "voxelpose.toml")
     assert full.estimator_settings(1).backend == "reference"
-    with pytest.raises(InputError, match=r"voxelpose.toml: frames = 'all' is not understood"):
+    with pytest.raises(InputError, match=r'voxelpose.toml: frames = "all" is not understood'):
         job.with_defaults({"frames": "all"}, {"frames": "voxelpose.toml"})

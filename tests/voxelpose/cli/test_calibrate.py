@@ -385,7 +385,7 @@ def test_a_world_with_z_into_the_floor_is_put_right(tmp_path, capsys):
         assert read_up(out) == pytest.approx([0, 0, 1])
     failing = ["calibrate", "convert", str(source), str(tmp_path / "x.toml")]
     assert "--up person needs --result" in failure(capsys, *failing, "--up", "person")
-    assert "--up sky is no direction" in failure(capsys, *failing, "--up", "sky")
+    assert "--up=sky is no direction" in failure(capsys, *failing, "--up", "sky")
     source.write_text(source.read_text().replace('unit = "m"', 'unit = "m"\nup = "sky"'))
-    with pytest.raises(InputError, match="up = sky is no direction: give an axis"):
+    with pytest.raises(InputError, match='up = "sky" is no direction: give an axis'):
         read_up(source)

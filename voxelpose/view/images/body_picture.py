@@ -1,7 +1,5 @@
 """Pictures of bodies at rest and bent, drawn by the project's own rasteriser."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,25 +35,19 @@ _BENT_DEG = {
 
 
 def body_picture(body: BodyModel) -> Image:
-    """A body at rest from the front, obliquely and from the side, and bent.
-
-    Returns:
-        (h, w, 3) uint8, BGR.
-    """
+    """A body at rest from the front, obliquely and the side, and bent: (h, w, 3) uint8, BGR."""
     rest, bent, size = body.vertices_m, bent_vertices(body), (420, 500)
     views = [_standing(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)]
     return np.concatenate([*views, _standing(bent, body, _QUARTER, rest, size)], axis=1)
 
 
 def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
-    """Several bodies from the front, all at the same scale and on the same floor.
+    """Several bodies from the front, all at the same scale and on the same floor: (h, w, 3) uint8,
+    BGR, in rows of at most eight.
 
     Args:
         bodies: at least one.
         captions: two lines of text for each, separated by a newline.
-
-    Returns:
-        (h, w, 3) uint8, BGR, rows of at most eight.
     """
     size = 230, 270
     tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))

@@ -44,7 +44,6 @@ def write_text(
 
     Args:
         image: (h, w, 3) uint8 BGR.
-        text: the line.
         x: left end of its base line, pixels.
         y: height of its base line, pixels.
         size: its height, pixels.
@@ -81,30 +80,20 @@ def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour)
     """Draws a filled circle around (2,) pixels in place."""
     fixed = _fixed(point[None])
     if len(fixed):
-        cv2.circle(
-            image,
-            tuple(int(v) for v in fixed[0, 0]),
-            int(radius * 2**_SHIFT),
-            colour,
-            cv2.FILLED,
-            cv2.LINE_AA,
-            _SHIFT,
-        )
+        x, y = fixed[0, 0].tolist()
+        cv2.circle(image, (x, y), int(radius * 2**_SHIFT), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
 
 def tint(
     image: Image, outlines: list[NDArray[np.float64]], colour: Colour, strength: float
 ) -> Image:
-    """Mixes the inside of closed outlines with a colour, in place.
+    """Mixes the inside of closed outlines with a colour, in place, and returns the image.
 
     Args:
         image: (h, w, 3) uint8 BGR.
         outlines: arrays (N, 2), pixels; holes by the even-odd rule.
         colour: BGR.
         strength: fraction of the colour.
-
-    Returns:
-        The image.
     """
     fixed = [_fixed(outline) for outline in outlines]
     fixed = [outline for outline in fixed if len(outline) > 2]
@@ -155,7 +144,6 @@ def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
     """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file.
 
     Args:
-        image: the image.
         suffix: ".png", ".jpg" or ".webp".
         quality: of a JPEG or WebP, 1 to 100.
 

@@ -1,7 +1,5 @@
 """A contact sheet: moments from left to right, cameras from top to bottom."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -47,7 +45,6 @@ class ContactSheet:
         """Chooses at most six moments, and the crops.
 
         Args:
-            motion: the poses.
             rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
             origin: (T, P, 3) metres, likewise.
             cameras: one row each.

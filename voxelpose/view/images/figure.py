@@ -1,7 +1,5 @@
 """The fitted body over a camera's picture: tinted sides, outline, skeleton."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2
@@ -33,14 +31,7 @@ _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
 def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
-    """Lines of the skeleton.
-
-    Args:
-        model: the body.
-
-    Returns:
-        For each line the joints at both ends, as rows of `skeleton_joints`, and the colour.
-    """
+    """Lines of the skeleton: joints at both ends, as rows of `skeleton_joints`, and the colour."""
     if model.names != PART_NAMES:
         marks, first = model.tree.landmark_names, len(model.names)
         bones = model.tree.landmark_bones.tolist()
@@ -70,7 +61,6 @@ def skeleton_joints(
     """Joints of the skeleton's lines in the world.
 
     Args:
-        model: the body.
         rotation: (P, 3, 3) world from part.
         origin: (P, 3) metres.
 
@@ -85,15 +75,11 @@ def skeleton_joints(
 
 
 def body_parts(
-    model: BodyModel,
-    vertices_m: NDArray[np.float64],
-    camera: Camera,
-    cull_back: bool = False,
+    model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera, cull_back: bool = False
 ) -> NDArray[np.integer]:
     """Part numbers (h, w) of a body as a pinhole camera sees it: 0 beside it, else part + 1.
 
     Args:
-        model: the body.
         vertices_m: (V, 3) its skin in the world.
         camera: without distortion.
         cull_back: whether triangles that face away are left out.
@@ -109,8 +95,6 @@ class FigurePainter:
     The picture stays as recorded: the body is drawn with the lens's distortion.
 
     Attributes:
-        model: the body.
-        camera: as calibrated.
         scale: size of the working picture over that of the recorded one.
         ideal: the pinhole camera of the working picture.
         size: width and height of the working picture.
@@ -143,15 +127,12 @@ class FigurePainter:
     def paint(
         self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> Image:
-        """Draws one pose.
+        """Draws one pose, and returns the image.
 
         Args:
             image: (h, w, 3) uint8 BGR at the working size (see `resized`); changed in place.
             rotation: (P, 3, 3) world from part.
             origin: (P, 3) joints in the world, metres.
-
-        Returns:
-            The image.
         """
         parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
         left, top, width, height = cv2.boundingRect((parts > 0).view(np.uint8))

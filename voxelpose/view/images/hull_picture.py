@@ -38,7 +38,8 @@ def hull_picture(
     azimuths_deg: tuple[float, ...] = (-90, -30, 30, 90),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
-    """Pictures of the hull's surface from several sides, side by side; needs no screen.
+    """Pictures (720, 480 * number of sides, 3) uint8, BGR, of the hull's surface from several
+    sides, side by side; needs no screen.
 
     Args:
         grid: position and size of the voxels.
@@ -47,9 +48,6 @@ def hull_picture(
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
-
-    Returns:
-        (720, 480 * number of sides, 3) uint8, BGR.
     """
     vertices, faces = surface(*grid.cropped(occupancy))
     box = box_m or (vertices.min(axis=0), vertices.max(axis=0))
@@ -66,7 +64,8 @@ def shaded_view(
     azimuth_deg: float,
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
-    """Picture of a surface from one side, lit from above the viewer's shoulder.
+    """Picture (height, width, 3) uint8, BGR, of a surface from one side, lit from above the
+    viewer's shoulder.
 
     Args:
         skin: vertices (V, 3) float64, m, and faces (F, 3) int, outward oriented.
@@ -74,9 +73,6 @@ def shaded_view(
         skeleton: drawn over the surface.
         azimuth_deg: position of the viewer, see `hull_picture`.
         size: width and height, pixels.
-
-    Returns:
-        (height, width, 3) uint8, BGR.
     """
     (vertices, faces), (low, high), (width, height) = skin, box_m, size
     angle = np.radians(azimuth_deg)
@@ -102,10 +98,7 @@ def shaded_view(
 
 
 def show_hull(
-    grid: VoxelGrid,
-    occupancy: NDArray[np.bool_],
-    skeleton: Skeleton | None,
-    title: str,
+    grid: VoxelGrid, occupancy: NDArray[np.bool_], skeleton: Skeleton | None, title: str
 ) -> None:
     """Opens a window with the hull's surface and the skeleton; returns when it is closed.
 
@@ -113,7 +106,6 @@ def show_hull(
         grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, not empty.
         skeleton: drawn as lines inside the surface.
-        title: of the window.
 
     Raises:
         InputError: open3d cannot be imported, or there is no screen.

@@ -1,7 +1,5 @@
 """Pictures and videos of hull and skeleton; they need no screen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +23,8 @@ def skeleton_of(scene: Scene) -> Skeleton | None:
 
 
 def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
-    """Writes hull and skeleton of one frame, from four sides, as PNG.
-
-    Returns:
-        The hull's volume, litres.
+    """Writes hull and skeleton of one frame, from four sides, as PNG; returns the hull's volume,
+    litres.
 
     Raises:
         InputError: there is no hull to show, or the file cannot be written.
@@ -42,10 +38,8 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
-    """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM.
-
-    Returns:
-        The number of frames written: those without a hull are left out.
+    """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM;
+    returns the number of frames written: those without a hull are left out.
 
     Raises:
         InputError: there is nothing to show, or the file cannot be written.

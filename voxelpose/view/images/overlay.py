@@ -1,7 +1,5 @@
 """Overlays and contact sheet: the fitted body over the pictures it was fitted to."""
 
-from __future__ import annotations
-
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain
@@ -37,7 +35,6 @@ def draw_pictures(
         motion: the poses; frames without one are shown unchanged and marked.
         folder: where the files go.
         title: first line of the contact sheet.
-        reporter: notified of every time step.
 
     Raises:
         OSError: a video could not be written, for example because the disk is full.

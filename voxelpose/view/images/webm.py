@@ -1,7 +1,5 @@
 """Videos that browsers play: VP9 in WebM, encoded by FFmpeg in a process of its own."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 from collections.abc import Generator, Sequence
@@ -26,9 +24,6 @@ class WebmWriter:
         path: the file, replaced if it exists.
         fps: frames per second.
         size: width and height, px.
-
-    Attributes:
-        frames: number of frames written.
 
     Raises:
         InputError: there is no FFmpeg for this machine.

@@ -4,8 +4,6 @@ A connection carries one request: a page's file, JSON that a page sends where it
 to a WebSocket and all that follows. Those that may pass go to who answers them.
 """
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import socket

@@ -67,7 +67,6 @@ class GateRequest:
 
     Attributes:
         head: as it came.
-        method: such as "GET".
         target: path and query.
         headers: value by name in small letters; cookies are joined.
     """

@@ -1,7 +1,5 @@
 """viser's server behind the page's gate."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 from asyncio import StreamReader, StreamWriter

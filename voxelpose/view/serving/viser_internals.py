@@ -4,8 +4,6 @@ viser has no access control, and its public setters of a bone compare and check 
 for a whole figure costs ten times the sending.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container
 
 import numpy as np

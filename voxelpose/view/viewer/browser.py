@@ -3,8 +3,6 @@
 Callbacks only record the choice; one thread draws it.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace
@@ -26,8 +24,6 @@ class Browser:
 
     Attributes:
         scenes: what is shown.
-        choice: the user's choice.
-        server: viser's server.
     """
 
     def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
@@ -65,13 +61,8 @@ class Browser:
             self.step(0.5)
 
     def step(self, timeout_s: float) -> bool:
-        """Waits for a new choice, or for the next frame while playing, and draws it.
-
-        Args:
-            timeout_s: longest wait for a new choice, seconds.
-
-        Returns:
-            Whether anything was drawn.
+        """Waits for a new choice, at most so many seconds, or for the next frame while playing;
+        returns whether anything was drawn.
         """
         if self._play.value:
             self._advance()

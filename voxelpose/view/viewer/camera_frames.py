@@ -1,7 +1,5 @@
 """Pictures and silhouettes of single frames of a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal

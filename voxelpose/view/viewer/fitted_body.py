@@ -1,7 +1,5 @@
 """The fitted body of a result at any frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +15,6 @@ class FittedBody:
     """Skin, skeleton and volume of a motion's body.
 
     Attributes:
-        motion: the poses.
         volume: the body filled with points.
     """
 

@@ -1,7 +1,5 @@
 """Hulls of a result's frames, carved as the fit carved them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +27,6 @@ class HullCarver:
 
     Attributes:
         views: the cameras.
-        voxel_size_m: of the hull.
         rule: which voxels may belong to a body.
         fitted: the body; None where there is none.
     """

@@ -1,7 +1,5 @@
 """Colours and texts of the viewer."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -34,14 +32,12 @@ class ResultScenes:
     """Scenes of a result, or of a recording alone.
 
     Attributes:
-        title: what is shown.
         rig: the cameras, as calibrated.
         frames: (T,) int64, the numbers of all frames.
         fps: frames per second of the recording.
         motion: the poses; None for a recording alone.
         recording: None where it is missing.
         missing: why the recording is missing; else empty.
-        voxel_size_m: of the hull.
     """
 
     def __init__(
@@ -217,13 +213,6 @@ def _open_recording(
     Its own frame rate is used where there is one that agrees with the fit's, else the fit's, else a
     default. A fit has its cameras in metres already: there the unit of the recording's calibration
     does not matter.
-
-    Args:
-        folder: the recording.
-        frames: first frame and one past the last.
-        cameras: their names.
-        unit: of the calibration.
-        fps: frames per second of the fit; None where there is none.
     """
     failure = None
     for tried_unit in (unit, "m") if unit is None and fps is not None else (unit,):

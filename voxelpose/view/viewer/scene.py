@@ -1,7 +1,5 @@
 """Contents of one frame of a result, before they are drawn."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +34,6 @@ class CarvedHull:
     """Hull of the body.
 
     Attributes:
-        grid: of the voxels.
         occupancy: (nx, ny, nz) bool.
         vertices_m: (V, 3) float64, vertices of its surface in the world.
         faces: (F, 3) int64, triangles of its surface.
@@ -82,7 +79,6 @@ class Scene:
     """Everything that one frame shows.
 
     Attributes:
-        frame: its number.
         time_s: its time, seconds.
         camera_frames: one per camera.
         hull: None without silhouettes of two cameras.

@@ -1,7 +1,5 @@
 """Drawing of scenes with viser: cameras, voxels, body, skeletons, movable areas."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -49,7 +47,6 @@ class Choice:
 
     Attributes:
         row: of `ResultScenes.frames`.
-        pictures: what the cameras show.
         shown: names of `LAYERS`.
         part: name of the limb whose movable area is shown; None: none.
     """
@@ -67,7 +64,6 @@ class SceneRenderer:
         """Prepares.
 
         Args:
-            api: viser's scene.
             voxel_size_m: size of the points that represent voxels.
             model: the body; None where there is none.
         """
@@ -160,14 +156,8 @@ class SceneRenderer:
 
     def _points(self, name: str, points: NDArray[np.float64], colour: Colour, size: float) -> None:
         if len(points):
-            self._api.add_point_cloud(
-                f"/{name}",
-                points,
-                colour,
-                point_size=size,
-                precision="float32",
-                point_shape="rounded",
-            )
+            look: dict[str, Any] = {"precision": "float32", "point_shape": "rounded"}
+            self._api.add_point_cloud(f"/{name}", points, colour, point_size=size, **look)
         else:
             self._api.remove_by_name(f"/{name}")
 
@@ -178,7 +168,6 @@ def add_camera(
     """Draws a camera where it stands, with its name.
 
     Args:
-        scene: viser's scene.
         camera: of the rig.
         look: further arguments of viser's frustum.
     """
