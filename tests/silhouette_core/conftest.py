@@ -15,6 +15,6 @@ def learned_proposal():
     motions = keypose_motions(body())
     training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
     settings = LearningSettings(
-        frames=12_000, takes=30, passes=20, encoding=replace(training, steps=200), training=training
+        frames=12_000, takes=30, passes=20, encoding=replace(training, steps=400), training=training
     )
     return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)
