@@ -4,7 +4,6 @@ python examples/04_track.py [OUT] writes OUT/track, a result folder, and OUT/04_
 """
 
 import shutil
-from dataclasses import replace
 
 from common import out_folder, recording_folder
 
@@ -28,11 +27,7 @@ if not library.exists():
     settings = LibrarySettings(poses=3000)
     training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
     short = LearningSettings(
-        frames=8000,
-        takes=20,
-        passes=20,
-        encoding=replace(training, steps=200),
-        training=training,
+        frames=12_000, takes=30, passes=20, encoding=training, training=training
     )
     make_library(keypose_motions(model), model, library, settings, learning=short)
 
