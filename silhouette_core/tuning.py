@@ -168,6 +168,12 @@ class Cut:
     """1. How often a pixel lies in a shadow."""
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
+    segmenter: float = 3.0
+    """Nats. Largest log odds of a pixel by a segmenter. With 5, woman_white's least IoU is 0.82
+    instead of 0.95."""
+    segmented: float = 0.01
+    """1. Of the picture: a segmenter that is sure of fewer pixels overlooks who is there. Without
+    it, le2i_c2's IoU is 0.39 instead of 0.64."""
 
 
 @dataclass(frozen=True)
