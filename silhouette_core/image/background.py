@@ -22,6 +22,7 @@ from silhouette_core.image.exposure import aligned
 from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
+from silhouette_core.image.segmenter import Segmenter, person_odds
 from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
@@ -113,7 +114,10 @@ class BackgroundModel:
 
     @classmethod
     def from_occupied(
-        cls, frames: Iterable[np.ndarray], method: Method = "refined"
+        cls,
+        frames: Iterable[np.ndarray],
+        method: Method = "refined",
+        segmenter: Segmenter | None = None,
     ) -> "BackgroundModel":
         """Background from frames in which a person is always somewhere; see `EmptyScene`.
 
@@ -121,6 +125,7 @@ class BackgroundModel:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
                 40 over the recording.
             method: see `Method`.
+            segmenter: tells where people are, in these frames and in those that are looked at.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -132,7 +137,11 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        scene = EmptyScene.from_frames(np.stack(stack))
+        size = stack[0].shape[1::-1]
+        people = None
+        if segmenter is not None:
+            people = np.stack([person_odds(segmenter, one, size) > 0 for one in stack])
+        scene = EmptyScene.from_frames(np.stack(stack), people)
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
         statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
@@ -142,7 +151,7 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background)
+        model._colours = SceneColours.learned(scene.frames, model._background, segmenter)
         return model
 
     def silhouette(

@@ -19,6 +19,7 @@ from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
+from silhouette_core.image.segmenter import Segmenter, person_odds
 from silhouette_core.tuning import COLOURS, CUT
 
 _GAIN = np.ones(3, np.float32)
@@ -35,15 +36,22 @@ class SceneColours:
             of the colour of clothes looks alike everywhere, which is one coincidence.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
+        segmenter: tells where a person is, too; None: colours alone do.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
     background: Background
+    segmenter: Segmenter | None = None
 
     @classmethod
-    def learned(cls, frames: NDArray[np.uint8], background: Background) -> "SceneColours":
+    def learned(
+        cls,
+        frames: NDArray[np.uint8],
+        background: Background,
+        segmenter: Segmenter | None = None,
+    ) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background."""
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
@@ -52,25 +60,34 @@ class SceneColours:
         density = scene.density()
         others = EVEN if density is None else np.exp(density.log_density)
         any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
-        colours = cls(*any_colour, EVEN, reduced)
+        colours = cls(*any_colour, EVEN, reduced, segmenter)
+        evidence = [colours._evidence(frame) for frame in frames]
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
         guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
+        if segmenter is not None:
+            occupied = [np.asarray(odds) > 0 for odds in evidence]
         for turn in range(CUT.learned):
             person = PersonColours()
-            for frame, before in zip(small, occupied, strict=True):
-                person.add(frame, colours.cut(frame) | (before & (turn == 0)))
+            for frame, odds, before in zip(small, evidence, occupied, strict=True):
+                person.add(frame, colours.cut(frame, odds) | (before & (turn == 0)))
             density = person.density()
             if density is None:
                 break
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
             worn = np.where(typical, CUT.worn, 1)
-            colours = cls(density.log_density, worn.astype(np.float32), others, reduced)
+            worn = worn.astype(np.float32)
+            colours = cls(density.log_density, worn, others, reduced, segmenter)
         return colours
 
-    def cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size."""
+    def cut(
+        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+    ) -> NDArray[np.bool_]:
+        """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size, with
+        more that speaks for the person, (h, w) nats.
+        """
         back, odds = self.background, self._odds(frame)
+        odds = odds if evidence is None else odds + evidence
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
@@ -90,9 +107,16 @@ class SceneColours:
         foreground.look_up(frame, self.worn, SHIFT, weight)
         return np.where(odds < 0, odds * weight, odds)
 
+    def _evidence(self, frame: NDArray[np.uint8]) -> NDArray[np.float32] | None:
+        """What the segmenter says, (h, w) nats, of a frame (H, W, 3) uint8 of the full size."""
+        if self.segmenter is None:
+            return None
+        return person_odds(self.segmenter, frame, self.background.mean.shape[1::-1])
+
     def silhouette(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size."""
-        mask = self.cut(_resized(frame, self.background)).astype(np.float32)
+        small = _resized(frame, self.background)
+        mask = self.cut(small, self._evidence(frame)).astype(np.float32)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
 

@@ -52,8 +52,12 @@ class EmptyScene:
     frames: NDArray[np.uint8]
 
     @classmethod
-    def from_frames(cls, stack: NDArray[np.uint8]) -> "EmptyScene":
-        """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64."""
+    def from_frames(
+        cls, stack: NDArray[np.uint8], people: NDArray[np.bool_] | None = None
+    ) -> "EmptyScene":
+        """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64;
+        where they are known to show people, (T, H, W), they do not show the scene.
+        """
         stack = stack[:64]
         median = _median(stack)
         frames = np.stack([aligned(frame, median) for frame in stack])
@@ -62,7 +66,10 @@ class EmptyScene:
         size = max(round(width * factor), 1), max(round(height * factor), 1)
         small = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames]
         rows, columns = np.arange(height) * size[1] // height, np.arange(width) * size[0] // width
-        shown = _background_frames(np.stack(small).astype(np.float32))[np.ix_(rows, columns)]
+        samples, hidden = np.stack(small).astype(np.float32), np.zeros(size[::-1], np.uint64)
+        if people is not None:
+            samples, hidden = _without_people(samples, people[: len(stack)])
+        shown = (_background_frames(samples) & ~hidden)[np.ix_(rows, columns)]
         mean, variance = _moments(frames, shown)
         unseen = shown == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
@@ -81,6 +88,23 @@ def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
     median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
     medians.median_and_deviation(stack, median, deviation)
     return median
+
+
+def _without_people(
+    samples: NDArray[np.float32], people: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
+    """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, H, W);
+    and when each shows people, (h, w), bit t at moment t.
+    """
+    size, found = samples.shape[2:0:-1], people.astype(np.float32)
+    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in found]) > 0
+    scene = np.ma.median(np.ma.array(samples, mask=np.repeat(small[..., None], 3, 3)), axis=0)
+    known = ~np.ma.getmaskarray(scene)
+    bits = np.uint64(1) << np.arange(len(samples), dtype=np.uint64)
+    hidden = np.bitwise_or.reduce(np.where(small, bits[:, None, None], np.uint64(0)), axis=0)
+    filled = samples.copy()
+    np.copyto(filled, np.ma.getdata(scene), where=small[..., None] & known)
+    return filled, hidden
 
 
 def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:

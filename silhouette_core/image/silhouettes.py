@@ -20,6 +20,7 @@ from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.difference import Exposure
 from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
+from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -47,6 +48,7 @@ class Silhouettes:
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
+        segmenter: str | None = None,
     ) -> None:
         """Builds the background models of a recording.
 
@@ -57,13 +59,16 @@ class Silhouettes:
                 silhouettes, are scaled down; None keeps all sizes.
             ahead: Whether the recording's own frames may be read beforehand, which tell how dark
                 cast shadows are. Cameras without frames of the empty scene need them anyway.
+            segmenter: For these cameras, tells where people are: see `load_segmenter`. None:
+                nothing does.
 
         Raises:
-            InputError: A background cannot be read, or differs in size from its camera's image.
+            InputError: A background cannot be read, or differs in size from its camera's image;
+                the segmenter cannot be used.
         """
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
         self._given, self._refined = source.silhouettes_given, method == "refined"
-        self._size_px = long_side_px
+        self._size_px, self._segmenter = long_side_px, segmenter
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
@@ -83,8 +88,9 @@ class Silhouettes:
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         if self.without_background:
+            network = None if segmenter is None else load_segmenter(segmenter)
             for name, frames in self._samples(source).items():
-                self._models[name] = BackgroundModel.from_occupied(frames, method)
+                self._models[name] = BackgroundModel.from_occupied(frames, method, network)
         if ahead and method == "refined":
             self._measure_shadow(source)
 
@@ -117,12 +123,14 @@ class Silhouettes:
         return [self.unknown.get(name, np.zeros(size, np.bool_)) for name, size in sizes]
 
     def note(self, reporter: Reporter) -> None:
-        """Tells which cameras have no pictures of the empty scene."""
+        """Tells which cameras have no pictures of the empty scene, and of a segmenter not used."""
         if self.without_background:
             reporter.note(
                 f"no picture of the empty view for {', '.join(self.without_background)}: it is"
                 " estimated from the recording's own frames"
             )
+        elif self._segmenter is not None:
+            reporter.note("no empty view is missing: the segmenter is not used")
 
     def of(
         self, frames: Mapping[str, Frame], near: Mapping[str, Window] | None = None

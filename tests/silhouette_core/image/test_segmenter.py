@@ -1,4 +1,4 @@
-"""Segmentation networks of the user's own."""
+"""Segmentation networks of the user's own, and silhouettes with them."""
 
 from pathlib import Path
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.image.segmenter import GROUP, load_segmenter
+from silhouette_core.image.background import BackgroundModel
+from silhouette_core.image.segmenter import GROUP, NetworkSegmenter, load_segmenter
 from tests.networks import red_network
 
 RED, WALL = (20, 20, 230), (150, 140, 120)
@@ -90,3 +91,15 @@ def test_others_can_register_theirs(tmp_path, monkeypatch):
     np.testing.assert_array_equal(load_segmenter("red").probabilities(frame) > 0.5, mask)
     with pytest.raises(InputError, match=r"no segmenter is called 'green': .*red; or give"):
         load_segmenter("green")
+
+
+def test_who_never_moves_is_found_by_a_network_alone(network):
+    frame, mask = picture((240, 320))
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0, 2, (20, *frame.shape))
+    frames = np.rint(frame + noise).clip(0, 255).astype(np.uint8)
+    without = BackgroundModel.from_occupied(frames)
+    assert not without.silhouette(frames[3]).any()
+    model = BackgroundModel.from_occupied(frames, segmenter=NetworkSegmenter(network))
+    found = model.silhouette(frames[3])
+    assert (found & mask).sum() > 0.95 * (found | mask).sum()
