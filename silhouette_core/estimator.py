@@ -91,6 +91,8 @@ class Settings:
         sex: sex of the person, which decides the proportions.
         background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
             does against shadows and noise.
+        segmenter: network that tells where people are, of cameras without an empty view: see
+            `silhouette_core.image.segmenter.load_segmenter`. None: none does.
         up: direction of up in the world, three numbers; None: as the calibration states, else
             found from the cameras and the person.
         smooth: use later frames, and filter the finished motion (off-line, without lag).
@@ -105,6 +107,7 @@ class Settings:
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
     background: Literal["refined", "paper"] = "refined"
+    segmenter: str | None = None
     up: tuple[float, float, float] | None = None
     smooth: bool = True
     threads: int | None = None

@@ -16,6 +16,7 @@ from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Estimate, Settings, load_estimator
+from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import describe_conditioning, filter_warning
 from silhouette_core.motion.motion import Motion
@@ -82,6 +83,8 @@ def fit(
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     implementation = load_estimator(estimator)
     load_backend(settings.backend)  # refuses an unknown name before the work begins
+    if settings.segmenter is not None:
+        load_segmenter(settings.segmenter)
     for words in recording.notes:
         reporter.note(words)
     with writer as folder:

@@ -122,6 +122,7 @@ class _Settings(msgspec.Struct):
     chest_m: _Chest | None = None
     sex: _Sex = "unknown"
     background: Literal["refined", "paper"] = "refined"
+    segmenter: _Name = ""
     up: _Up | None = None
     smooth: bool = True
     threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None

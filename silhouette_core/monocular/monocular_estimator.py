@@ -129,7 +129,13 @@ class MonocularEstimator:
 def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) -> Silhouettes:
     """Silhouettes of the only camera; what is missing or marked is told in notes."""
     reporter.stage("background")
-    silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX, ahead=settings.smooth)
+    silhouettes = Silhouettes(
+        source,
+        settings.background,
+        LONG_SIDE_PX,
+        ahead=settings.smooth,
+        segmenter=settings.segmenter,
+    )
     silhouettes.note(reporter)
     if silhouettes.unknown:
         reporter.note("with one camera, what is marked as unknown counts as background")

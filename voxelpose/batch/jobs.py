@@ -27,6 +27,7 @@ _SETTINGS = {
     "chest": (float, "chest_m"),
     "sex": (str, "sex"),
     "background": (str, "background"),
+    "segmenter": (str, "segmenter"),
     "smooth": (bool, "smooth"),
     "filter": (str, "conditioning.filter"),
     "cutoff": (float, "conditioning.cutoff_hz"),

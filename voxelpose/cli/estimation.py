@@ -54,6 +54,9 @@ class EstimationArguments:
     gap_method: GapMethod = "linear"
     background: Literal["refined", "paper"] = "refined"
     """Silhouettes as in Okada and Stenger 5.1 (paper), or cleaned of shadows and noise."""
+    segmenter: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Network that tells where people are, .onnx or .tflite, or a registered name; for cameras
+    without an empty view. Default: none."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
     threads: Threads = None
@@ -81,6 +84,7 @@ class EstimationArguments:
             progress.note_compilation()
             progress.stage("opening")
             from silhouette_core.estimator import Settings
+            from silhouette_core.image.segmenter import resolved_segmenter
             from silhouette_core.motion.body_source import resolved_body
             from silhouette_core.motion.conditioning import Conditioning
             from voxelpose.fitting import Output, fit
@@ -91,6 +95,7 @@ class EstimationArguments:
                 chest_m=self.chest,
                 sex=self.sex,
                 background=self.background,
+                segmenter=self.segmenter and resolved_segmenter(self.segmenter),
                 smooth=self.smooth,
                 up=up_direction(self.up),
                 threads=self.threads,

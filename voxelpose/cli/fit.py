@@ -26,6 +26,7 @@ overlay videos and contact_sheet.png.
   voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
   voxelpose fit run --out run_fit --body walk_fit
   voxelpose fit run --out run_fit --body 92A5
+  voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
 """
 
     cameras: Cameras = None

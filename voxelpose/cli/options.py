@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from calib.errors import InputError, check_name
 
-_LOCATED = "body", "source"  # text that may name a file
+_LOCATED = "body", "segmenter", "source"  # text that may name a file
 _WORDS = {
     bool: "true or false",
     int: "a whole number",

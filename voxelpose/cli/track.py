@@ -28,6 +28,7 @@ that body's motion, or poses within the limits of its joints.
   voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
   voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
   voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
+  voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
   voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
 """
 

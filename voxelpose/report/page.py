@@ -52,6 +52,7 @@ _SETTINGS = {
     "chest_m": "chest girth as given, metres",
     "sex": "whose average proportions were the start",
     "background": "method of finding silhouettes",
+    "segmenter": "network that told where people are",
     "smooth": "whether later frames were used, and the motion filtered",
     "conditioning": "filter of the finished motion, and which gaps are filled",
     "threads": "processor threads",

@@ -130,6 +130,11 @@ def test_fit_writes_and_says_where(desk):
             ["track", "walk", "--camera", "cam_1", "--out", "x", "--backend", "abacus"],
             "no backend is called 'abacus': installed are cpu",
         ),
+        (["fit", "walk", "--out", "x", "--segmenter", "no.onnx"], "no.onnx cannot be read"),
+        (
+            ["track", "walk", "--camera", "cam_1", "--out", "x", "--segmenter", "me"],
+            "no segmenter is called 'me': installed are none; or give a network's file",
+        ),
         (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
         (

@@ -124,7 +124,9 @@ def prepare_silhouettes(
     sizes = [lens.pinhole.size for lens in lenses]
     with mask_stores(3, sizes, source.frame_count) as stores:
         reporter.stage("background")
-        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes = Silhouettes(
+            source, settings.background, LONG_SIDE_PX, segmenter=settings.segmenter
+        )
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
         pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.errors import InputError
+from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
 from voxelpose.recording.folder import Recording
@@ -29,6 +31,7 @@ class CameraFrames:
         recording: Recording,
         method: Literal["paper", "refined"],
         views: Mapping[str, UndistortedView],
+        segmenter: str | None = None,
     ) -> None:
         """Prepares; nothing is read before the first frame.
 
@@ -36,15 +39,22 @@ class CameraFrames:
             recording: the frames.
             method: of finding silhouettes.
             views: undistorted view of every camera by name.
+            segmenter: that told where people are; without it where it cannot be used any more.
         """
         self._recording = recording
         self._method: Literal["paper", "refined"] = method
-        self._views = views
+        self._views, self._segmenter = views, segmenter
         self._next, self._frames = 0, None
 
     @cached_property
     def _silhouettes(self) -> Silhouettes:
-        return Silhouettes(self._recording, self._method, LONG_SIDE_PX)
+        segmenter = self._segmenter
+        try:
+            if segmenter is not None:
+                load_segmenter(segmenter)
+        except InputError:
+            segmenter = None
+        return Silhouettes(self._recording, self._method, LONG_SIDE_PX, segmenter=segmenter)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:

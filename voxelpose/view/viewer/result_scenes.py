@@ -87,7 +87,10 @@ class ResultScenes:
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
         method = settings.get("background", "refined")
-        self._reader = CameraFrames(self.recording, method, views) if self.recording else None
+        self._reader = None
+        if self.recording:
+            segmenter = settings.get("segmenter")
+            self._reader = CameraFrames(self.recording, method, views, segmenter)
         self._cameras = tuple(view.pinhole for view in views.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
         unknown = self._reader.unknown if self._reader else None
