@@ -1,6 +1,7 @@
 """Silhouettes of real footage against outlines checked by hand.
 
-    python -m benchmarks.footage [FOLDER ...] [--background both|given|none] [--sheets DIR]
+    python -m benchmarks.footage [FOLDER ...] [--background both|given|none] [--segmenter FILE]
+        [--sheets DIR]
 
 Left out: the shared recordings (../shared/data, or $VOXELPOSE_SHARED/data) of which
 datasets/footage has outlines. Any folder that `fit` or `track` opens will do; without outlines ten
@@ -160,11 +161,13 @@ def variants(recording: Recording, background: str) -> Iterator[tuple[str, Recor
 
 
 def measure(
-    recording: Recording, checked: Mapping[str, Mapping[int, CheckedFrame]]
+    recording: Recording,
+    checked: Mapping[str, Mapping[int, CheckedFrame]],
+    segmenter: str | None = None,
 ) -> dict[str, Measured]:
     """Silhouettes of the checked frames, or of some, by camera name."""
     started = time.perf_counter()
-    silhouettes = Silhouettes(recording, "refined", LONG_SIDE_PX)
+    silhouettes = Silhouettes(recording, "refined", LONG_SIDE_PX, segmenter=segmenter)
     taken_s = time.perf_counter() - started
     spread = even_moments(recording.frame_count, _FRAMES, margin=0).tolist()
     numbers = {name: list(checked.get(name, spread)) for name in recording.rig.names}
@@ -240,13 +243,13 @@ def _nearest(
     return max(overlap(found & known, person & known) for person in people)
 
 
-def run(folder: Path, background: str, sheets: Path) -> None:
+def run(folder: Path, background: str, sheets: Path, segmenter: str | None = None) -> None:
     """Prints the lines of a recording, and writes its sheet."""
     checked, rows = read_checked(FOOTAGE / f"{folder.name}.json"), []
     with tempfile.TemporaryDirectory() as scratch:
         for recording in opened(usual_layout(folder, Path(scratch))):
             for kind, variant in variants(recording, background):
-                for camera, measured in measure(variant, checked).items():
+                for camera, measured in measure(variant, checked, segmenter).items():
                     print(measured.line(folder.name, camera, kind), flush=True)
                     rows.append(measured.tiles)
     write_sheet(rows, sheets / f"{folder.name}.png")
@@ -263,6 +266,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
     parser.add_argument("--background", choices=("both", "given", "none"), default="both")
+    parser.add_argument("--segmenter", metavar="FILE")
     parser.add_argument("--sheets", type=Path, default=ROOT / "out" / "footage", metavar="DIR")
     given = parser.parse_args(arguments)
     folders = [folder.absolute() for folder in given.folders] or shared_folders()
@@ -273,7 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed = 0
     for folder in folders:
         try:
-            run(folder, given.background, given.sheets)
+            run(folder, given.background, given.sheets, given.segmenter)
         except InputError as error:
             failed = 1
             print(f"{folder.name}: {error}", file=sys.stderr)
