@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.networks import red_network
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, run
 from voxelpose.demo.filming import make_recording
+from voxelpose.result_schema import load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
@@ -110,6 +112,15 @@ def test_fit_writes_and_says_where(desk):
     assert "fitted" in out and "motion.bvh" in out
     assert "standing about" in err
     assert left(desk) == ["fitted"]
+
+
+def test_the_settings_of_a_result_name_its_segmenter(desk):
+    (desk / "red.onnx").write_bytes(red_network())
+    words = "fit", "walk", "--out", "fitted", "--estimator", "standing", "--segmenter", "red.onnx"
+    returned, _, err = ended(start(desk, *words))
+    assert returned == 0, err
+    settings = load_settings(desk / "fitted" / "settings.toml")
+    assert settings["segmenter"] == str((desk / "red.onnx").resolve())
 
 
 @pytest.mark.parametrize(
