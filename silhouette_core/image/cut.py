@@ -64,7 +64,7 @@ class SceneColours:
         evidence = [colours._evidence(frame) for frame in frames]
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
         guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
-        occupied = [~reduced.known & (guess._odds(frame) > -CUT.unseen) for frame in small]
+        occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if segmenter is not None:
             occupied = [np.asarray(odds) > 0 for odds in evidence]
         for turn in range(CUT.learned):
@@ -75,8 +75,7 @@ class SceneColours:
             if density is None:
                 break
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
-            worn = np.where(typical, CUT.worn, 1)
-            worn = worn.astype(np.float32)
+            worn = np.where(typical, CUT.worn, 1).astype(np.float32)
             colours = cls(density.log_density, worn, others, reduced, segmenter)
         return colours
 

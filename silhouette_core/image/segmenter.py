@@ -162,7 +162,7 @@ def person_odds(
     found = segmenter.probabilities(frame)
     check_array("probabilities", found, frame.shape[:2], np.float32)
     found = cv2.resize(np.nan_to_num(found, nan=0.5), size, interpolation=cv2.INTER_AREA)
-    least = 1 / (1 + math.exp(CUT.segmenter))
+    least = 1 / (1 + math.exp(CUT.beside))
     found = np.asarray(found).clip(least, 1 - least)
     if (found >= 1 - least).mean() < CUT.segmented:
         return np.zeros_like(found)
