@@ -30,7 +30,6 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.monocular.making.default import LEARNING
 from silhouette_core.monocular.making.from_motion import make_library
 from silhouette_core.monocular.person import find_person
 from silhouette_core.monocular.silhouette_weights import relative_weights
@@ -127,7 +126,7 @@ def library_file() -> Path:
         print(f"making {_MADE} once, which takes some minutes ...", file=sys.stderr, flush=True)
         _MADE.parent.mkdir(parents=True, exist_ok=True)
         model = BodyModel.from_sizes(BodySizes(_STATURE_M))
-        make_library(keypose_motions(model), model, _MADE, _SETTINGS, learning=LEARNING)
+        make_library(keypose_motions(model), model, _MADE, _SETTINGS, learning=None)
     return _MADE
 
 

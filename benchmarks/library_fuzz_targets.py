@@ -95,7 +95,6 @@ def _evidence():
 
 def use_library(path: Path) -> None:
     """Reads a library and works with it as `track` does."""
-    from silhouette_core.monocular.tree.pose_library import require_body
     from silhouette_core.monocular.tree.store import read_library
     from silhouette_core.monocular.tree.summary import summary
     from silhouette_core.monocular.tree.transitions import transitions
@@ -103,7 +102,6 @@ def use_library(path: Path) -> None:
 
     library = read_library(path)
     summary(library, path)
-    require_body(library, library.model.sizes)
     library.pose(np.arange(min(len(library), 50)))
     library.render(np.arange(min(len(library), 2)))
     even = np.full(len(library), 1 / len(library))

@@ -26,7 +26,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings, load_estimator
-from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body, require_body
+from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.kinematics import landmarks
@@ -153,8 +153,11 @@ def _library(
             study.samples,
         )
     library = read_library(study.library)
-    made = library.model.sizes
-    require_body(library, BodySizes(stature_m, made.chest_girth_m, made.sex))
+    if abs(library.model.sizes.stature_m - stature_m) > 0.01:
+        raise InputError(
+            f"{study.library} was made for another body ({describe_body(library.model)}): build one"
+            f" with voxelpose library build --stature {stature_m:g}"
+        )
     return library
 
 

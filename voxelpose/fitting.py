@@ -185,8 +185,8 @@ def track(
     Args:
         recording: frames of one camera: `Recording.open(folder, cameras=["cam_1"])`.
         output: destination of the results.
-        settings: as for `fit`, with the options `library` (path of a pose library; by default one
-            that is made at first use), `start` ("facing" or "any") and `outline_only`.
+        settings: as for `fit`, with the options `library` (path of a pose library; by default
+            the program's own proposal is used), `start` ("facing" or "any") and `outline_only`.
         reporter: receiver of progress; None reports nothing.
 
     Returns:

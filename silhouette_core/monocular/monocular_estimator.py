@@ -26,7 +26,8 @@ from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
     PersonFinder,
     PoseStages,
-    library_for,
+    TrackedPerson,
+    person_for,
 )
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.hypothesis_store import COUNT, HypothesisStore
@@ -65,20 +66,20 @@ class MonocularEstimator:
                 " with --camera NAME"
             )
         set_threads(settings.threads)
-        known = body_of_track(options.body, options.library, reporter) or library_for(
+        known = body_of_track(options.body, options.library, reporter) or person_for(
             options, settings, reporter
         )
         frame = upright_frame(source.rig, settings, reporter)
         camera = frame.rig(source.rig).cameras[0]
         silhouettes = _silhouettes(source, settings, reporter)
         samples = (
-            _plausible_samples(source, silhouettes, isinstance(known, PoseLibrary))
+            _plausible_samples(source, silhouettes, isinstance(known, TrackedPerson))
             if settings.smooth or source.silhouettes_given
             else []
         )
-        library, root = (
+        tracked, root = (
             (known, None)
-            if isinstance(known, PoseLibrary)
+            if isinstance(known, TrackedPerson)
             else library_of_body(
                 known,
                 options.library,
@@ -90,13 +91,13 @@ class MonocularEstimator:
         reporter.stage("motion model")
         clock, hypotheses, interval_s = StageClock(), HypothesisStore(frame), 1 / source.fps
         coloured = (
-            library.model.person is not None
+            isinstance(tracked, TrackedPerson)
             and not source.silhouettes_given
             and not options.outline_only
         )
         absent: list[int] = []
-        stages = PoseStages(library, camera, settings, options, interval_s, clock, root)
-        joined = settings.smooth and library.model.person is not None
+        stages = PoseStages(tracked, camera, settings, options, interval_s, clock, root)
+        joined = settings.smooth and isinstance(tracked, TrackedPerson)
         joining = _joining(source, silhouettes, samples, reporter) if joined else None
         finder = PersonFinder(camera, coloured)
         frames = _noted(read_ahead(_people(source, silhouettes, joining, finder, clock)), stages)
@@ -117,7 +118,7 @@ class MonocularEstimator:
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
                 " that somebody moves before it"
             )
-        facts = _facts(library, options, settings, motion, absent) | {"colours": coloured}
+        facts = _facts(tracked, options, settings, motion, absent) | {"colours": coloured}
         return Estimate(
             motion.in_world(frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
@@ -287,16 +288,17 @@ def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
 
 
 def _facts(
-    library: PoseLibrary,
+    tracked: TrackedPerson | PoseLibrary,
     options: MonocularOptions,
     settings: Settings,
     motion: Motion,
     absent: list[int],
 ) -> dict[str, object]:
-    default = "default" if library.model.person else "sampled"
+    person = isinstance(tracked, TrackedPerson)
+    library = {"file": options.library or ("the program's proposal" if person else "sampled")}
     return {
         "stature_given": settings.stature_m is not None,
-        "library": {"file": options.library or default, "samples": len(library)},
+        "library": library if person else library | {"samples": len(tracked)},
         "frames_absent": absent,
         "frames_cut_by_the_border": motion.frames[motion.quality["cut"].astype(bool)].tolist(),
         "frames_lost": motion.frames[motion.quality["lost"].astype(bool)].tolist(),

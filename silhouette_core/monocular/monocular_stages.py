@@ -16,17 +16,17 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Frame, Settings
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.silhouettes import UndistortedView
-from silhouette_core.monocular.making.default import default_library
 from silhouette_core.monocular.occlusion import standing_areas, usual_areas
 from silhouette_core.monocular.person import Person, find_person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking.frame_proposal import Proposer
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
 from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
 from silhouette_core.monocular.tree.forward import ForwardFilter
-from silhouette_core.monocular.tree.pose_library import PoseLibrary, require_body
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tree.transitions import transitions
@@ -46,7 +46,7 @@ class MonocularOptions:
     """Options of this estimator only, checked.
 
     Attributes:
-        library: path of a pose library; empty: the default library.
+        library: path of a pose library, whose proposal is used; empty: that of the program.
         start: "facing" (the person mostly faces the camera in the first frame) or "any".
         outline_only: whether what lies inside the outline is left out.
         body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
@@ -98,27 +98,37 @@ class PersonFinder:
         return person
 
 
+@dataclass(frozen=True, eq=False)
+class TrackedPerson:
+    """A person to be tracked.
+
+    Attributes:
+        model: the body.
+        proposal: proposes its poses.
+    """
+
+    model: BodyModel
+    proposal: PoseProposal
+
+
 class PoseStages:
     """From a person to poses: what is kept of each frame, then its estimate.
 
     With later frames, both may run in a thread each, but take their frames in order.
 
     Args:
-        library: scaled to the person, or of the body that is tracked.
+        tracked: the person, or the library of another body.
         camera: that takes the frames.
         settings: of the estimation; `smooth` decides whether later frames are waited for.
         options: checked.
         interval_s: time between two frames.
         clock: times the stages.
         root: place of the root of a body that is no person's, if that stands still.
-
-    Raises:
-        InputError: the library of a person has no proposal.
     """
 
     def __init__(
         self,
-        library: PoseLibrary,
+        tracked: TrackedPerson | PoseLibrary,
         camera: Camera,
         settings: Settings,
         options: MonocularOptions,
@@ -128,12 +138,12 @@ class PoseStages:
     ):
         """Prepares the proposer and the trajectory."""
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
-        model, backend = library.model, load_backend(settings.backend)
-        if model.person is not None:
+        model, backend = tracked.model, load_backend(settings.backend)
+        if isinstance(tracked, TrackedPerson):
             tracking = TrackerSettings() if settings.smooth else TrackerSettings().coarser()
             areas = standing_areas(model)
             self.proposer: Proposer = ModeProposer(
-                _network(library, options),
+                tracked.proposal,
                 pinhole,
                 model,
                 () if options.body else _sexes(settings),
@@ -144,10 +154,10 @@ class PoseStages:
             )
         else:
             tracking = TrackerSettings.of_given_body(model.length_m)
-            areas = usual_areas(library.areas)
+            areas = usual_areas(tracked.areas)
             away = None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m))
-            steps = transitions(library, True, interval_s=interval_s)
-            tree = TreeFilter(library, steps, backend=backend)
+            steps = transitions(tracked, True, interval_s=interval_s)
+            tree = TreeFilter(tracked, steps, backend=backend)
             forward = ForwardFilter(tree, pinhole, False, "balanced", away, interval_s)
             self.proposer = SampleProposer(forward, root, tracking.different_m)
         tracker = HypothesisTracker(model, pinhole, areas, tracking, backend)
@@ -161,54 +171,41 @@ class PoseStages:
         return PendingFrame.of(number, time_s, person, note)
 
 
-def _network(library: PoseLibrary, options: MonocularOptions) -> PoseProposal:
+def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> TrackedPerson:
+    """The person as the settings describe them, and the proposal that the options choose.
+
+    Raises:
+        InputError: the library cannot be read or has no proposal, or there is no such body.
+    """
+    proposal, model = shipped_proposal(), None
+    if options.library:
+        library = read_library(Path(options.library))
+        proposal, model = _learned(library, options.library), library.model
+    if options.body:
+        return TrackedPerson(load_body(options.body), proposal)
+    stature, described = (
+        settings.stature_m,
+        settings.chest_m is not None or settings.sex != "unknown",
+    )
+    if model is not None and not described:
+        return TrackedPerson(model if stature is None else _scaled(model, stature), proposal)
+    if stature is None and model is None:
+        reporter.note(
+            f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
+            " lengths with it"
+        )
+    usual_m = MEASURING.usual_m if model is None else model.sizes.stature_m
+    sizes = BodySizes(stature or usual_m, settings.chest_m, settings.sex)
+    return TrackedPerson(BodyModel.from_sizes(sizes), proposal)
+
+
+def _learned(library: PoseLibrary, file: str) -> PoseProposal:
     if library.proposal is None:
         raise InputError(
-            f"{options.library}: the library has no proposal, without which a person is not"
-            " tracked: make it again with voxelpose library build"
+            f"{file}: the library has no proposal, without which a person is not tracked: make it"
+            " again with voxelpose library build"
         )
     return library.proposal
-
-
-def library_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> PoseLibrary:
-    """Library scaled to the person; its silhouettes are relative to the stature."""
-    if options.body:
-        return _library_of(load_body(options.body), options, settings, reporter)
-    stature = settings.stature_m
-    if not options.library:
-        if stature is None:
-            reporter.note(
-                f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
-                " lengths with it"
-            )
-        usual_m = MEASURING.usual_m
-        sizes = BodySizes(usual_m, _chest(settings, usual_m), settings.sex)
-        return _scaled(default_library(sizes, reporter), stature or usual_m)
-    library = read_library(Path(options.library))
-    sizes = library.model.sizes
-    if settings.sex != "unknown" or settings.chest_m is not None:
-        require_body(
-            library, BodySizes(sizes.stature_m, _chest(settings, sizes.stature_m), settings.sex)
-        )
-    if stature is None:
-        return library
-    if abs(sizes.stature_m - stature) > 0.01:
-        reporter.note(f"the library's body of {sizes.stature_m:.2f} m is scaled to {stature:.2f} m")
-    return _scaled(library, stature)
-
-
-def _library_of(
-    body: BodyModel, options: MonocularOptions, settings: Settings, reporter: Reporter
-) -> PoseLibrary:
-    """The library that is the nearest to a body, with that body."""
-    sizes = body.sizes
-    described = replace(
-        settings, stature_m=sizes.stature_m, chest_m=sizes.chest_girth_m, sex=sizes.sex
-    )
-    if options.library:  # its silhouettes are taken as they are, whatever body they show
-        described = replace(described, chest_m=None, sex="unknown")
-    library = library_for(replace(options, body=""), described, reporter)
-    return replace(library, model=body)
 
 
 def _sexes(settings: Settings) -> tuple[str, ...]:
@@ -216,22 +213,15 @@ def _sexes(settings: Settings) -> tuple[str, ...]:
     return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
 
 
-def _chest(settings: Settings, stature_m: float) -> float | None:
-    """Chest girth of a body of the same proportions and another stature."""
-    if settings.chest_m is None or settings.stature_m is None:
-        return settings.chest_m
-    return round(settings.chest_m * stature_m / settings.stature_m, 2)
-
-
-def _scaled(library: PoseLibrary, stature_m: float) -> PoseLibrary:
-    sizes = library.model.sizes
+def _scaled(model: BodyModel, stature_m: float) -> BodyModel:
+    """A person's body of the same proportions and another stature."""
+    sizes = model.sizes
     factor = stature_m / sizes.stature_m
     chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
-    scaled = replace(sizes, stature_m=stature_m, chest_girth_m=chest)
-    model = BodyModel.from_sizes(scaled)
-    if not np.allclose(BodyModel.from_sizes(sizes).shape, library.model.shape):
-        model = model.reshaped(library.model.shape)  # made for a body of its own
-    return replace(library, model=model)
+    scaled = BodyModel.from_sizes(replace(sizes, stature_m=stature_m, chest_girth_m=chest))
+    if np.allclose(BodyModel.from_sizes(sizes).shape, model.shape):
+        return scaled
+    return scaled.reshaped(model.shape)  # made for a body of its own
 
 
 def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:

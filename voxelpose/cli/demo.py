@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
+from calib.atomic import write_whole
 from calib.errors import InputError
 from voxelpose.cli.arguments import BodyName, Threads
 
@@ -21,7 +22,7 @@ class Demo:
 No data and no network are needed. The recording shows a mannequin, whose shape differs from the
 fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
 recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
-run compiles the program and makes a pose library, which takes most of its time.
+run compiles the program, which takes most of its time.
 With --body the mannequin has the stature and girths of that body, with which it is fitted.
 With --live a recording is played instead, again and again, as if cameras filmed it: the page in the
 browser shows what `voxelpose live` finds.
@@ -35,7 +36,7 @@ browser shows what `voxelpose live` finds.
     frames: Annotated[int, arg(metavar="N")] = 60
     """Number of frames, at 20 per second; the performance repeats after 60."""
     track: bool = True
-    """Estimate the motion from one camera as well; at the first run, a minute or two longer."""
+    """Estimate the motion from one camera as well, once that from four is shown."""
     live: bool = False
     """Show live estimation, with a recording of six seconds, made once in OUT/live, as cameras."""
     browser: bool = True
@@ -79,12 +80,6 @@ browser shows what `voxelpose live` finds.
             result = fit(recording, Output(folder / "result"), settings, reporter=progress)
             truth = folder / "recording" / TRUTH
             score = evaluate(folder / "result", truth)
-            if self.track:
-                one_camera = Recording.open(folder / "recording", cameras=[_TRACKED])
-                track(one_camera, Output(folder / "track"), settings, progress)
-                (folder / "score_track.json").write_text(
-                    as_json(asdict(evaluate(folder / "track", truth))), encoding="utf-8"
-                )
             summary = {"voxelpose": __version__, "demo": True, "seconds": result.summary["seconds"]}
             (folder / "summary.json").write_text(as_json(summary), encoding="utf-8")
             (folder / "score.json").write_text(as_json(asdict(score)), encoding="utf-8")
@@ -94,10 +89,14 @@ browser shows what `voxelpose live` finds.
         print(f"\nagainst the truth in {self.out / 'recording' / TRUTH}:")
         print_score(score)
         if self.track:
-            print(
-                f"\nfrom {_TRACKED} alone, with the silhouette tree: {self.out / 'track'}, with"
-                " scores in score_track.json"
-            )
+            print(f"\nnow from {_TRACKED} alone:", flush=True)
+            with Progress() as progress:
+                one_camera = Recording.open(self.out / "recording", cameras=[_TRACKED])
+                track(one_camera, Output(self.out / "track"), settings, progress)
+                score = evaluate(self.out / "track", self.out / "recording" / TRUTH)
+            write_whole(self.out / "score_track.json", as_json(asdict(score)).encode())
+            print_result(Result.open(self.out / "track"))
+            print_score(score)
         print(
             f"\nfor your own recording, make a folder like {self.out / 'recording'}, then run:"
             " voxelpose fit FOLDER --out OUT --stature 1.75"

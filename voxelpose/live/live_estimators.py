@@ -21,7 +21,7 @@ from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
     PersonFinder,
     PoseStages,
-    library_for,
+    person_for,
 )
 from silhouette_core.monocular.person import Person
 from silhouette_core.motion.dynamics import FPS
@@ -249,10 +249,10 @@ class MonocularSetup:
     pictures: bool
 
     def stages(self) -> PoseStages:
-        """Reads the library."""
-        library = library_for(self.options, self.settings, SilentReporter())
+        """Reads the proposal."""
+        person = person_for(self.options, self.settings, SilentReporter())
         camera, interval_s = self.rig.cameras[0], 1 / self.fps
-        return PoseStages(library, camera, self.settings, self.options, interval_s, _Untimed())
+        return PoseStages(person, camera, self.settings, self.options, interval_s, _Untimed())
 
 
 class LiveMonocular(EstimatorProcess):
@@ -263,8 +263,8 @@ class LiveMonocular(EstimatorProcess):
     """
 
     def __init__(self, setup: MonocularSetup, reporter: Reporter):
-        """Reads or makes the library, which may take minutes at the first use."""
-        library_for(setup.options, setup.settings, reporter)  # made here, where it is reported
+        """Checks what the setup names, and begins the process."""
+        person_for(setup.options, setup.settings, reporter)  # here, where it is reported
         coloured = setup.pictures and not setup.options.outline_only
         self._finder = PersonFinder(setup.rig.cameras[0], coloured)
         self._name = setup.rig.names[0]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
@@ -201,36 +200,10 @@ class PoseLibrary:
         return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
 
 
-def require_body(library: PoseLibrary, required: BodySizes) -> None:
-    """Checks that a library was made for a body.
-
-    Args:
-        library: the library.
-        required: measurements of the tracked body.
-
-    Raises:
-        InputError: another stature (by more than 1 cm), chest (by more than 2 cm) or sex.
-    """
-    made = library.model.sizes
-    chest = (made.chest_girth_m, required.chest_girth_m)
-    same_chest = chest[0] == chest[1] or (None not in chest and abs(chest[0] - chest[1]) <= 0.02)  # type: ignore[operator]
-    # An unknown sex takes the man's template.
-    same_surface = made.sex == required.sex or "female" not in (made.sex, required.sex)
-    if abs(made.stature_m - required.stature_m) > 0.01 or not same_chest or not same_surface:
-        raise InputError(
-            f"the library was made for another body ({_measures(made)}; wanted"
-            f" {_measures(required)}): build one with voxelpose library build --stature"
-            f" {required.stature_m:g}"
-        )
-
-
 def describe_body(model: BodyModel) -> str:
     """A body as text: a person's measurements, or its parts."""
-    if model.person is None:
+    sizes = model.person
+    if sizes is None:
         return f"{len(model.names)} parts, root {model.names[0]}, {model.extent_m:.2f} m"
-    return _measures(model.person)
-
-
-def _measures(sizes: BodySizes) -> str:
     chest = "usual" if sizes.chest_girth_m is None else f"{sizes.chest_girth_m:g} m"
     return f"stature {sizes.stature_m:g} m, chest {chest}, sex {sizes.sex}"

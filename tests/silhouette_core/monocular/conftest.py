@@ -25,14 +25,6 @@ def library():
 
 
 @pytest.fixture(scope="session")
-def library_file(library, learned_proposal, tmp_path_factory):
-    """With a proposal that has learned these movements."""
-    path = tmp_path_factory.mktemp("library") / "small.vplib"
-    write_library(replace(library, proposal=learned_proposal), path)
-    return path
-
-
-@pytest.fixture(scope="session")
 def quick_library_file(library, tmp_path_factory):
     """With a proposal that learned nothing, for what does not depend on it."""
     path = tmp_path_factory.mktemp("library") / "quick.vplib"

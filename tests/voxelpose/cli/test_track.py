@@ -95,14 +95,6 @@ def test_a_library_that_is_not_there(room, capsys):
     assert "cannot be read" in refused(room, capsys, "--camera", "cam_1", "--library", "site")
 
 
-def test_a_library_of_other_proportions(room, capsys):
-    line = refused(room, capsys, *TRACK, "--stature", "1.75", "--sex", "female")
-    assert "the library was made for another body" in line and "voxelpose library build" in line
-    line = refused(room, capsys, *TRACK, "--stature", "1.75", "--chest", "1.30")
-    assert "another body" in line
-    assert "another body" in refused(room, capsys, *TRACK, "--sex", "female")
-
-
 @pytest.mark.parametrize(
     ("words", "line"),
     [

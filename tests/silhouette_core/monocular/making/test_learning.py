@@ -32,6 +32,17 @@ STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
 TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)
 
 
+@pytest.fixture(scope="module")
+def learned_proposal():
+    """It has learned one performance of every movement."""
+    motions = keypose_motions(body())
+    training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
+    settings = LearningSettings(
+        frames=12_000, takes=30, passes=20, encoding=replace(training, steps=400), training=training
+    )
+    return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)
+
+
 class Stages(SilentReporter):
     def __init__(self):
         self.totals, self.counts = {}, {}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.monocular.person import Person, upright_distance
+from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking import mode_proposer
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.progress import StageClock
@@ -155,13 +156,13 @@ def test_frame_by_frame_the_newest_is_asked_for(monkeypatch):
 
 
 @pytest.mark.slow
-def test_who_crouches_at_first_is_not_far_away(learned_proposal):
+def test_who_crouches_at_first_is_not_far_away():
     """Half way down, a silhouette is as high as that of somebody who stands farther away."""
     camera, poses = camera_at((1.2, -3.8, 1.9)), poses_of(performed("squat"))
     pose = poses[19]
     crouching = Person(silhouette(body(), pose, camera), False)
     true_m = float(np.linalg.norm(pose.root_m - camera.center_m))
     assert upright_distance(camera, crouching.mask, STATURE_M) > 1.1 * true_m
-    proposer = ModeProposer(learned_proposal, camera, body(), (), False, True, StageClock())
+    proposer = ModeProposer(shipped_proposal(), camera, body(), (), False, True, StageClock())
     note = proposer.note(0, 0.0, crouching)
     assert note.view.window.distance_m == pytest.approx(true_m, rel=0.05)

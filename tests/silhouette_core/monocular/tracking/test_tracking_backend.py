@@ -12,13 +12,12 @@ from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films,
 
 
 @pytest.mark.slow
-def test_the_same_motion_by_a_backend_from_outside(library_file, tmp_path, monkeypatch):
+def test_the_same_motion_by_a_backend_from_outside(tmp_path, monkeypatch):
     camera = camera_at((1.0, -3.9, 1.4), size=(240, 180))
     source = SilhouetteSource(camera, films(performed("wave"), camera, range(0, 8, 4)), 10.0)
 
     def joints(backend):
-        options = {"library": str(library_file)}
-        settings = Settings(STATURE_M, backend=backend, options=options)
+        settings = Settings(STATURE_M, backend=backend)
         estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
         return estimate.motion.landmarks()
 

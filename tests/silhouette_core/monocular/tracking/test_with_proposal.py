@@ -1,6 +1,4 @@
-"""One camera with a learned proposal: each part of the estimate is worth something, on motion and a
-body that the library does not hold.
-"""
+"""One camera with the program's proposal: each part of the estimate is worth something."""
 
 import numpy as np
 import pytest
@@ -41,21 +39,21 @@ def landmarks_and_films(motion):
     return motion.landmarks()[list(rows)], films(motion, CAMERA, rows)
 
 
-def track(masks, library, smooth=True, sex="unknown"):
+def track(masks, smooth=True, sex="unknown"):
     settings = Settings(
         STATURE_M,
         sex=sex,
         smooth=smooth,
         threads=2,
-        options={"library": str(library), "start": "any"},
+        options={"start": "any"},
     )
     source = SilhouetteSource(CAMERA, masks, FPS)
     return MonocularEstimator().estimate(source, settings, SilentReporter())
 
 
 @pytest.fixture(scope="module")
-def tracked(filmed, library_file):
-    return track(filmed[1], library_file)
+def tracked(filmed):
+    return track(filmed[1])
 
 
 def root_mm(estimate, truth):
@@ -63,12 +61,12 @@ def root_mm(estimate, truth):
     return 1000 * np.linalg.norm((found - found[:, :1]) - (truth - truth[:, :1]), axis=-1).mean()
 
 
-def test_the_proposal_is_enough(performances, library_file):
+def test_the_proposal_is_enough(performances):
     """In four movements: with so short a training, one may be seen from behind."""
     errors = []
     for name in ("walk 2", "wave 2", "reach forward 2", "reach aside 2"):
         truth, masks = landmarks_and_films(performances[name])
-        errors.append(root_mm(track(masks, library_file), truth))
+        errors.append(root_mm(track(masks), truth))
     assert np.median(errors) < 70
 
 
@@ -78,17 +76,17 @@ def test_the_distance_is_found(tracked, filmed):
     assert np.median(apart) < 0.04 * np.linalg.norm(truth[0, 0] - CAMERA.center_m)
 
 
-def test_the_body_is_adapted(tracked, filmed, library_file, monkeypatch):
+def test_the_body_is_adapted(tracked, filmed, monkeypatch):
     stouter = [axis.name in ("trunk_width", "thigh_girth") for axis in SHAPE_AXES]
     assert tracked.motion.model.shape[stouter].mean() > 0.04
     monkeypatch.setattr(mode_proposer, "adapted_body", lambda model, *_: model)
-    usual = track(filmed[1], library_file)
+    usual = track(filmed[1])
     assert np.median(tracked.motion.quality["outline_agreement"]) > 0.01 + np.median(
         usual.motion.quality["outline_agreement"]
     )
 
 
-def test_frames_are_refined_together(tracked, filmed, library_file, monkeypatch):
+def test_frames_are_refined_together(tracked, filmed, monkeypatch):
     def jitter(estimate):
         return np.linalg.norm(np.diff(estimate.motion.landmarks(), 2, axis=0), axis=-1).mean()
 
@@ -99,7 +97,7 @@ def test_frames_are_refined_together(tracked, filmed, library_file, monkeypatch)
         return poses
 
     monkeypatch.setattr(trajectory, "fit_trajectory", unrefined)
-    assert jitter(tracked) < 0.8 * jitter(track(filmed[1], library_file))
+    assert jitter(tracked) < 0.8 * jitter(track(filmed[1]))
     assert floors == [True]  # who stands at z = 0 stands on the floor
 
 
@@ -113,9 +111,9 @@ def test_hypotheses_are_those_that_decide(tracked):
     assert np.median(near) < 0.05
 
 
-def test_nothing_later_is_read_without_smoothing(filmed, library_file):
+def test_nothing_later_is_read_without_smoothing(filmed):
     masks = filmed[1][:14]
-    whole, part = (track(some, library_file, smooth=False) for some in (masks, masks[:8]))
+    whole, part = (track(some, smooth=False) for some in (masks, masks[:8]))
     np.testing.assert_array_equal(whole.motion.angles_rad[:8], part.motion.angles_rad)
 
 
@@ -136,9 +134,7 @@ class PaintedSource(SilhouetteSource):
 
 
 @pytest.mark.parametrize("outline_only", [False, True])
-def test_colours_are_read_unless_the_outline_is_to_do(
-    outline_only, filmed, library_file, monkeypatch
-):
+def test_colours_are_read_unless_the_outline_is_to_do(outline_only, filmed, monkeypatch):
     learned, learn = [], ColourEvidence.learn
 
     def counted(self, people, *args):
@@ -153,9 +149,7 @@ def test_colours_are_read_unless_the_outline_is_to_do(
 
     monkeypatch.setattr(ColourEvidence, "learn", counted)
     monkeypatch.setattr(SkinEvidence, "cost", asking)
-    options = {
-        "library": str(library_file), "start": "any", "outline_only": outline_only,
-    }  # fmt: skip
+    options = {"start": "any", "outline_only": outline_only}
     settings = Settings(STATURE_M, threads=2, options=options)
     source = PaintedSource(CAMERA, filmed[1][:8], FPS, silhouettes_given=False)
     estimate = MonocularEstimator().estimate(source, settings, SilentReporter())

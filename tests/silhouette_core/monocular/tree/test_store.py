@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular.making.build import build_library
-from silhouette_core.monocular.tree.pose_library import require_body
 from silhouette_core.monocular.tree.store import is_library, read_library, write_library
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 
@@ -54,7 +52,7 @@ def test_what_is_read_is_what_was_written(made, path):
         )
     assert all((read.neighbours[name] == made.neighbours[name]).all() for name in made.neighbours)
     assert (read.model.vertices_m == made.model.vertices_m).all()
-    require_body(read, made.model.sizes)
+    assert read.model.sizes == made.model.sizes
     silhouettes = made.render(np.arange(len(made))).windows.any(axis=0)
     rows, columns = (np.flatnonzero(silhouettes.any(axis=axis)) for axis in (1, 0))
     assert read.bounds_px == (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
@@ -135,17 +133,3 @@ def test_a_library_without_poses_is_refused(made, path):
     write_library(replace(made, sample_base=none, sample_view=none.astype(np.int16)), path)
     with pytest.raises(InputError, match="holds no poses"):
         read_library(path)
-
-
-@pytest.mark.parametrize(
-    "sizes", [BodySizes(1.85), BodySizes(1.75, 1.1), BodySizes(1.75, None, "female")]
-)
-def test_another_body_is_refused(made, sizes):
-    with pytest.raises(
-        InputError, match=r"made for another body \(stature 1.75 m.*library build --stature"
-    ):
-        require_body(made, sizes)
-
-
-def test_the_same_body_said_otherwise_is_not(made):
-    assert require_body(made, BodySizes(1.752, None, "male")) is None
