@@ -260,6 +260,76 @@ def log_odds(
             out[row, column] = max(-most, min(most, person - np.log(background)))
 
 
+@kernel
+def _sharpen_row(
+    row,
+    planes,
+    mean,
+    least_light,
+    greatest_light,
+    band,
+    inside,
+    outside,
+    reach,
+    least_contrast,
+    mask,
+):
+    """One row of `sharpen`."""
+    height, width = mask.shape
+    stride = max(1, reach // 4)
+    first, last = width, -1
+    for column in range(width):
+        if band[row, column]:
+            first = min(first, column)
+            last = column
+    if last < 0:
+        return
+    left, right = max(first - reach, 0), min(last + reach + 1, width)
+    # Sums over the window's rows, for every column: inside and outside pixels, and the colours
+    # of the frame inside, of the frame outside, of the model outside.
+    sums = np.zeros((11, right - left), np.float32)
+    within = np.empty(right - left, np.float32)
+    beyond = np.empty(right - left, np.float32)
+    for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
+        for k in range(right - left):
+            within[k] = np.float32(inside[y, left + k])
+            beyond[k] = np.float32(outside[y, left + k]) * (np.float32(1.0) - within[k])
+            sums[0, k] += within[k]
+            sums[1, k] += beyond[k]
+        for channel in range(3):
+            for k in range(right - left):
+                value = np.float32(planes[channel, y, left + k])
+                sums[2 + channel, k] += within[k] * value
+                sums[5 + channel, k] += beyond[k] * value
+                sums[8 + channel, k] += beyond[k] * mean[channel, y, left + k]
+    window = np.empty(11, np.float32)
+    for column in range(first, last + 1):
+        if not band[row, column]:
+            continue
+        window[:] = 0
+        for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
+            for k in range(11):
+                window[k] += sums[k, x - left]
+        if window[0] < 3 or window[1] < 3:
+            continue
+        fraction = np.float32(0.0)
+        contrast = np.float32(0.0)
+        for channel in range(3):
+            light = min(
+                max(
+                    window[5 + channel] / max(window[8 + channel], np.float32(1e-3)),
+                    least_light[channel],
+                ),
+                greatest_light[channel],
+            )
+            background = mean[channel, row, column] * light
+            axis = window[2 + channel] / window[0] - background
+            fraction += (np.float32(planes[channel, row, column]) - background) * axis
+            contrast += axis * axis
+        if contrast > least_contrast * least_contrast:
+            mask[row, column] = fraction > np.float32(0.5) * contrast
+
+
 @parallel_kernel
 def sharpen(
     planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
@@ -270,57 +340,17 @@ def sharpen(
     times the gain that light and shadow have on the window's outside pixels. Pixels with too few
     of either, or too little contrast, keep their label. Frame and mean are (3, H, W).
     """
-    height, width = mask.shape
-    stride = max(1, reach // 4)
-    for row in prange(height):
-        first, last = width, -1
-        for column in range(width):
-            if band[row, column]:
-                first = min(first, column)
-                last = column
-        if last < 0:
-            continue
-        left, right = max(first - reach, 0), min(last + reach + 1, width)
-        # Sums over the window's rows, for every column: inside and outside pixels, and the colours
-        # of the frame inside, of the frame outside, of the model outside.
-        sums = np.zeros((11, right - left), np.float32)
-        within = np.empty(right - left, np.float32)
-        beyond = np.empty(right - left, np.float32)
-        for y in range(max(row - reach, 0), min(row + reach + 1, height), stride):
-            for k in range(right - left):
-                within[k] = np.float32(inside[y, left + k])
-                beyond[k] = np.float32(outside[y, left + k]) * (np.float32(1.0) - within[k])
-                sums[0, k] += within[k]
-                sums[1, k] += beyond[k]
-            for channel in range(3):
-                for k in range(right - left):
-                    value = np.float32(planes[channel, y, left + k])
-                    sums[2 + channel, k] += within[k] * value
-                    sums[5 + channel, k] += beyond[k] * value
-                    sums[8 + channel, k] += beyond[k] * mean[channel, y, left + k]
-        window = np.empty(11, np.float32)
-        for column in range(first, last + 1):
-            if not band[row, column]:
-                continue
-            window[:] = 0
-            for x in range(max(column - reach, 0), min(column + reach + 1, width), stride):
-                for k in range(11):
-                    window[k] += sums[k, x - left]
-            if window[0] < 3 or window[1] < 3:
-                continue
-            fraction = np.float32(0.0)
-            contrast = np.float32(0.0)
-            for channel in range(3):
-                light = min(
-                    max(
-                        window[5 + channel] / max(window[8 + channel], np.float32(1e-3)),
-                        least_light[channel],
-                    ),
-                    greatest_light[channel],
-                )
-                background = mean[channel, row, column] * light
-                axis = window[2 + channel] / window[0] - background
-                fraction += (np.float32(planes[channel, row, column]) - background) * axis
-                contrast += axis * axis
-            if contrast > least_contrast * least_contrast:
-                mask[row, column] = fraction > np.float32(0.5) * contrast
+    for row in prange(mask.shape[0]):
+        _sharpen_row(
+            np.int64(row),  # prange counts in uint64, which would be compiled as well
+            planes,
+            mean,
+            least_light,
+            greatest_light,
+            band,
+            inside,
+            outside,
+            reach,
+            least_contrast,
+            mask,
+        )

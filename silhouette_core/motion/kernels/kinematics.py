@@ -58,7 +58,8 @@ def place_parts_and_axes(
     for p in range(parents.shape[0]):
         parent = parents[p]
         if parent < 0:
-            part_origin[p] = root
+            for i in range(3):  # an assignment of arrays compiles for seconds
+                part_origin[p, i] = root[i]
             base = root_rotation
         else:
             base = part_rotation[parent]
@@ -68,7 +69,7 @@ def place_parts_and_axes(
                     position += base[i, j] * (joints[p, j] - joints[parent, j])
                 part_origin[p, i] = position
         first = k
-        vector[:] = 0.0
+        vector[0], vector[1], vector[2] = 0.0, 0.0, 0.0
         while k < dof_part.shape[0] and dof_part[k] == p:
             for i in range(3):
                 vector[i] += angles[k] * dof_axis[k, i]
@@ -142,8 +143,10 @@ def place_one_part(
         place_parts(
             parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], rotation, origin
         )
-        rotations[k] = rotation[part]
-        origins[k] = origin[part]
+        for i in range(3):
+            origins[k, i] = origin[part, i]
+            for j in range(3):
+                rotations[k, i, j] = rotation[part, i, j]
 
 
 @kernel

@@ -278,6 +278,14 @@ def _add_residual(v, n, weight, gap, body, part_rotation, part_origin, wrench, m
 
 
 @kernel
+def _add_block(total, block):
+    """Adds a block (6, 6) to a total."""
+    for a in range(6):
+        for b in range(6):
+            total[a, b] += block[a, b]
+
+
+@kernel
 def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradient):
     """Adds to matrix (n, n) and gradient (n,) what residuals gave to moments and forces.
 
@@ -295,14 +303,15 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
                 continue
             for s in range(parts + 1):
                 if s == parts or descends[s, k]:
-                    composite[s, m] += block
+                    _add_block(composite[s, m], block)
                     met[s, m] = True
                 if k != m and (s == parts or descends[s, m]):
-                    composite[s, k] += block.T
+                    _add_block(composite[s, k].T, block)
                     met[s, k] = True
         for s in range(parts + 1):
             if s == parts or descends[s, k]:
-                force[s] += forces[k]
+                for a in range(6):
+                    force[s, a] += forces[k, a]
     o = part_origin[0]
     for a in range(3):
         twist[a, a] = 1.0
@@ -314,7 +323,7 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
         o, a, t = part_origin[dof_part[d]], world_axis[d], twist[6 + d]
         t[0], t[1] = o[1] * a[2] - o[2] * a[1], o[2] * a[0] - o[0] * a[2]
         t[2] = o[0] * a[1] - o[1] * a[0]
-        t[3:] = a
+        t[3], t[4], t[5] = a[0], a[1], a[2]
     moved, response = np.empty((parts, 6)), np.empty((parts + 1, 6))
     for d in range(size):
         s, t = dof_part[d - 6] if d >= 6 else parts, twist[d]
@@ -341,6 +350,34 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
             matrix[d, e] += total
 
 
+@kernel
+def _add_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
+    """`add_silhouette_terms` of one pose."""
+    matched, gap, normal = contour
+    away, toward = outside
+    rotation, origin, axis = placed
+    parts, wrench = rotation.shape[0], np.empty((4, 6))
+    moments, forces = np.zeros((parts, parts, 6, 6)), np.zeros((parts, 6))
+    for i in range(matched.shape[0]):
+        v = matched[i]
+        if v < 0:
+            continue
+        r = gap[i]
+        w = weights[1] / (1 + (r / weights[0]) ** 2) ** 2
+        _add_residual(v, normal[i], w, r, body, rotation, origin, wrench, moments, forces)
+    for c in range(away.shape[0]):
+        for v in range(away.shape[1]):
+            r = away[c, v]
+            if r <= 0.0:
+                continue
+            w = weights[2] / (1 + (r / outside_m) ** 2) ** 2
+            _add_residual(v, toward[c, v], w, r, body, rotation, origin, wrench, moments, forces)
+    _add_moments(moments, forces, body, origin, axis, matrix, gradient)
+    for a in range(matrix.shape[0]):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+
+
 @parallel_kernel
 def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
     """Adds J^T W J to matrix (K, n, n) and J^T W r to gradient (K, n) of K poses: contours as
@@ -358,33 +395,11 @@ def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, mat
     matched, gap, normal = contour
     away, toward = outside
     rotations, origins, axes = placed
-    parts = rotations.shape[1]
     for k in prange(matched.shape[0]):
-        if weights[k, 1] == 0.0:
-            continue
-        wrench = np.empty((4, 6))
-        moments, forces = np.zeros((parts, parts, 6, 6)), np.zeros((parts, 6))
-        for i in range(matched.shape[1]):
-            v = matched[k, i]
-            if v < 0:
-                continue
-            r = gap[k, i]
-            w = weights[k, 1] / (1 + (r / weights[k, 0]) ** 2) ** 2
-            _add_residual(
-                v, normal[i], w, r, body, rotations[k], origins[k], wrench, moments, forces
-            )
-        for c in range(away.shape[1]):
-            for v in range(away.shape[2]):
-                r = away[k, c, v]
-                if r <= 0.0:
-                    continue
-                w = weights[k, 2] / (1 + (r / outside_m) ** 2) ** 2
-                n = toward[k, c, v]
-                _add_residual(v, n, w, r, body, rotations[k], origins[k], wrench, moments, forces)
-        _add_moments(moments, forces, body, origins[k], axes[k], matrix[k], gradient[k])
-        for a in range(matrix.shape[1]):
-            for b in range(a):
-                matrix[k, b, a] = matrix[k, a, b]
+        if weights[k, 1] != 0.0:
+            own, beyond = (matched[k], gap[k], normal), (away[k], toward[k])
+            at = rotations[k], origins[k], axes[k]
+            _add_terms(own, beyond, weights[k], outside_m, body, at, matrix[k], gradient[k])
 
 
 @kernel

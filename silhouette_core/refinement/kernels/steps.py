@@ -148,6 +148,32 @@ def _add_weighed(rows, precision, weight, error, columns, weighed, matrix, gradi
             matrix[first, c] += w[0] * rows[0, c] + w[1] * rows[1, c] + w[2] * rows[2, c]
 
 
+@kernel
+def _add_landmarks(body, placed, prior, pelvis, freedom, matrix, gradient):
+    """`add_landmark_terms` of one pose."""
+    part, local, descends, dof_part = body
+    rotation, origin, axis = placed
+    relative, precision = prior
+    size = matrix.shape[0]
+    place, rows = np.empty((part.shape[0], 3)), np.empty((part.shape[0], 3, size))
+    columns, weighed, error = np.empty(size, np.int64), np.empty((size, 3)), np.empty(3)
+    _landmark_rows(part, local, descends, dof_part, rotation, origin, axis, place, rows)
+    for m in range(1, part.shape[0]):
+        square = 0.0
+        for a in range(3):
+            error[a] = place[m, a] - place[0, a] - relative[m, a]
+            for j in range(size):
+                rows[m, a, j] -= rows[0, a, j]
+        for a in range(3):
+            for b in range(3):
+                square += error[a] * precision[m, a, b] * error[b]
+        weight = (freedom + 3.0) / (freedom + square)
+        _add_weighed(rows[m], precision[m], weight, error, columns, weighed, matrix, gradient)
+    for a in range(3):
+        error[a] = place[0, a] - pelvis[0][a]
+    _add_weighed(rows[0], pelvis[1], 1.0, error, columns, weighed, matrix, gradient)
+
+
 @parallel_kernel
 def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
     """Adds priors of the L landmarks of K poses to matrix (K, n, n) and gradient (K, n).
@@ -158,36 +184,13 @@ def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
     inverse squared scales (K, L, 3, 3), of a Student's t of that many degrees of freedom; the mean
     (K, 3) and the inverse covariance (K, 3, 3) of landmark 0.
     """
-    part, local, descends, dof_part = body
     rotations, origins, axes = placed
     given, relative, precision, pelvis, pelvis_precision = prior
-    size = matrix.shape[1]
     for k in prange(given.shape[0]):
-        if not given[k]:
-            continue
-        place, rows = np.empty((part.shape[0], 3)), np.empty((part.shape[0], 3, size))
-        columns, weighed, error = np.empty(size, np.int64), np.empty((size, 3)), np.empty(3)
-        _landmark_rows(
-            part, local, descends, dof_part, rotations[k], origins[k], axes[k], place, rows
-        )
-        for m in range(1, part.shape[0]):
-            square = 0.0
-            for a in range(3):
-                error[a] = place[m, a] - place[0, a] - relative[k, m, a]
-                for j in range(size):
-                    rows[m, a, j] -= rows[0, a, j]
-            for a in range(3):
-                for b in range(3):
-                    square += error[a] * precision[k, m, a, b] * error[b]
-            weight = (freedom + 3.0) / (freedom + square)
-            _add_weighed(
-                rows[m], precision[k, m], weight, error, columns, weighed, matrix[k], gradient[k]
-            )
-        for a in range(3):
-            error[a] = place[0, a] - pelvis[k, a]
-        _add_weighed(
-            rows[0], pelvis_precision[k], 1.0, error, columns, weighed, matrix[k], gradient[k]
-        )
+        if given[k]:
+            at, own = (rotations[k], origins[k], axes[k]), (relative[k], precision[k])
+            mean = pelvis[k], pelvis_precision[k]
+            _add_landmarks(body, at, own, mean, freedom, matrix[k], gradient[k])
 
 
 @kernel
@@ -210,6 +213,41 @@ def _solve(matrix, vector, count):
         vector[i] = total / row[i]
 
 
+@kernel
+def _bounded_step(matrix, gradient, free, low, high, step):
+    """`bounded_steps` of one quadratic."""
+    count = free.shape[0]
+    moving, part, solved = free.copy(), np.empty((count, count)), np.empty(count)
+    for d in range(step.shape[0]):
+        step[d] = 0.0
+    while count:
+        for i in range(count):
+            row = matrix[moving[i]]
+            total = gradient[moving[i]]
+            for j in range(row.shape[0]):
+                total += row[j] * step[j]
+            solved[i] = -total
+            for j in range(i, count):
+                part[i, j] = row[moving[j]]
+            part[i, i] += 1e-6
+        _solve(part, solved, count)
+        left = 0
+        for i in range(count):
+            m = moving[i]
+            if solved[i] < low[m]:
+                step[m] = low[m]
+            elif solved[i] > high[m]:
+                step[m] = high[m]
+            else:
+                moving[left], solved[left] = m, solved[i]
+                left += 1
+        if left == count:
+            for i in range(count):
+                step[moving[i]] = solved[i]
+            break
+        count = left
+
+
 @parallel_kernel
 def bounded_steps(matrix, gradient, free, low, high, steps):
     """Fills steps (K, n), which minimise the quadratics of matrix (K, n, n) and gradient (K, n)
@@ -218,35 +256,7 @@ def bounded_steps(matrix, gradient, free, low, high, steps):
     Unknowns are fixed at the bounds that they violate, until none does.
     """
     for k in prange(matrix.shape[0]):
-        count = free.shape[0]
-        moving, part, solved = free.copy(), np.empty((count, count)), np.empty(count)
-        steps[k] = 0.0
-        while count:
-            for i in range(count):
-                row = matrix[k, moving[i]]
-                total = gradient[k, moving[i]]
-                for j in range(row.shape[0]):
-                    total += row[j] * steps[k, j]
-                solved[i] = -total
-                for j in range(i, count):
-                    part[i, j] = row[moving[j]]
-                part[i, i] += 1e-6
-            _solve(part, solved, count)
-            left = 0
-            for i in range(count):
-                m = moving[i]
-                if solved[i] < low[k, m]:
-                    steps[k, m] = low[k, m]
-                elif solved[i] > high[k, m]:
-                    steps[k, m] = high[k, m]
-                else:
-                    moving[left], solved[left] = m, solved[i]
-                    left += 1
-            if left == count:
-                for i in range(count):
-                    steps[k, moving[i]] = solved[i]
-                break
-            count = left
+        _bounded_step(matrix[k], gradient[k], free, low[k], high[k], steps[k])
 
 
 @kernel

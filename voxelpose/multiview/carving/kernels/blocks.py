@@ -339,6 +339,28 @@ def _carve_largest(cameras, rule, axes, occupancy, largest, scratch):
                 waiting += 1
 
 
+@kernel
+def _carve_chunk(chunk, cameras, rule, axes, order, occupancy):
+    """Carves one of _CHUNKS parts of the largest blocks."""
+    everyone = (np.int64(1) << len(cameras[0])) - 1
+    ny, nz = len(axes[1]) // LARGEST, len(axes[2]) // LARGEST
+    scratch = (
+        np.empty((_DEEPEST, 8), np.int64),
+        np.empty((3, 8)),
+        np.empty(8, np.int64),
+        np.empty((4, 8)),
+        np.empty((4, 8), np.int64),
+        np.empty(_LEAF_VOXELS, np.uint32),
+        np.empty(_LEAF_VOXELS, np.int32),
+        np.empty((3, _LEAF_VOXELS)),
+    )
+    for t in range(chunk * len(order) // _CHUNKS, (chunk + 1) * len(order) // _CHUNKS):
+        n = order[t]
+        i, j, k = n // (ny * nz) * LARGEST, n // nz % ny * LARGEST, n % nz * LARGEST
+        largest = (i, j, k, LARGEST, everyone, 0, 0, 0)
+        _carve_largest(cameras, rule, axes, occupancy, largest, scratch)
+
+
 @parallel_kernel
 def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, occupancy):
     """Carves a grid, each of its largest blocks on its own.
@@ -361,21 +383,6 @@ def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, o
         occupancy: (nx, ny, nz) bool, all False; filled, each block its own voxels.
     """
     cameras = (rows, kinds, bounds, frames, sums, pixels)
-    everyone = (np.int64(1) << len(rows)) - 1
-    ny, nz = len(axes[1]) // LARGEST, len(axes[2]) // LARGEST
     for chunk in prange(_CHUNKS):
-        scratch = (
-            np.empty((_DEEPEST, 8), np.int64),
-            np.empty((3, 8)),
-            np.empty(8, np.int64),
-            np.empty((4, 8)),
-            np.empty((4, 8), np.int64),
-            np.empty(_LEAF_VOXELS, np.uint32),
-            np.empty(_LEAF_VOXELS, np.int32),
-            np.empty((3, _LEAF_VOXELS)),
-        )
-        for t in range(chunk * len(order) // _CHUNKS, (chunk + 1) * len(order) // _CHUNKS):
-            n = order[t]
-            i, j, k = n // (ny * nz) * LARGEST, n // nz % ny * LARGEST, n % nz * LARGEST
-            largest = (i, j, k, LARGEST, everyone, 0, 0, 0)
-            _carve_largest(cameras, rule, axes, occupancy, largest, scratch)
+        # prange counts in uint64, which would be compiled as well.
+        _carve_chunk(np.int64(chunk), cameras, rule, axes, order, occupancy)
