@@ -10,7 +10,7 @@ PACKAGES := calib silhouette_core voxelpose
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants fuzz clean
+.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants fuzz proposal clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
@@ -24,6 +24,7 @@ help:
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
 	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"
 	@echo "make fuzz      damages files of every format, 10,000 times each, and runs the readers on them (an hour)"
+	@echo "make proposal  learns anew the proposal of poses that comes with the program, from ../shared (40 minutes)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 
@@ -75,6 +76,9 @@ mutants: $(VENV)/.ready-dev
 
 fuzz: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.fuzz --mutations 10000
+
+proposal: $(VENV)/.ready-dev
+	$(BIN)/python -m tools.proposal
 
 clean:
 	rm -rf $(VENV) build dist site docs/reference *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,7 +1,8 @@
 """One camera on recordings that nobody tuned on: python -m benchmarks.unseen LIB RECORDING ...
 
-Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, the
-true stature and no assumption about the start, and prints a row each, the median and the 90th
+Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, or
+with the proposal that comes with the program if LIB is `program`, the true stature and no
+assumption about the start, and prints a row each, the median and the 90th
 percentile, and how often hypotheses of a probability are right: within 100 mm of the truth,
 relative to the pelvis. "uncovered" is the share of frames in which something of the true silhouette
 lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere. Results
@@ -45,7 +46,9 @@ def track(library: Path, folder: Path) -> Path:
     result = OUT / library.stem / f"{folder.parent.name}_{folder.name}"
     if not (result / "joints.csv").exists():
         stature_m = json.loads((folder / "truth.json").read_text())["stature"]
-        options: dict[str, bool | int | float | str] = {"library": str(library), "start": "any"}
+        options: dict[str, bool | int | float | str] = {"start": "any"}
+        if str(library) != "program":
+            options["library"] = str(library)
         fit(
             Recording.open(folder),
             Output(result, overwrite=True),

@@ -38,7 +38,7 @@ class Live:
 
 FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
 played at their own rate where no --source is given. With several cameras the body is followed in
-space; with --camera NAME, or a single source, by the pose library as in `voxelpose track`.
+space; with --camera NAME, or a single source, by the network as in `voxelpose track`.
 Ctrl-C ends the session.
 
   voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
@@ -60,7 +60,7 @@ Ctrl-C ends the session.
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
     sex: Sex = "unknown"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
-    """Pose library of one camera. Default: the program's own."""
+    """Pose library of one camera. Default: the network that comes with the program."""
     start: Literal["facing", "any"] = "any"
     """Assumption about the first pose before one camera: facing it upright, or none."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False

@@ -19,8 +19,7 @@ class Track(EstimationArguments):
     help: ClassVar[str] = """Estimates the motion of a person from one camera.
 
 RECORDING holds a video per camera and, if possible, calibration.toml and background/ with the empty
-view. Without a calibration, typical camera parameters are assumed. Without a pose library, one is
-made from motions that come with the program, at the first use.
+view. Without a calibration, typical camera parameters are assumed.
 OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
 poses of every frame with their probabilities. With the --body of a robot or an animal, a library of
 that body's motion, or poses within the limits of its joints.
@@ -35,7 +34,8 @@ that body's motion, or poses within the limits of its joints.
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
-    """Pose library made by `voxelpose library build`. Default: the program's own."""
+    """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
+    that comes with the program."""
     start: Literal["facing", "any"] = "facing"
     """Assumption about the first frame: upright and mostly facing the camera, or none."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False
