@@ -1,6 +1,6 @@
 """Background model of one fixed camera, and silhouettes by background subtraction."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -78,8 +78,8 @@ class BackgroundModel:
         return self.mean.shape[1], self.mean.shape[0]
 
     @property
-    def estimated(self) -> bool:
-        """Whether the background was never filmed empty: its frames are looked at as a whole."""
+    def has_colours(self) -> bool:
+        """Whether the colours of person and scene decide: frames are then looked at as a whole."""
         return self._colours is not None
 
     @classmethod
@@ -151,7 +151,24 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background, segmenter)
+        return model.with_colours(scene.frames, segmenter, filmed=False)
+
+    def with_colours(
+        self,
+        frames: Sequence[np.ndarray] | np.ndarray,
+        segmenter: Segmenter | None = None,
+        filmed: bool = True,
+    ) -> "BackgroundModel":
+        """The same background with the colours of the person in a sample of frames.
+
+        Args:
+            frames: each (H, W, 3) uint8, BGR, of the model's size.
+            segmenter: tells where people are, in these frames and in those that are looked at.
+            filmed: whether the background was filmed, or is estimated.
+        """
+        model = copy(self)
+        same = np.stack([aligned(np.ascontiguousarray(one), self.mean) for one in frames])
+        model._colours = SceneColours.learned(same, self._background, filmed, segmenter)
         return model
 
     def silhouette(
@@ -285,10 +302,10 @@ class BackgroundModel:
         return measure_gain(frame, self._background)
 
     def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
-        """A whole frame, checked, of an estimated background with the exposure of that."""
+        """A whole frame, checked; where colours decide, with the exposure of the background."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return aligned(frame, self.mean) if self.estimated else frame
+        return aligned(frame, self.mean) if self.has_colours else frame
 
     def _cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
         return None if self._colours is None else self._colours.silhouette(frame)

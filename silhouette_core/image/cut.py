@@ -1,9 +1,9 @@
-"""A silhouette by a minimum cut: where the background is uncertain, colours and edges decide.
+"""A silhouette by a minimum cut: beside the background, colours and edges decide.
 
-A camera without a picture of the empty view has an estimated background, with places where nobody
-knows it. Each pixel's odds compare the person's colours with the background's, and neighbours of
-like colour belong together. The colours are learned from the recording: the samples from which the
-background was estimated are cut, the colours learned from what was found, and so on.
+Clothes may resemble what is behind them, and an estimated background has places where nobody knows
+it. Each pixel's odds compare the person's colours with the background's, and neighbours of like
+colour belong together. The colours are learned from the recording: a sample of its frames is cut,
+the colours learned from what was found, and so on.
 
 After GrabCut (Rother, Kolmogorov and Blake, 2004) and Background Cut (Sun et al., 2006).
 """
@@ -32,8 +32,8 @@ class SceneColours:
 
     Attributes:
         person: (n, n, n) float32, logarithm of the density of the person's colours.
-        worn: (n, n, n) float32, what speaks against the person counts by this factor: a background
-            of the colour of clothes looks alike everywhere, which is one coincidence.
+        worn: (n, n, n) float32, what speaks against the person counts by this factor: that an
+            estimated background has the colour of clothes is one coincidence, wherever it is seen.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
         segmenter: tells where a person is, too; None: colours alone do.
@@ -50,9 +50,12 @@ class SceneColours:
         cls,
         frames: NDArray[np.uint8],
         background: Background,
+        filmed: bool,
         segmenter: Segmenter | None = None,
     ) -> "SceneColours":
-        """Colours from frames (T, H, W, 3) uint8 with the exposure of their background."""
+        """Colours from frames (T, H, W, 3) uint8 with the exposure of their background, which was
+        filmed or is estimated.
+        """
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
         scene = PersonColours()
@@ -75,7 +78,7 @@ class SceneColours:
             if density is None:
                 break
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
-            worn = np.where(typical, CUT.worn, 1).astype(np.float32)
+            worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
             colours = cls(density.log_density, worn, others, reduced, segmenter)
         return colours
 

@@ -9,7 +9,8 @@ The paper's two tests (direction of colour, clear difference) are extended as fo
    residual of the image, since a still does not show it and lossy video adds to it.
 3. The clear difference is a brightness that neither shadow nor highlight explains.
 4. Where the background alone does not decide (clothes that resemble its shadow or itself, narrow
-   gaps), the colours of the silhouette so far are compared with the colours around it.
+   gaps), the colours of the silhouette so far are compared with the colours around it; where a
+   recording's frames can be read beforehand, a minimum cut (`image.cut`) does both.
 5. The darkest cast shadow is measured in the recording: where nothing but the brightness differs,
    its ratio to the background's has a peak at that of the shadow.
 6. Edges are placed where half of a pixel's colour is the person's and half the (shadowed)
@@ -88,7 +89,7 @@ def refined_mask(
         cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
             background alone.
     """
-    return _segmented(frame, background, region, exposure, window, cut)[0]
+    return _segmented(frame, background, region, exposure, window, cut)
 
 
 def refined_soft_silhouette(
@@ -100,7 +101,8 @@ def refined_soft_silhouette(
     """Silhouette as `refined_mask`, and where else the frame differs from the background."""
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
-    silhouette, pooled = _segmented(frame, background, region, exposure, None, cut)
+    silhouette = _segmented(frame, background, region, exposure, None, cut)
+    _, pooled = detect(view, exposure.noise)
     chroma = np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / UNIT
     brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
 
@@ -124,8 +126,8 @@ def _segmented(
     exposure: Exposure | None,
     window: tuple[slice, slice] | None,
     cut: NDArray[np.bool_] | None,
-) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
-    """Silhouette of `refined_mask`, and the pooled evidence (4, h, w) in the window."""
+) -> NDArray[np.bool_]:
+    """See `refined_mask`."""
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
     radius = radius_of(background)
     gain = measure_gain(frame, background) if exposure is None else exposure.gain
@@ -134,20 +136,24 @@ def _segmented(
         region = None if region is None else region[window]
         silhouette = silhouette[window]
     view = FrameView.of(frame, background, gain, radius)
-    scale = noise_scale(view) if exposure is None else exposure.noise
-    mask, pooled = detect(view, scale)
-    mask = _clean(mask if cut is None else cut, region, everywhere.size)
+    mask, decide = cut, None
+    if mask is None:
+        scale = noise_scale(view) if exposure is None else exposure.noise
+        mask, pooled = detect(view, scale)
+        decide = pooled, scale
+    mask = _clean(mask, region, everywhere.size)
     if not mask.any():
-        return everywhere, pooled
+        return everywhere
     box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
-    if cut is None:
+    if decide is not None:
+        pooled, scale = decide
         mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
         mask = _sharpen(view, mask)
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, region, everywhere.size)
-    return everywhere, pooled
+    return everywhere
 
 
 def _decide_by_colours(

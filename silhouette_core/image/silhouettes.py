@@ -27,8 +27,7 @@ from silhouette_core.read_ahead import side_by_side
 Window = tuple[slice, slice]
 
 _BACKGROUND_FRAMES = 120
-_OCCUPIED_FRAMES = 40
-_SHADOW_FRAMES = 8
+_OCCUPIED, _SEEN = 40, 16  # frames that are looked at beforehand without an empty view, and with
 
 
 class Silhouettes:
@@ -58,9 +57,10 @@ class Silhouettes:
             long_side_px: Size of the longer side to which larger frames, and with them their
                 silhouettes, are scaled down; None keeps all sizes.
             ahead: Whether the recording's own frames may be read beforehand, which tell how dark
-                cast shadows are. Cameras without frames of the empty scene need them anyway.
-            segmenter: For these cameras, tells where people are: see `load_segmenter`. None:
-                nothing does.
+                cast shadows are, and the person's colours. Cameras without frames of the empty
+                scene need them anyway.
+            segmenter: Tells where people are, in frames that are read beforehand and by their
+                colours: see `load_segmenter`. None: nothing does.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image;
@@ -68,7 +68,7 @@ class Silhouettes:
         """
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
         self._given, self._refined = source.silhouettes_given, method == "refined"
-        self._size_px, self._segmenter = long_side_px, segmenter
+        self._size_px = long_side_px
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
@@ -87,12 +87,14 @@ class Silhouettes:
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        if self.without_background:
-            network = None if segmenter is None else load_segmenter(segmenter)
-            for name, frames in self._samples(source).items():
-                self._models[name] = BackgroundModel.from_occupied(frames, method, network)
+        network = None if segmenter is None else load_segmenter(segmenter)
+        for name, frames in self._samples(source, self.without_background, _OCCUPIED).items():
+            self._models[name] = BackgroundModel.from_occupied(frames, method, network)
         if ahead and method == "refined":
-            self._measure_shadow(source)
+            samples = self._samples(source, tuple(backgrounds), _SEEN)
+            self._measure_shadow(samples)
+            for name, frames in samples.items():
+                self._models[name] = self._models[name].with_colours(frames, network)
 
     def with_places(self, source: FrameSource) -> Silhouettes:
         """The same background models, with the regions and unknown places of another source.
@@ -123,14 +125,12 @@ class Silhouettes:
         return [self.unknown.get(name, np.zeros(size, np.bool_)) for name, size in sizes]
 
     def note(self, reporter: Reporter) -> None:
-        """Tells which cameras have no pictures of the empty scene, and of a segmenter not used."""
+        """Tells which cameras have no pictures of the empty scene."""
         if self.without_background:
             reporter.note(
                 f"no picture of the empty view for {', '.join(self.without_background)}: it is"
                 " estimated from the recording's own frames"
             )
-        elif self._segmenter is not None:
-            reporter.note("no empty view is missing: the segmenter is not used")
 
     def of(
         self, frames: Mapping[str, Frame], near: Mapping[str, Window] | None = None
@@ -203,7 +203,7 @@ class Silhouettes:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
-        if model.estimated:
+        if model.has_colours:
             return model.silhouette(self.scaled(name, frame), region)
         if near is None or exposure is None:
             frame = self.scaled(name, frame)
@@ -236,31 +236,27 @@ class Silhouettes:
             return image
         return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
-    def _samples(self, source: FrameSource) -> dict[str, list[Frame]]:
-        """Frames of the cameras without background, few enough for memory."""
-        samples: dict[str, list[Frame]] = {name: [] for name in self.without_background}
-        steps = even_moments(source.frame_count, _OCCUPIED_FRAMES, margin=0)
-        for frames in source.at(steps.tolist()):
-            for name in samples:
+    def _samples(
+        self, source: FrameSource, names: Sequence[str], count: int
+    ) -> dict[str, list[Frame]]:
+        """Frames of some cameras, few enough for memory."""
+        samples: dict[str, list[Frame]] = {name: [] for name in names}
+        steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
+        for frames in source.at(steps):
+            for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
-        return samples
+        return {name: frames for name, frames in samples.items() if frames}
 
-    def _measure_shadow(self, source: FrameSource) -> None:
-        """Measures the darkest cast shadow of all cameras together: they see the same light."""
-        total = np.zeros(0, np.int64)
-        steps = even_moments(source.frame_count, _SHADOW_FRAMES, margin=0)
-        for frames in source.at(steps.tolist()):
+    def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:
+        """Measures the darkest cast shadow of cameras together: they see the same light."""
 
-            def counts(name: str, frames: Mapping[str, Frame] = frames) -> NDArray[np.int64]:
-                return self._models[name].shadow_counts(self.scaled(name, frames[name]))
+        def counts(name: str) -> NDArray[np.int64]:
+            return np.sum([self._models[name].shadow_counts(one) for one in samples[name]], axis=0)
 
-            found = side_by_side(counts, list(frames))
-            total = np.sum([*found, *([total] if len(total) else [])], axis=0)
-        darkest = darkest_shadow(total)
+        found = side_by_side(counts, list(samples))
+        darkest = darkest_shadow(np.sum(found, axis=0)) if found else None
         if darkest is not None:
-            self._models = {
-                name: model.with_shadow(darkest) for name, model in self._models.items()
-            }
+            self._models |= {name: self._models[name].with_shadow(darkest) for name in samples}
 
 
 def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, NDArray[np.bool_]]:

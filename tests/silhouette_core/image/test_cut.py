@@ -1,4 +1,4 @@
-"""Silhouettes by a minimum cut, where the background was never filmed empty."""
+"""Silhouettes by a minimum cut: colours and edges beside the background."""
 
 import cv2
 import numpy as np
@@ -46,6 +46,22 @@ def test_clothes_of_the_walls_colour_belong_to_who_wears_them():
     wall[:, 200:220] = SHIRT  # a panel of the shirt's colour
     frames, masks = walk(wall, range(20, 270, 10), np.random.default_rng(2))
     assert agreement(frames, masks) > 0.8
+
+
+def test_beside_an_empty_view_colours_close_holes():
+    rng = np.random.default_rng(4)
+    wall = np.full((*SIZE, 3), (200.0, 205, 210))
+    wall[:, 150:230] = np.array(SHIRT) + 10  # a wide panel, nearly of the shirt's colour
+    frames, masks = walk(wall, range(20, 270, 10), rng)
+    soft = cv2.GaussianBlur(wall, (0, 0), 0.7)
+    empty = (np.rint(soft + rng.normal(0, 2, wall.shape)).astype(np.uint8) for _ in range(8))
+    plain = BackgroundModel.from_frames(empty)
+
+    def least(model: BackgroundModel) -> float:
+        found = np.stack([model.silhouette(frame) for frame in frames])
+        return float(((found & masks).sum((1, 2)) / (found | masks).sum((1, 2))).min())
+
+    assert least(plain.with_colours(frames[::2])) > max(0.9, least(plain) + 0.1)
 
 
 def test_a_cast_shadow_is_no_person():
