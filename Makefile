@@ -24,7 +24,7 @@ help:
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
 	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"
 	@echo "make fuzz      damages files of every format, 10,000 times each, and runs the readers on them (an hour)"
-	@echo "make proposal  learns anew the proposal of poses that comes with the program, from ../shared (40 minutes)"
+	@echo "make proposal  learns anew the proposal of poses that comes with the program, from ../shared (an hour)"
 	@echo "make install   creates $(VENV) with everything, for work on the code"
 	@echo "make format    puts the code into the project's style"
 

@@ -1,13 +1,11 @@
 """Scores estimates against recordings with a truth: python -m benchmarks.accuracy [ROW ...]
 
 A row is a recording fitted from all its cameras (walk4); RECORDING:CAMERA, tracked from that one
-(turn1:cam_0), with a library of the shared motion without the clips that the recordings show, built
-once in out/accuracy (half an hour); RECORDING:CAMERA:program, likewise with the proposal that comes
-with the program, for recordings whose motion it has not learned; or made:NAME, a recording that
-datasets/made/recipes.toml describes, rendered once into out/made, and tracked with the program's
-proposal if it has one camera. Left out: all rows whose recordings are there. The shared recordings
-are in ../shared/data, or in $VOXELPOSE_SHARED/data; the made ones need nothing. One line per row on
-stdout; results in out/accuracy/ROW.
+(turn1:cam_0); or made:NAME, a recording that datasets/made/recipes.toml describes, rendered once
+into out/made. The program's proposal has not learned the motion of the rows with one camera. Left
+out: all rows whose recordings are there. The shared recordings are in ../shared/data, or in
+$VOXELPOSE_SHARED/data; the made ones need nothing. One line per row on stdout; results in
+out/accuracy/ROW.
 """
 
 import json
@@ -17,11 +15,7 @@ import time
 from pathlib import Path
 
 from benchmarks.recipes import read_recipes
-from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
-from silhouette_core.monocular.making.from_motion import make_library, read_clips
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from voxelpose.evaluation import score_motion
 from voxelpose.export.joints import read_joints
 from voxelpose.fitting import Output, fit
@@ -41,11 +35,9 @@ SHARED_ROWS = (
     "dance8",
     "balancing4",
     *ONE_CAMERA,
-    *(f"{row}:program" for row in ONE_CAMERA if row.startswith(("swing1", "balancing4"))),
 )
 RECIPES = read_recipes(ROOT / "datasets" / "made" / "recipes.toml")
 MADE_ROWS = tuple(f"made:{name}" for name in RECIPES)
-LEFT_OUT = ("007_01", "005_06", "directing_traffic_1")
 COLUMNS = (
     "mpjpe_mm",
     "root_mm",
@@ -58,22 +50,6 @@ COLUMNS = (
 )
 
 
-def held_out_library() -> Path:
-    """Library of the shared motion without the recorded movements."""
-    path = OUT / "held_out.vplib"
-    if not path.exists():
-        print(f"making {path} once ...", file=sys.stderr, flush=True)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        model = BodyModel.from_sizes(BodySizes(1.75))
-        make_library(
-            read_clips([SHARED / "data" / "mocap"], model, leave_out=LEFT_OUT),
-            model,
-            path,
-            LibrarySettings(),
-        )
-    return path
-
-
 def all_rows() -> tuple[str, ...]:
     """Rows whose recordings are there."""
     return (*(SHARED_ROWS if (SHARED / "data").is_dir() else ()), *MADE_ROWS)
@@ -83,15 +59,12 @@ def _is_there(row: str) -> bool:
     return row in MADE_ROWS or (SHARED / "data" / row.split(":")[0] / "truth.json").is_file()
 
 
-def open_row(row: str) -> tuple[Recording, dict[str, str]]:
-    """The recording of a row, with the cameras that are used, and the estimator's options."""
-    name, camera, library = (*row.split(":"), "", "")[:3]
+def open_row(row: str) -> Recording:
+    """The recording of a row, with the cameras that are used."""
+    name, _, camera = row.partition(":")
     if name == "made":
-        folder = ROOT / "out" / "made" / camera
-        return Recording.open(RECIPES[camera].render(folder)), {}
-    recording = Recording.open(SHARED / "data" / name, cameras=(camera,) if camera else None)
-    held_out = camera and library != "program"
-    return recording, {"library": str(held_out_library())} if held_out else {}
+        return Recording.open(RECIPES[camera].render(ROOT / "out" / "made" / camera))
+    return Recording.open(SHARED / "data" / name, cameras=(camera,) if camera else None)
 
 
 def main(rows: list[str]) -> int:
@@ -104,7 +77,7 @@ def main(rows: list[str]) -> int:
     header = "".join(f"{column:>16}" for column in COLUMNS)
     print(f"{'row':<29}{'frames':>7}{header}{'s/frame':>9}", flush=True)
     for row in rows or all_rows():
-        recording, options = open_row(row)
+        recording = open_row(row)
         truth_file = recording.folder / "truth.json"
         stature_m = json.loads(truth_file.read_text()).get("stature")
         result = OUT / row.replace(":", "_")
@@ -112,7 +85,7 @@ def main(rows: list[str]) -> int:
         fit(
             recording,
             Output(result, overwrite=True),
-            Settings(stature_m=stature_m, options=options),
+            Settings(stature_m=stature_m),
             "monocular" if len(recording.rig) == 1 else "multiview",
         )
         per_frame_s = (time.perf_counter() - started) / recording.frame_count

@@ -49,9 +49,9 @@ def test_a_made_row_is_rendered_once_and_opened(benchmarks, monkeypatch, tmp_pat
     recipe = replace(accuracy.RECIPES["slim_swing_alone"], frames=2)
     monkeypatch.setattr(accuracy, "ROOT", tmp_path)
     monkeypatch.setattr(accuracy, "RECIPES", {"alone": recipe})
-    recording, options = accuracy.open_row("made:alone")
+    recording = accuracy.open_row("made:alone")
     assert recording.folder == tmp_path / "out" / "made" / "alone"
-    assert recording.rig.names == ("cam_3",) and options == {}
+    assert recording.rig.names == ("cam_3",)
 
 
 def test_checked_outlines_become_masks(benchmarks, tmp_path):
