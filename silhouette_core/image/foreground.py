@@ -261,7 +261,7 @@ def _decide_by_colours(
     added = near & (
         (doubtful & (score > FOREGROUND.colours)) | (gap & (score > FOREGROUND.colours_gap))
     )
-    return (mask & ~surplus) | added, score
+    return (mask & ~surplus) | added, np.asarray(score, np.float32)
 
 
 def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:

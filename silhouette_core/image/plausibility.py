@@ -75,8 +75,8 @@ def check_plausible(
         lenses: by which they are undistorted, by camera name; None: they are as recorded.
 
     Raises:
-        ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are noise, are straight
-            like a wall, or jump.
+        ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are
+            noise, are straight like a wall, or jump.
     """
     found = {name: _fault(kept, person) for name, kept in masks.items()}
     faults = {name: fault for name, fault in found.items() if fault}

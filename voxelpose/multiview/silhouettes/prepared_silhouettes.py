@@ -139,9 +139,7 @@ def prepare_silhouettes(
         moments = [stores[0][t] for t in telling_frames(len(stores[0]))]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
         by_name = dict(zip(source.rig.names, lenses, strict=True))
-        check_plausible(
-            by_camera, least=LEAST_CAMERAS, person=preparation.person, lenses=by_name
-        )
+        check_plausible(by_camera, least=LEAST_CAMERAS, person=preparation.person, lenses=by_name)
         pinholes = Rig(tuple(lens.pinhole for lens in lenses))
         if preparation.person:
             rule = body_rule(len(pinholes), preparation.tolerance, len(shares))

@@ -1,4 +1,4 @@
-"""A picture of silhouettes that cannot be those of a person, beside the result that is not there."""
+"""A picture of silhouettes that are refused, beside the result that is not there."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
