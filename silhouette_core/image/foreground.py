@@ -103,14 +103,14 @@ class SilhouetteStages:
 
 @dataclass(frozen=True, eq=False)
 class _Segmented:
-    """A silhouette (H, W) of `refined_mask`, and in the window: evidence (4, h, w), the first mask
-    (h, w), and the odds by colours (h, w), which are NaN where they were not asked.
+    """A silhouette (H, W) of `refined_mask`; in the window, evidence (4, h, w) and the first mask
+    (h, w); and rows and columns of the window where colours were asked, with the odds there.
     """
 
     silhouette: NDArray[np.bool_]
     pooled: NDArray[np.int16]
     first: NDArray[np.bool_]
-    odds: NDArray[np.float32] | None = None
+    asked: tuple[tuple[slice, slice], NDArray[np.float32]] | None = None
 
 
 def refined_mask(
@@ -171,6 +171,10 @@ def refined_stages(
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
     made = _segmented(frame, background, region, exposure, None, cut)
+    odds = np.full(made.first.shape, np.nan, np.float32)
+    if made.asked is not None:
+        box, odds_there = made.asked
+        odds[box] = odds_there
     bright = pooled_brightness(view)
     brightness = 1 + bright / background.scales[2]
     dark = only_darker(made.pooled, bright, exposure.noise)
@@ -182,7 +186,7 @@ def refined_stages(
         first=made.first,
         silhouette=made.silhouette,
         difference=np.maximum(_chroma(made.pooled) / np.float32(FOREGROUND.pooled), beyond),
-        odds=made.odds,
+        odds=odds,
         brightness=brightness,
         shadow=dark & (brightness >= background.shadow),
         cut=cut is not None,
@@ -220,15 +224,14 @@ def _segmented(
     box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
-    odds = None
+    asked = None
     if cut is None:
-        mask, score = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
+        mask, odds = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
         mask = _sharpen(view, mask)
-        odds = np.full(first.shape, np.nan, np.float32)
-        odds[box] = score
+        asked = box, odds
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, region, everywhere.size)
-    return _Segmented(everywhere, pooled, first, odds)
+    return _Segmented(everywhere, pooled, first, asked)
 
 
 def _decide_by_colours(
