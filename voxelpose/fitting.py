@@ -31,6 +31,7 @@ from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
 from voxelpose.view.images.overlay import draw_pictures
+from voxelpose.view.images.refused_silhouettes import refusal_drawn
 
 _TAKE_BODIES = "multiview", "monocular"  # estimators with the option `body`
 
@@ -74,7 +75,8 @@ def fit(
         The result, as read back from the folder.
 
     Raises:
-        InputError: the recording, the settings or the output cannot be used.
+        InputError: the recording, the settings or the output cannot be used. Silhouettes that
+            cannot be a person's are shown in `OUT.silhouettes.png`.
     """
     reporter = reporter or SilentReporter()
     started = time.perf_counter()
@@ -88,7 +90,8 @@ def fit(
     for words in recording.notes:
         reporter.note(words)
     with writer as folder:
-        estimate = implementation.estimate(recording, settings, reporter)
+        with refusal_drawn(recording, output.folder):
+            estimate = implementation.estimate(recording, settings, reporter)
         estimation = _Estimation(recording, estimate, settings, estimator, started)
         _write_files(folder, output, estimation, reporter)
     return Result.open(output.folder)

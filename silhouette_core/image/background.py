@@ -19,7 +19,13 @@ from silhouette_core.image.difference import (
 )
 from silhouette_core.image.empty_scene import EmptyScene
 from silhouette_core.image.exposure import aligned
-from silhouette_core.image.foreground import SoftSilhouette, refined_mask, refined_soft_silhouette
+from silhouette_core.image.foreground import (
+    SilhouetteStages,
+    SoftSilhouette,
+    refined_mask,
+    refined_soft_silhouette,
+    refined_stages,
+)
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
 from silhouette_core.image.segmenter import Segmenter, person_odds
@@ -234,6 +240,27 @@ class BackgroundModel:
             return SoftSilhouette.of(self.silhouette(frame, region))
         frame = self._aligned(frame)
         return refined_soft_silhouette(frame, self._background, region, self._cut(frame))
+
+    def stages(self, frame: np.ndarray, region: np.ndarray | None = None) -> SilhouetteStages:
+        """How a frame's silhouette comes about; of the paper's method only what it makes.
+
+        Args:
+            frame: (H, W, 3) uint8, BGR.
+            region: region of interest, (H, W) bool; None means the whole image.
+
+        Raises:
+            ValueError: the frame has another size than the model.
+            TypeError: the frame is not uint8.
+        """
+        aligned_frame, known = self._aligned(frame), self._background.known
+        if self.method == "paper":
+            first, found = self.silhouette(frame), self.silhouette(frame, region)
+            return SilhouetteStages(aligned_frame, self.mean, known, first, found)
+        cut = self._cut(aligned_frame)
+        stages = refined_stages(aligned_frame, self._background, region, cut)
+        if self._colours is None:
+            return stages
+        return replace(stages, odds=self._colours.odds(aligned_frame))
 
     def coloured_silhouette(
         self,

@@ -41,13 +41,25 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     view = FrameView.of(frame, background, exposure.gain, radius)
     _, pooled = detect(view, exposure.noise)
     bright = pooled_brightness(view)
-    limits = round(SHADOW.chroma * UNIT), np.float32(np.inf)
-    coloured = np.empty(bright.shape, np.bool_)
-    kernels.doubt(pooled, bright, *limits, coloured)
-    dark = ~coloured & (bright < -SHADOW.brightness * exposure.noise)
+    dark = only_darker(pooled, bright, exposure.noise)
     inside = ~grown(~dark, radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
+
+
+def only_darker(
+    pooled: NDArray[np.int16], bright: NDArray[np.float32], noise: float
+) -> NDArray[np.bool_]:
+    """Where only the brightness is lower, (H, W) bool: mostly cast shadows.
+
+    Args:
+        pooled: (4, H, W), evidence of `detect`.
+        bright: (H, W), of `pooled_brightness`.
+        noise: ratio of the frame's noise to the model's.
+    """
+    coloured = np.empty(bright.shape, np.bool_)
+    kernels.doubt(pooled, bright, round(SHADOW.chroma * UNIT), np.float32(np.inf), coloured)
+    return ~coloured & (bright < -SHADOW.brightness * noise)
 
 
 def even_shades(darkest: float) -> NDArray[np.float32]:

@@ -88,8 +88,7 @@ class SceneColours:
         """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size, with
         more that speaks for the person, (h, w) nats.
         """
-        back, odds = self.background, self._odds(frame)
-        odds = odds if evidence is None else odds + evidence
+        back, odds = self.background, self._odds(frame, evidence)
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
@@ -98,8 +97,20 @@ class SceneColours:
         kernels.cut(odds, links, CUT.rounds, mask)
         return mask
 
-    def _odds(self, frame: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Odds of the person (h, w), nats, in each pixel of a reduced frame."""
+    def odds(self, frame: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Odds of the person (H, W), nats, by which a frame (H, W, 3) uint8 of the full size is
+        cut.
+        """
+        odds = self._odds(_resized(frame, self.background), self._evidence(frame))
+        size = frame.shape[1::-1]
+        return np.asarray(cv2.resize(odds, size, interpolation=cv2.INTER_NEAREST), np.float32)
+
+    def _odds(
+        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Odds of the person (h, w), nats, in each pixel of a reduced frame, with more that speaks
+        for the person.
+        """
         back = self.background
         view = FrameView.of(frame, back, _GAIN, 1)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
@@ -107,7 +118,8 @@ class SceneColours:
         tables = self.person, self.others, _SHARES, SHIFT, back.known
         foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
         foreground.look_up(frame, self.worn, SHIFT, weight)
-        return np.where(odds < 0, odds * weight, odds)
+        odds = np.where(odds < 0, odds * weight, odds)
+        return odds if evidence is None else odds + evidence
 
     def _evidence(self, frame: NDArray[np.uint8]) -> NDArray[np.float32] | None:
         """What the segmenter says, (h, w) nats, of a frame (H, W, 3) uint8 of the full size."""

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.cast_shadow import only_darker
 from silhouette_core.image.cleanup import bounding_box, clean
 from silhouette_core.image.difference import (
     UNIT,
@@ -70,6 +71,48 @@ class SoftSilhouette:
         return iter((self.silhouette, self.tint, self.brightness))
 
 
+@dataclass(frozen=True, eq=False)
+class SilhouetteStages:
+    """How the silhouette of one frame came about; what a method does not compute is None.
+
+    Attributes:
+        frame: (H, W, 3) uint8, BGR, with the exposure of the background.
+        background: (H, W, 3) float32, BGR of 255.
+        known: (H, W) bool, where the empty scene was seen; elsewhere the background is a guess.
+        first: (H, W) bool, the person before edges, colours around it, cleaning and region.
+        silhouette: (H, W) bool.
+        difference: (H, W) float32, of colour or of brightness beyond shadow and highlight, from 1
+            on larger than noise and shadows explain.
+        odds: (H, W) float32, nats of the person by colours; NaN where they are not asked.
+        brightness: (H, W) float32, relative to the background's.
+        shadow: (H, W) bool, only darker, and not darker than a cast shadow.
+        cut: whether the odds decide (`image.cut`); else the difference does, and the odds where it
+            is small.
+    """
+
+    frame: NDArray[np.uint8]
+    background: NDArray[np.float32]
+    known: NDArray[np.bool_]
+    first: NDArray[np.bool_]
+    silhouette: NDArray[np.bool_]
+    difference: NDArray[np.float32] | None = None
+    odds: NDArray[np.float32] | None = None
+    brightness: NDArray[np.float32] | None = None
+    shadow: NDArray[np.bool_] | None = None
+    cut: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Segmented:
+    """A silhouette (H, W) of `refined_mask`; the first mask (h, w) in the window; and rows and
+    columns of the window where colours were asked, with the odds there.
+    """
+
+    silhouette: NDArray[np.bool_]
+    first: NDArray[np.bool_]
+    asked: tuple[tuple[slice, slice], NDArray[np.float32]] | None = None
+
+
 def refined_mask(
     frame: NDArray[np.uint8],
     background: Background,
@@ -89,7 +132,7 @@ def refined_mask(
         cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
             background alone.
     """
-    return _segmented(frame, background, region, exposure, window, cut)
+    return _segmented(frame, background, region, exposure, window, cut).silhouette
 
 
 def refined_soft_silhouette(
@@ -101,9 +144,9 @@ def refined_soft_silhouette(
     """Silhouette as `refined_mask`, and where else the frame differs from the background."""
     exposure, radius = measure_exposure(frame, background), radius_of(background)
     view = FrameView.of(frame, background, exposure.gain, radius)
-    silhouette = _segmented(frame, background, region, exposure, None, cut)
+    made = _segmented(frame, background, region, exposure, None, cut)
     _, pooled = detect(view, exposure.noise)
-    chroma = np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / UNIT
+    chroma = _chroma(pooled)
     brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
 
     def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
@@ -113,10 +156,48 @@ def refined_soft_silhouette(
         return found if region is None else found & region
 
     return SoftSilhouette(
-        silhouette,
+        made.silhouette,
         beyond_noise(chroma, FOREGROUND.possible),
         beyond_noise(brightness, FOREGROUND.pooled),
     )
+
+
+def refined_stages(
+    frame: NDArray[np.uint8],
+    background: Background,
+    region: NDArray[np.bool_] | None = None,
+    cut: NDArray[np.bool_] | None = None,
+) -> SilhouetteStages:
+    """Silhouette as `refined_mask`, and how it came about; without the odds by which it was cut."""
+    exposure, radius = measure_exposure(frame, background), radius_of(background)
+    view = FrameView.of(frame, background, exposure.gain, radius)
+    made = _segmented(frame, background, region, exposure, None, cut)
+    _, pooled = detect(view, exposure.noise)
+    odds = np.full(made.first.shape, np.nan, np.float32)
+    if made.asked is not None:
+        box, odds_there = made.asked
+        odds[box] = odds_there
+    bright = pooled_brightness(view)
+    brightness = 1 + bright / background.scales[2]
+    dark = only_darker(pooled, bright, exposure.noise)
+    beyond = pooled[3] / np.float32(FOREGROUND.brightness * UNIT)
+    return SilhouetteStages(
+        frame=np.rint((frame / exposure.gain).clip(0, 255)).astype(np.uint8),
+        background=background.mean,
+        known=background.known,
+        first=made.first,
+        silhouette=made.silhouette,
+        difference=np.maximum(_chroma(pooled) / np.float32(FOREGROUND.pooled), beyond),
+        odds=odds,
+        brightness=brightness,
+        shadow=dark & (brightness >= background.shadow),
+        cut=cut is not None,
+    )
+
+
+def _chroma(pooled: NDArray[np.int16]) -> NDArray[np.float32]:
+    """Length (H, W) of the chromatic residual in pooled evidence (4, H, W), in noise."""
+    return np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / np.float32(UNIT)
 
 
 def _segmented(
@@ -126,8 +207,8 @@ def _segmented(
     exposure: Exposure | None,
     window: tuple[slice, slice] | None,
     cut: NDArray[np.bool_] | None,
-) -> NDArray[np.bool_]:
-    """See `refined_mask`."""
+) -> _Segmented:
+    """Silhouette of `refined_mask`, and how it came about."""
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
     radius = radius_of(background)
     gain = measure_gain(frame, background) if exposure is None else exposure.gain
@@ -136,30 +217,34 @@ def _segmented(
         region = None if region is None else region[window]
         silhouette = silhouette[window]
     view = FrameView.of(frame, background, gain, radius)
-    mask, decide = cut, None
-    if mask is None:
+    first, decide = cut, None
+    if first is None:
         scale = noise_scale(view) if exposure is None else exposure.noise
-        mask, pooled = detect(view, scale)
+        first, pooled = detect(view, scale)
         decide = pooled, scale
-    mask = _clean(mask, region, everywhere.size)
+    mask = _clean(first, region, everywhere.size)
     if not mask.any():
-        return everywhere
+        return _Segmented(everywhere, first)
     box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
+    asked = None
     if decide is not None:
         pooled, scale = decide
-        mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
+        mask, odds = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
         mask = _sharpen(view, mask)
+        asked = box, odds
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, region, everywhere.size)
-    return everywhere
+    return _Segmented(everywhere, first, asked)
 
 
 def _decide_by_colours(
     view: FrameView, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
-) -> NDArray[np.bool_]:
-    """Mask in which the colours inside and around the silhouette decide the doubtful pixels."""
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Mask in which the colours inside and around the silhouette decide the doubtful pixels, and
+    their odds of the person, nats.
+    """
     radius = view.radius
     near = grown(mask, 7 * radius, cv2.MORPH_RECT)
     odds = _log_fractions(view.frame, ~grown(~mask, 1)) - _log_fractions(
@@ -184,7 +269,7 @@ def _decide_by_colours(
     added = near & (
         (doubtful & (score > FOREGROUND.colours)) | (gap & (score > FOREGROUND.colours_gap))
     )
-    return (mask & ~surplus) | added
+    return (mask & ~surplus) | added, np.asarray(score, np.float32)
 
 
 def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,10 +13,44 @@ from numpy.typing import NDArray
 from calib.components import label_components
 from calib.errors import InputError
 from calib.moments import even_moments
+from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.tuning import PLAUSIBILITY
 
 _MOMENTS = 8
 _LEAST_MOMENTS = 3  # from which changes tell
+_SEEN_IN_SETUP = "look at them with `voxelpose setup`"
+
+
+class ImplausibleSilhouettesError(InputError):
+    """Silhouettes that cannot be those of a person.
+
+    Attributes:
+        masks: (h, w) bool of the `telling_frames`, by the name of each camera at fault.
+        faults: what is wrong with them, likewise.
+        lenses: by which they are undistorted, likewise; without one they are as recorded.
+    """
+
+    def __init__(
+        self,
+        masks: Mapping[str, Sequence[NDArray[np.bool_]]],
+        faults: Mapping[str, str],
+        lenses: Mapping[str, UndistortedView],
+    ) -> None:
+        """Keeps all of it."""
+        super().__init__(self._line(faults, _SEEN_IN_SETUP))
+        self.masks, self.faults, self.lenses = masks, faults, lenses
+
+    def shown_in(self, picture: Path) -> InputError:
+        """The same error, which names a picture of the silhouettes."""
+        return InputError(self._line(self.faults, f"see {picture}, and why with `voxelpose setup`"))
+
+    @staticmethod
+    def _line(faults: Mapping[str, str], where: str) -> str:
+        listed = "; ".join(f"those of {name} {fault}" for name, fault in faults.items())
+        return (
+            f"the silhouettes cannot be those of a person: {listed}: {where}; record the empty view"
+            " as background, draw regions/CAMERA.png, or mend the masks"
+        )
 
 
 def telling_frames(count: int) -> list[int]:
@@ -25,7 +60,11 @@ def telling_frames(count: int) -> list[int]:
 
 
 def check_plausible(
-    masks: Mapping[str, Sequence[NDArray[np.bool_]]], least: int, *, person: bool = True
+    masks: Mapping[str, Sequence[NDArray[np.bool_]]],
+    least: int,
+    *,
+    person: bool = True,
+    lenses: Mapping[str, UndistortedView] | None = None,
 ) -> None:
     """Checks that enough cameras have silhouettes that can be those of a person.
 
@@ -33,19 +72,17 @@ def check_plausible(
         masks: silhouettes (H, W) bool of the `telling_frames`, by camera name.
         least: number of cameras that must have them.
         person: whether it is a person; of other bodies shape and changes are not checked.
+        lenses: by which they are undistorted, by camera name; None: they are as recorded.
 
     Raises:
-        InputError: fewer do: the others' cover nearly the whole picture, are noise, are straight
-            like a wall, or jump.
+        ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are
+            noise, are straight like a wall, or jump.
     """
     found = {name: _fault(kept, person) for name, kept in masks.items()}
-    faults = [f"those of {name} {fault}" for name, fault in found.items() if fault]
+    faults = {name: fault for name, fault in found.items() if fault}
     if len(masks) - len(faults) < least and faults:
-        raise InputError(
-            f"the silhouettes cannot be those of a person: {'; '.join(faults)}: look at them with"
-            " `voxelpose setup`, and record the empty view as background, draw regions/CAMERA.png,"
-            " or mend the masks"
-        )
+        refused = {name: masks[name] for name in faults}
+        raise ImplausibleSilhouettesError(refused, faults, lenses or {})
 
 
 def _fault(masks: Sequence[NDArray[np.bool_]], person: bool) -> str:

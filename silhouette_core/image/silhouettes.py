@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.difference import Exposure
-from silhouette_core.image.foreground import SoftSilhouette
+from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.progress import Reporter
@@ -162,6 +163,21 @@ class Silhouettes:
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
+
+    def stages(self, name: str, frame: Frame) -> SilhouetteStages:
+        """How the silhouette of a camera's frame (H, W, 3) uint8, BGR, comes about.
+
+        Args:
+            name: of the camera.
+            frame: as recorded; the stages have the size of its silhouettes.
+
+        Raises:
+            InputError: the silhouettes are given, so that nothing makes them.
+        """
+        if self._given:
+            raise InputError("masks/ holds silhouettes: they are used as they are")
+        stages = self._models[name].stages(self.scaled(name, frame), self._regions.get(name))
+        return replace(stages, silhouette=self._known(name, stages.silhouette))
 
     @property
     def colours_tell(self) -> bool:

@@ -106,6 +106,20 @@ class SilhouetteRequest(Struct, forbid_unknown_fields=True):
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 
+class StageRequest(SilhouetteRequest, forbid_unknown_fields=True, kw_only=True):
+    """A stage of a camera's silhouette, or what one of its pixels is taken for.
+
+    Attributes:
+        camera: its name.
+        stage: what is to be drawn; None: nothing is.
+        pixel: px of the camera's picture; None: none is asked about.
+    """
+
+    camera: Name
+    stage: Literal["background", "difference", "odds", "first"] | None = None
+    pixel: Corner | None = None
+
+
 class PointsRequest(Struct, forbid_unknown_fields=True):
     """Points of which the errors are asked for."""
 

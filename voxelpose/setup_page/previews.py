@@ -1,10 +1,10 @@
 """Pictures of the page: moments, the empty view, silhouettes and painted places as overlays."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.folder import Recording
 from voxelpose.setup_page.drawn_places import DrawnRecording
 from voxelpose.view.images.canvas import png
 
 Method = Literal["refined", "paper"]
+SettingValues = Mapping[str, tuple[Any, str]]
+"""Settings of `fit` by name: value, and the file that it is from."""
 _KEPT = 4  # moments
 
 
@@ -58,9 +61,9 @@ class MomentFrames:
 class BackgroundModels:
     """Background models of a recording, each learned in a thread of its own when asked for."""
 
-    def __init__(self, recording: Recording) -> None:
-        """Learns nothing yet."""
-        self._recording, self._lock = recording, threading.Lock()
+    def __init__(self, recording: Recording, settings: Callable[[], SettingValues]) -> None:
+        """Learns nothing yet; reads the settings of `fit` when it does."""
+        self._recording, self._settings, self._lock = recording, settings, threading.Lock()
         self._models: dict[Method, Future[Silhouettes]] = {}
 
     def get(self, method: Method) -> Silhouettes | None:
@@ -78,7 +81,9 @@ class BackgroundModels:
 
     def _learn(self, method: Method) -> None:
         try:
-            model = Silhouettes(DrawnRecording(**vars(self._recording)), method)
+            segmenter, _ = self._settings().get("segmenter", (None, ""))
+            source = DrawnRecording(**vars(self._recording))
+            model = Silhouettes(source, method, LONG_SIDE_PX, segmenter=segmenter)
         except BaseException as error:  # for who asks
             self._models[method].set_exception(error)
         else:

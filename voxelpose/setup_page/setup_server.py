@@ -16,6 +16,7 @@ from voxelpose.setup_page.page_requests import (
     PointsRequest,
     SaveRequest,
     SilhouetteRequest,
+    StageRequest,
     parse_request,
 )
 from voxelpose.setup_page.setup_session import SetupSession
@@ -130,6 +131,8 @@ class SetupServer:
         match request.path:
             case ("api", "silhouettes"):
                 return _json(session.silhouettes(parse_request(body, SilhouetteRequest)))
+            case ("api", "stage"):
+                return _json(session.stage(parse_request(body, StageRequest)))
             case ("api", "points"):
                 return _json(session.errors(parse_request(body, PointsRequest)))
             case ("api", "ground"):

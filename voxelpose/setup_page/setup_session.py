@@ -2,14 +2,17 @@
 
 import base64
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import numpy as np
 from msgspec import UNSET
 
 from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
+from silhouette_core.image.foreground import SilhouetteStages
+from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.recording.settings_files import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
@@ -29,15 +32,18 @@ from voxelpose.setup_page.page_requests import (
     PointsRequest,
     SaveRequest,
     SilhouetteRequest,
+    StageRequest,
     check_camera_names,
 )
-from voxelpose.setup_page.previews import BackgroundModels, MomentFrames, overlay_png
+from voxelpose.setup_page.previews import (
+    BackgroundModels,
+    MomentFrames,
+    SettingValues,
+    overlay_png,
+)
+from voxelpose.setup_page.stage_pictures import SILHOUETTE, draw_stage, explain_pixel
 from voxelpose.view.images.canvas import encoded
 
-SettingValues = Mapping[str, tuple[Any, str]]
-"""Settings of `fit` by name: value, and the file that it is from."""
-
-_SILHOUETTE = (64, 200, 255)
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)
 _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
 
@@ -59,7 +65,9 @@ class SetupSession:
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
-        self._backgrounds = BackgroundModels(self._recording)
+        self._backgrounds = BackgroundModels(self._recording, settings)
+        self._staging = threading.Lock()
+        self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
         self.check = CheckJob(self._recording)
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
@@ -141,28 +149,74 @@ class SetupSession:
         Raises:
             InputError: there is no such moment or camera, or files cannot be read.
         """
-        self._check_places(asked.places)
         frames = self._moments.frames(asked.moment)
-        model = self._backgrounds.get(asked.background)
+        model = self._model(asked)
         if model is None:
             return {"ready": False}
-        source = DrawnRecording(
-            **vars(self._recording),
-            drawn_regions=self._places.region_masks(asked.places),
-            drawn_unknown=self._places.unknown_masks(asked.places),
-        )
-        masks = model.with_places(source).of(frames)
+        masks = model.of(frames)
         return {
             "ready": True,
             "guessed": list(model.without_background),
             "cameras": {
                 name: {
-                    "png": base64.b64encode(overlay_png(mask, _SILHOUETTE, 120)).decode(),
+                    "png": base64.b64encode(overlay_png(mask, SILHOUETTE, 120)).decode(),
                     "share": float(np.mean(mask)),
                 }
                 for name, mask in masks.items()
             },
         }
+
+    def stage(self, asked: StageRequest) -> dict[str, Any]:
+        """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
+        yet.
+
+        Raises:
+            InputError: there is no such moment, camera or stage, or files cannot be read.
+        """
+        check_camera_names([asked.camera], self._recording.rig.names)
+        with self._staging:
+            stages = self._stages(asked)
+        if stages is None:
+            return {"ready": False}
+        answer: dict[str, Any] = {"ready": True}
+        if asked.stage is not None:
+            answer["png"] = base64.b64encode(draw_stage(stages, asked.stage)).decode()
+        if asked.pixel is not None:
+            size = self._recording.rig[asked.camera].size
+            column, row = (
+                min(max(int((at + 0.5) * short / long), 0), short - 1)
+                for at, long, short in zip(asked.pixel, size, stages.first.shape[::-1], strict=True)
+            )
+            answer["explained"] = explain_pixel(stages, row, column)
+        return answer
+
+    def _stages(self, asked: StageRequest) -> SilhouetteStages | None:
+        """Stages of a silhouette, the last of which are kept; None while the model is learned."""
+        key = msgspec.json.encode((asked.camera, asked.moment, asked.background, asked.places))
+        if self._staged[0] != key:
+            model = self._model(asked)
+            if model is None:
+                return None
+            frame = self._moments.frames(asked.moment)[asked.camera]
+            self._staged = key, model.stages(asked.camera, frame)
+        return self._staged[1]
+
+    def _model(self, asked: SilhouetteRequest) -> Silhouettes | None:
+        """Silhouettes with what is drawn; None while their backgrounds are learned.
+
+        Raises:
+            InputError: there is no such camera, or files cannot be read.
+        """
+        self._check_places(asked.places)
+        model = self._backgrounds.get(asked.background)
+        if model is None:
+            return None
+        source = DrawnRecording(
+            **vars(self._recording),
+            drawn_regions=self._places.region_masks(asked.places),
+            drawn_unknown=self._places.unknown_masks(asked.places),
+        )
+        return model.with_places(source)
 
     def errors(self, asked: PointsRequest) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points.

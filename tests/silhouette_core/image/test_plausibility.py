@@ -5,7 +5,11 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.image.plausibility import check_plausible, telling_frames
+from silhouette_core.image.plausibility import (
+    ImplausibleSilhouettesError,
+    check_plausible,
+    telling_frames,
+)
 
 RNG = np.random.default_rng(3)
 PERSON = np.zeros((120, 160), bool)
@@ -35,6 +39,16 @@ def test_what_cannot_be_a_person_is_named(mask, words):
     check_plausible(masks, least=1)  # the other one will do
     with pytest.raises(InputError, match=words):
         check_plausible(masks, least=2)
+
+
+def test_the_error_carries_the_masks_at_fault_and_names_their_picture(tmp_path):
+    with pytest.raises(ImplausibleSilhouettesError) as caught:
+        check_plausible({"a": [PERSON] * 3, "b": [WHITE] * 3}, least=2)
+    error = caught.value
+    assert list(error.masks) == ["b"] and error.masks["b"][2] is WHITE
+    shown = str(error.shown_in(tmp_path / "x.png"))
+    assert f"of the picture: see {tmp_path / 'x.png'}, and why with" in shown
+    assert shown.endswith("regions/CAMERA.png, or mend the masks")
 
 
 def test_a_few_bad_moments_are_no_reason():

@@ -3,8 +3,74 @@
 import numpy as np
 import pytest
 
-from silhouette_core.image.silhouettes import UndistortedView
-from tests.sources import ring
+from calib.errors import InputError
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from tests.sources import GreySource, ring
+
+CAMERA = ring(1, (320, 240)).cameras[0]
+BODY = slice(60, 180), slice(130, 190)
+SHADE = slice(180, 200), slice(200, 300)
+
+
+class Room(GreySource):
+    """A red box in a grey room, which casts a shadow; it walks where the empty view is missing."""
+
+    def __init__(self, filmed: bool, region: np.ndarray | None = None):
+        super().__init__(ring(1, (320, 240)), 12)
+        self.filmed, self.region = filmed, region
+
+    def room(self) -> np.ndarray:
+        noise = np.random.default_rng(0).normal(0, 1.5, (240, 320, 3))
+        return np.rint(np.array((110, 120, 130)) + noise).astype(np.uint8)
+
+    def backgrounds(self) -> dict:
+        return {"cam_1": [self.room()]} if self.filmed else {}
+
+    def regions(self) -> dict:
+        return {} if self.region is None else {"cam_1": self.region}
+
+    def at(self, steps):
+        for step in steps:
+            frame = self.room()
+            frame[SHADE] = (frame[SHADE] * 0.7).astype(np.uint8)
+            walked = 0 if self.filmed else 20 * int(step) - 110
+            frame[BODY[0], 130 + walked : 190 + walked] = (40, 40, 180)
+            yield {"cam_1": frame}
+
+
+@pytest.mark.parametrize("filmed", [True, False])
+def test_stages_end_in_the_silhouette_and_tell_person_from_background(filmed):
+    region = np.ones((240, 320), bool)
+    region[:90] = False
+    source = Room(filmed, region)
+    silhouettes, frame = Silhouettes(source), next(source.at([6]))
+    stages = silhouettes.stages("cam_1", frame["cam_1"])
+    np.testing.assert_array_equal(stages.silhouette, silhouettes.of(frame)["cam_1"])
+    assert stages.cut
+    assert stages.first[80, 160] and not stages.silhouette[80, 160]  # outside of the region
+    assert stages.silhouette[120, 160] and stages.odds[120, 160] > 1
+    assert stages.difference[120, 160] > 1 > stages.difference[120, 40]
+    assert not stages.silhouette[120, 40]
+    np.testing.assert_allclose(stages.background[120, 160], (110, 120, 130), atol=5)
+
+
+def test_a_shadow_is_called_one():
+    source = Room(True)
+    stages = Silhouettes(source).stages("cam_1", next(source.at([0]))["cam_1"])
+    assert stages.shadow[190, 250] and not stages.silhouette[190, 250]
+    assert stages.brightness[190, 250] == pytest.approx(0.7, abs=0.03)
+    assert not stages.shadow[120, 160] and not stages.shadow[120, 40]
+
+
+def test_what_is_not_computed_is_not_shown():
+    source = Room(True)
+    silhouettes, frame = Silhouettes(source, "paper"), next(source.at([0]))
+    stages = silhouettes.stages("cam_1", frame["cam_1"])
+    np.testing.assert_array_equal(stages.silhouette, silhouettes.of(frame)["cam_1"])
+    assert stages.difference is stages.odds is stages.shadow is None
+    source.silhouettes_given = True
+    with pytest.raises(InputError, match="used as they are"):
+        Silhouettes(source).stages("cam_1", frame["cam_1"])
 
 
 @pytest.mark.parametrize("distortion", [(), (-0.2, 0.05, 0.0, 0.0)])

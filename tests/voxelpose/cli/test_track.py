@@ -140,7 +140,8 @@ def test_a_wall_is_no_person(room, capsys, command):
     assert run([command[0], "walk", "--out", "x", "--fps", "25", *command[1:]]) == 2
     said = capsys.readouterr().err.splitlines()[-1]
     assert "cannot be those of a person: those of cam_1 fill a rectangle" in said
-    assert left(room) == []
+    assert f"see {room.resolve() / 'x.silhouettes.png'}" in said
+    assert left(room) == ["x.silhouettes.png"]
 
 
 def test_results_are_not_overwritten_unasked(room, capsys):

@@ -245,6 +245,31 @@ def test_the_check_is_shown_without_blocking_the_page(recorded):
 
 
 @pytest.mark.slow
+def test_the_stages_of_a_silhouette_are_shown_and_a_pixel_explained(tmp_path):
+    with served(staged(tmp_path / "walk", 2)) as server, new_page() as (page, faults):
+        page.goto(server.url)
+        hand = Hand(page)
+        hand.use("silhouettes")
+        page.get_by_text("Share of the picture").wait_for(timeout=60_000)
+        hand.enlarge("cam_1")
+        for stage in ("background", "difference", "odds", "first"):
+            page.locator(f'[data-stage="{stage}"]').click()
+            page.locator(f'[data-stage="{stage}"][aria-pressed="true"]').wait_for()
+            shown = f"() => window.app.views.get('cam_1').staged?.stage === '{stage}'"
+            page.wait_for_function(shown)
+        places = {"person": SIZE[1] / 2, "background": 5}
+        for result, y in places.items():
+            page.mouse.move(*hand.at(SIZE[0] / 2, y))
+            line = page.locator("#pixel")
+            line.locator("b").get_by_text(result, exact=True).wait_for()
+            assert "empty 50 60 70" in " ".join(line.inner_text().split())
+            assert "difference" in line.inner_text() and not page.locator("#hint").is_visible()
+        page.mouse.move(2, 2)
+        until(page, page.locator("#hint").is_visible)
+        assert faults == []
+
+
+@pytest.mark.slow
 def test_what_is_not_possible_says_why(recorded, tmp_path):
     import shutil
 

@@ -1,5 +1,6 @@
 """What the setup page saves is what the project's readers read, and nothing else is lost."""
 
+import base64
 import csv
 
 import cv2
@@ -26,6 +27,7 @@ from voxelpose.setup_page.page_requests import (
     RegionDrawing,
     SaveRequest,
     SilhouetteRequest,
+    StageRequest,
 )
 
 SQUARE = [(40.0, 30.0), (199.6, 30.0), (199.6, 180.2), (40.0, 180.2)]
@@ -214,6 +216,27 @@ def test_silhouettes_follow_what_is_drawn_but_not_saved(recorded):
     assert drawn["cam_3"]["share"] == whole["cam_3"]
     with pytest.raises(InputError, match="no moment 8"):
         session.silhouettes(SilhouetteRequest(8))
+
+
+def test_a_pixel_is_explained_by_the_stages_of_its_silhouette(recorded):
+    session = opened(recorded)
+    request = StageRequest(3, camera="cam_1", stage="odds", pixel=(160.0, 120.0))
+    while not (found := session.stage(request))["ready"]:
+        pass
+    assert base64.b64decode(found["png"]).startswith(b"\x89PNG")
+    told = found["explained"]
+    assert told["person"] and told["why"] == "its colours say so"
+    assert told["here"] == [230, 160, 90] and told["background"] == [50, 60, 70]
+    upper = [(0.0, 0.0), (319.0, 0.0), (319.0, 40.0), (0.0, 40.0)]
+    places = PlacesDrawn({"cam_1": RegionDrawing(False, [upper])})
+    told = session.stage(msgspec.structs.replace(request, places=places))["explained"]
+    assert not told["person"] and told["why"].startswith("taken out")
+    paper = msgspec.structs.replace(request, background="paper")
+    with pytest.raises(InputError, match="the method paper has no odds"):
+        while not session.stage(paper)["ready"]:
+            pass
+    with pytest.raises(InputError, match="no camera 'cam_9'"):
+        session.stage(msgspec.structs.replace(request, camera="cam_9"))
 
 
 def test_the_floor_is_drawn_where_the_cameras_see_it():

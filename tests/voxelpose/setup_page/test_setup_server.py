@@ -13,7 +13,14 @@ from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, served, staged
 from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest, parse_request
 
 TOKEN = "open & sesame"
-POSTS = ("/api/silhouettes", "/api/points", "/api/ground", "/api/save", "/api/check/start")
+POSTS = (
+    "/api/silhouettes",
+    "/api/stage",
+    "/api/points",
+    "/api/ground",
+    "/api/save",
+    "/api/check/start",
+)
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +184,9 @@ JSON = st.recursive(
                     "moment",
                     "height_m",
                     "position_m",
+                    "camera",
+                    "stage",
+                    "pixel",
                 ]
             ),
             inner,
@@ -188,7 +198,7 @@ JSON = st.recursive(
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
-@given(content=JSON, path=st.sampled_from(POSTS[:3]))
+@given(content=JSON, path=st.sampled_from(POSTS[:4]))
 def test_no_request_is_a_bug(local, content, path):
     status, answer = ask(local, path, json.dumps(content).encode())
     assert status in (200, 400), answer

@@ -138,7 +138,8 @@ def prepare_silhouettes(
         numbers, times_s = work.subtract_background(silhouettes, lenses)
         moments = [stores[0][t] for t in telling_frames(len(stores[0]))]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
-        check_plausible(by_camera, least=LEAST_CAMERAS, person=preparation.person)
+        by_name = dict(zip(source.rig.names, lenses, strict=True))
+        check_plausible(by_camera, least=LEAST_CAMERAS, person=preparation.person, lenses=by_name)
         pinholes = Rig(tuple(lens.pinhole for lens in lenses))
         if preparation.person:
             rule = body_rule(len(pinholes), preparation.tolerance, len(shares))

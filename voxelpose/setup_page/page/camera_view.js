@@ -19,7 +19,7 @@ export class CameraView {
     this.element.append(this.canvas, label(camera), buttons(this));
     this.zoom = 1; // over what fits
     this.middle = [0.5, 0.5]; // of the picture, in the middle of the canvas
-    this.image = this.silhouette = this.painted = this.hidden = null;
+    this.image = this.silhouette = this.staged = this.painted = this.hidden = null;
     this.ground = [];
     this.large = false;
     new ResizeObserver(() => this.draw()).observe(this.element);
@@ -109,9 +109,10 @@ export class CameraView {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, ...this.box);
     pen.imageSmoothingEnabled = this.scale < 3;
-    this.layer(pen, this.image);
     const scene = this.scene(this.name);
-    this.layer(pen, scene.silhouettes ? this.silhouette : null);
+    const staged = this.staged?.stage === scene.stage ? this.staged.image : null;
+    this.layer(pen, scene.stage === "first" ? this.image : staged ?? this.image);
+    this.layer(pen, { silhouette: this.silhouette, first: staged }[scene.stage]);
     this.layer(pen, this.hidden);
     if (scene.region.polygons.length || (scene.region.painted && this.painted)) {
       this.layer(pen, this.outside(scene.region));

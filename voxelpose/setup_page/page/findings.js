@@ -5,14 +5,33 @@ import { button, checkbox, make, number, refusal } from "./parts.js";
 const USUAL = { background: "refined", tolerance: "0", voxel: "automatic", repair: "auto",
   stature: "estimated" };
 
+const STAGES = {
+  picture: ["Picture", "The frame as it was filmed."],
+  background: ["Background", "The empty view as it was learned. Hatched: nobody saw it, its colours are a guess."],
+  difference: ["Difference", "From the background, beyond what noise and shadows explain: black none, violet little,"
+    + " orange and yellow enough (1×) to be the person where the empty view was filmed."],
+  odds: ["Odds", "What colours say: blue for the person, brown against, grey not asked. They decide where"
+    + " the empty view was not filmed, else where the difference is small."],
+  first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
+  silhouette: ["Silhouette", "As `fit` begins with it."],
+};
+
+// Stages that there are: masks have none, the method paper few.
+function stagesOf(app) {
+  const few = { paper: ["picture", "background", "first", "silhouette"] }[app.overlays.method];
+  return app.store.state.masks_only ? ["picture", "silhouette"] : few ?? Object.keys(STAGES);
+}
+
 export function silhouettesPanel(app) {
   const { state } = app.store;
   const body = [
     make("p", {}, "Silhouettes of the shown frame, as `fit` makes them with what is drawn and chosen"
       + " here. A result is as good as its silhouettes: whole, without shadows, nothing beside the person."),
-    checkbox("Show silhouettes", app.silhouettes, (now) => app.toggleSilhouettes(now), { id: "show_silhouettes" }),
+    make("div", { class: "choices", role: "group", "aria-label": "Shown" }, ...stagesOf(app).map((stage) =>
+      button(STAGES[stage][0], () => app.chooseStage(stage), { "data-stage": stage, "aria-pressed": stage === app.stage }))),
+    make("p", {}, STAGES[app.stage][1]),
   ];
-  if (app.silhouettes) body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));
+  if (app.stage !== "picture") body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));
   body.push(make("p", {}, make("b", {}, "Settings of fit")), settingsGrid(app, state));
   body.push(make("p", { class: "note" }, "Saved as [fit] in voxelpose.toml of this folder."));
   return body;

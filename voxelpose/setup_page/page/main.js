@@ -31,7 +31,8 @@ class App {
     this.point = state.points[0]?.name ?? null;
     this.typed = {};
     this.errors = {};
-    this.silhouettes = this.ground = false;
+    this.stage = "picture"; // of the silhouettes
+    this.ground = false;
     this.silhouetteNote = "";
     this.height = 0;
     this.check = { state: "idle" };
@@ -107,7 +108,7 @@ class App {
       point: this.point,
       chosen: name === this.large ? this.chosen : null,
       draft: this.draft?.camera === name ? this.draft : null,
-      silhouettes: this.silhouettes && !by("empty").checked,
+      stage: by("empty").checked ? "picture" : this.stage,
       ground: this.ground,
     };
   }
@@ -201,7 +202,7 @@ class App {
       return count ? `${count} of ${state.cameras.length} cameras` : "";
     }
     if (tool === "points") return doc.points.length ? String(doc.points.length) : "";
-    if (tool === "silhouettes") return this.silhouettes ? "shown" : "";
+    if (tool === "silhouettes") return this.stage === "picture" ? "" : "shown";
     if (tool === "check") {
       if (state.refused.check) return "not here";
       return this.check.state === "done" ? (this.check.agrees ? "agree" : "look here") : "";
@@ -217,6 +218,7 @@ class App {
       const does = {
         region: "Click corners of the region.", unknown: "Click corners of what is hidden.",
         points: this.point ? `Click where ${this.point} is.` : "Click a place: it becomes a new point.",
+        silhouettes: "Point at a pixel: this line tells what it is taken for, and why.",
       }[this.tool] || "";
       const closing = "Click the first corner, or press Enter, to close; Backspace takes one back.";
       text = `${this.draft ? closing : does} Wheel zooms, dragging moves the picture, Esc goes back.`;
@@ -228,8 +230,9 @@ class App {
     this.tool = tool;
     this.draft = this.chosen = null;
     this.loupe.hide();
+    this.overlays.explain(null);
     if (tool === "floor" && !this.ground && !this.store.state.refused.floor) this.toggleGround(true);
-    if (tool === "silhouettes" && !this.silhouettes) this.toggleSilhouettes(true);
+    if (tool === "silhouettes" && this.stage === "picture") this.chooseStage("silhouette");
     this.show();
   }
 
@@ -237,6 +240,7 @@ class App {
     if (name !== this.large) this.draft = this.chosen = null;
     this.large = name;
     this.loupe.hide();
+    this.overlays.explain(null);
     this.arrange();
     this.show();
   }
@@ -313,8 +317,8 @@ class App {
     this.show();
   }
 
-  toggleSilhouettes(now) {
-    this.silhouettes = now;
+  chooseStage(stage) {
+    this.stage = stage;
     this.overlays.update();
     this.show();
   }

@@ -80,6 +80,7 @@ export class Pointer {
 
   leave(view) {
     this.app.loupe.hide();
+    this.app.overlays.explain(null);
     if (this.app.draft) this.app.draft.cursor = null;
     view.draw();
   }
@@ -94,6 +95,8 @@ export class Pointer {
     }
     if (app.tool === "points" && view.contains(pixel)) app.loupe.show(view, view.within(pixel));
     else app.loupe.hide();
+    const explained = app.tool === "silhouettes" && view.contains(pixel);
+    app.overlays.explain(explained ? { camera: view.name, pixel } : null);
   }
 
   // What is under the mouse and can be moved.
