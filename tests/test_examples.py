@@ -55,7 +55,7 @@ def test_the_notebook_holds_no_outputs():
 
 @pytest.mark.slow
 def test_the_notebook_runs(ran, monkeypatch):
-    # What the examples made is there already: recording and library.
+    # What the examples made is there already: the recording.
     monkeypatch.setenv("VOXELPOSE_OUT", str(ran))
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
