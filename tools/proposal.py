@@ -18,15 +18,14 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
 import tomlkit
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular import tuning
 from silhouette_core.monocular.making.checkpoint import Checkpoint
-from silhouette_core.monocular.making.from_motion import read_clips
-from silhouette_core.monocular.making.proposal_learning import LearningSettings, learn_proposal
+from silhouette_core.monocular.making.from_motion import learned_from, motion_digest, read_clips
+from silhouette_core.monocular.making.proposal_learning import LearningSettings
 from silhouette_core.monocular.proposal import shipped
 from silhouette_core.motion.motion import Motion
 from voxelpose.cli.progress import Progress
@@ -56,16 +55,6 @@ def recipe() -> str:
     return hashlib.sha256(facts.encode()).hexdigest()
 
 
-def digest(motions: Mapping[str, Motion]) -> str:
-    """Digest of motions."""
-    found = hashlib.sha256()
-    for name, motion in sorted(motions.items()):
-        found.update(name.encode())
-        for array in (motion.root_m, motion.root_quaternion, motion.angles_rad, motion.time_s):
-            found.update(np.ascontiguousarray(array).tobytes())
-    return found.hexdigest()
-
-
 def write_card(clips: Mapping[str, Motion], left_out: Sequence[str], date: str, path: Path) -> None:
     """Writes what states how a proposal was made."""
     card = {
@@ -75,7 +64,7 @@ def write_card(clips: Mapping[str, Motion], left_out: Sequence[str], date: str, 
         " it is learned from and not contained",
         "clips": sorted(clips),
         "left_out": sorted(left_out),
-        "motion_sha256": digest(clips),
+        "motion_sha256": motion_digest(clips),
         "seed": SETTINGS.seed,
         "date": date,
         "version": version("voxelpose"),
@@ -97,9 +86,7 @@ def main() -> None:
     unfinished = ROOT / "out" / "proposal"
     with Progress() as progress:
         clips = read_clips([given.motion], model, leave_out=given.leave_out, reporter=progress)
-        data = digest(clips)
-        kept = Checkpoint(unfinished, hashlib.sha256((recipe() + data).encode()).hexdigest())
-        proposal = learn_proposal(list(clips.values()), model, SETTINGS, progress, kept.step)
+        proposal = learned_from(clips, model, SETTINGS, unfinished, progress)
     given.out.mkdir(parents=True, exist_ok=True)
     shipped.write_proposal(proposal, given.out / shipped.FILE.name)
     today = datetime.now(UTC).date().isoformat()

@@ -157,24 +157,23 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        return model.with_colours(scene.frames, segmenter, filmed=False)
+        model._colours = SceneColours.learned(scene.frames, model._background, False, segmenter)
+        return model
 
     def with_colours(
         self,
         frames: Sequence[np.ndarray] | np.ndarray,
         segmenter: Segmenter | None = None,
-        filmed: bool = True,
     ) -> "BackgroundModel":
-        """The same background with the colours of the person in a sample of frames.
+        """The same background, which was filmed, with the colours of the person in some frames.
 
         Args:
             frames: each (H, W, 3) uint8, BGR, of the model's size.
             segmenter: tells where people are, in these frames and in those that are looked at.
-            filmed: whether the background was filmed, or is estimated.
         """
         model = copy(self)
         same = np.stack([aligned(np.ascontiguousarray(one), self.mean) for one in frames])
-        model._colours = SceneColours.learned(same, self._background, filmed, segmenter)
+        model._colours = SceneColours.learned(same, self._background, True, segmenter)
         return model
 
     def silhouette(

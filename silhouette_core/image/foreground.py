@@ -83,11 +83,9 @@ class SilhouetteStages:
         silhouette: (H, W) bool.
         difference: (H, W) float32, of colour or of brightness beyond shadow and highlight, from 1
             on larger than noise and shadows explain.
-        odds: (H, W) float32, nats of the person by colours; NaN where they are not asked.
+        odds: (H, W) float32, nats of the person, by which the frame is cut (`image.cut`).
         brightness: (H, W) float32, relative to the background's.
         shadow: (H, W) bool, only darker, and not darker than a cast shadow.
-        cut: whether the odds decide (`image.cut`); else the difference does, and the odds where it
-            is small.
     """
 
     frame: NDArray[np.uint8]
@@ -99,18 +97,6 @@ class SilhouetteStages:
     odds: NDArray[np.float32] | None = None
     brightness: NDArray[np.float32] | None = None
     shadow: NDArray[np.bool_] | None = None
-    cut: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Segmented:
-    """A silhouette (H, W) of `refined_mask`; the first mask (h, w) in the window; and rows and
-    columns of the window where colours were asked, with the odds there.
-    """
-
-    silhouette: NDArray[np.bool_]
-    first: NDArray[np.bool_]
-    asked: tuple[tuple[slice, slice], NDArray[np.float32]] | None = None
 
 
 def refined_mask(
@@ -132,7 +118,7 @@ def refined_mask(
         cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
             background alone.
     """
-    return _segmented(frame, background, region, exposure, window, cut).silhouette
+    return _segmented(frame, background, region, exposure, window, cut)[0]
 
 
 def refined_soft_silhouette(
@@ -142,12 +128,9 @@ def refined_soft_silhouette(
     cut: NDArray[np.bool_] | None = None,
 ) -> SoftSilhouette:
     """Silhouette as `refined_mask`, and where else the frame differs from the background."""
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
-    made = _segmented(frame, background, region, exposure, None, cut)
-    _, pooled = detect(view, exposure.noise)
-    chroma = _chroma(pooled)
-    brightness = np.abs(pooled_brightness(view)) / np.float32(exposure.noise)
+    looked = _Looked.at(frame, background, region, cut)
+    noise, radius = looked.exposure.noise, looked.view.radius
+    brightness = np.abs(looked.bright) / np.float32(noise)
 
     def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
         usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
@@ -156,8 +139,8 @@ def refined_soft_silhouette(
         return found if region is None else found & region
 
     return SoftSilhouette(
-        made.silhouette,
-        beyond_noise(chroma, FOREGROUND.possible),
+        looked.silhouette,
+        beyond_noise(_chroma(looked.pooled), FOREGROUND.possible),
         beyond_noise(brightness, FOREGROUND.pooled),
     )
 
@@ -169,30 +152,47 @@ def refined_stages(
     cut: NDArray[np.bool_] | None = None,
 ) -> SilhouetteStages:
     """Silhouette as `refined_mask`, and how it came about; without the odds by which it was cut."""
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
-    made = _segmented(frame, background, region, exposure, None, cut)
-    _, pooled = detect(view, exposure.noise)
-    odds = np.full(made.first.shape, np.nan, np.float32)
-    if made.asked is not None:
-        box, odds_there = made.asked
-        odds[box] = odds_there
-    bright = pooled_brightness(view)
-    brightness = 1 + bright / background.scales[2]
-    dark = only_darker(pooled, bright, exposure.noise)
-    beyond = pooled[3] / np.float32(FOREGROUND.brightness * UNIT)
+    looked = _Looked.at(frame, background, region, cut)
+    brightness = 1 + looked.bright / background.scales[2]
+    dark = only_darker(looked.pooled, looked.bright, looked.exposure.noise)
+    beyond = looked.pooled[3] / np.float32(FOREGROUND.brightness * UNIT)
     return SilhouetteStages(
-        frame=np.rint((frame / exposure.gain).clip(0, 255)).astype(np.uint8),
+        frame=np.rint((frame / looked.exposure.gain).clip(0, 255)).astype(np.uint8),
         background=background.mean,
         known=background.known,
-        first=made.first,
-        silhouette=made.silhouette,
-        difference=np.maximum(_chroma(pooled) / np.float32(FOREGROUND.pooled), beyond),
-        odds=odds,
+        first=looked.first,
+        silhouette=looked.silhouette,
+        difference=np.maximum(_chroma(looked.pooled) / np.float32(FOREGROUND.pooled), beyond),
         brightness=brightness,
         shadow=dark & (brightness >= background.shadow),
-        cut=cut is not None,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """A whole frame, its silhouette and first mask (H, W), and how it differs: pooled evidence (4,
+    H, W) and brightness (H, W), in noise.
+    """
+
+    exposure: Exposure
+    view: FrameView
+    silhouette: NDArray[np.bool_]
+    first: NDArray[np.bool_]
+    pooled: NDArray[np.int16]
+    bright: NDArray[np.float32]
+
+    @classmethod
+    def at(
+        cls,
+        frame: NDArray[np.uint8],
+        background: Background,
+        region: NDArray[np.bool_] | None,
+        cut: NDArray[np.bool_] | None,
+    ) -> "_Looked":
+        exposure = measure_exposure(frame, background)
+        view = FrameView.of(frame, background, exposure.gain, radius_of(background))
+        found = _segmented(frame, background, region, exposure, None, cut)
+        return cls(exposure, view, *found, detect(view, exposure.noise)[1], pooled_brightness(view))
 
 
 def _chroma(pooled: NDArray[np.int16]) -> NDArray[np.float32]:
@@ -207,8 +207,8 @@ def _segmented(
     exposure: Exposure | None,
     window: tuple[slice, slice] | None,
     cut: NDArray[np.bool_] | None,
-) -> _Segmented:
-    """Silhouette of `refined_mask`, and how it came about."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Silhouette of `refined_mask`, and the first mask, in the window."""
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
     radius = radius_of(background)
     gain = measure_gain(frame, background) if exposure is None else exposure.gain
@@ -224,27 +224,23 @@ def _segmented(
         decide = pooled, scale
     mask = _clean(first, region, everywhere.size)
     if not mask.any():
-        return _Segmented(everywhere, first)
+        return everywhere, first
     box = bounding_box(mask, margin=8 * radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
-    asked = None
     if decide is not None:
         pooled, scale = decide
-        mask, odds = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
+        mask = _decide_by_colours(view, mask, np.ascontiguousarray(pooled[:, *box]), scale)
         mask = _sharpen(view, mask)
-        asked = box, odds
     region = None if region is None else region[box]
     silhouette[box] = _clean(mask, region, everywhere.size)
-    return _Segmented(everywhere, first, asked)
+    return everywhere, first
 
 
 def _decide_by_colours(
     view: FrameView, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
-) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Mask in which the colours inside and around the silhouette decide the doubtful pixels, and
-    their odds of the person, nats.
-    """
+) -> NDArray[np.bool_]:
+    """Mask in which the colours inside and around the silhouette decide the doubtful pixels."""
     radius = view.radius
     near = grown(mask, 7 * radius, cv2.MORPH_RECT)
     odds = _log_fractions(view.frame, ~grown(~mask, 1)) - _log_fractions(
@@ -269,7 +265,7 @@ def _decide_by_colours(
     added = near & (
         (doubtful & (score > FOREGROUND.colours)) | (gap & (score > FOREGROUND.colours_gap))
     )
-    return (mask & ~surplus) | added, np.asarray(score, np.float32)
+    return (mask & ~surplus) | added
 
 
 def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -94,8 +94,11 @@ class Silhouettes:
         if ahead and method == "refined":
             samples = self._samples(source, tuple(backgrounds), _SEEN)
             self._measure_shadow(samples)
-            for name, frames in samples.items():
-                self._models[name] = self._models[name].with_colours(frames, network)
+
+            def coloured(name: str) -> BackgroundModel:
+                return self._models[name].with_colours(samples[name], network)
+
+            self._models |= dict(zip(samples, side_by_side(coloured, list(samples)), strict=True))
 
     def with_places(self, source: FrameSource) -> Silhouettes:
         """The same background models, with the regions and unknown places of another source.

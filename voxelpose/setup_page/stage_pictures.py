@@ -10,13 +10,12 @@ from calib.errors import InputError
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.tuning import COLOURS
 from voxelpose.setup_page.previews import overlay_png
-from voxelpose.view.images.canvas import Image, encoded, hatched
+from voxelpose.view.images.canvas import encoded, hatched
 
 StageName = Literal["background", "difference", "odds", "first"]
 SILHOUETTE = (64, 200, 255)  # RGB
 _FIRST = (255, 210, 63)
 _BACKGROUND = (176, 84, 40)
-_UNASKED = (58, 52, 48)  # BGR
 
 
 def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
@@ -30,24 +29,16 @@ def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
     if stage == "background":
         image = np.rint(stages.background.clip(0, 255)).astype(np.uint8)
         return encoded(image if stages.known.all() else hatched(image, ~stages.known), ".png")
-    if stages.difference is None:
+    if stages.difference is None or stages.odds is None:
         raise InputError(f"the method paper has no {stage}: choose refined")
     if stage == "difference":
         # Twice the limit is white: at the limit the colours change from violet to orange.
         grey = np.rint(127.5 * stages.difference.clip(0, 2)).astype(np.uint8)
         return encoded(np.asarray(cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO), np.uint8), ".png")
-    return encoded(_odds_picture(stages), ".png")
-
-
-def _odds_picture(stages: SilhouetteStages) -> Image:
-    """Odds of the person: its colour for, that of earth against, black for neither."""
-    image = np.full(stages.frame.shape, _UNASKED, np.uint8)
-    if stages.odds is not None:
-        asked = np.isfinite(stages.odds)
-        strength = (stages.odds[asked] / COLOURS.most_odds).clip(-1, 1)[:, None]
-        colours = np.where(strength > 0, SILHOUETTE[::-1], _BACKGROUND[::-1])
-        image[asked] = np.rint(np.abs(strength) * colours)
-    return image
+    # Odds: the person's colour for it, that of earth against it, black for neither.
+    strength = (stages.odds / COLOURS.most_odds).clip(-1, 1)[..., None]
+    colours = np.where(strength > 0, SILHOUETTE[::-1], _BACKGROUND[::-1])
+    return encoded(np.rint(np.abs(strength) * colours).astype(np.uint8), ".png")
 
 
 def explain_pixel(stages: SilhouetteStages, row: int, column: int) -> dict[str, Any]:
@@ -63,7 +54,7 @@ def explain_pixel(stages: SilhouetteStages, row: int, column: int) -> dict[str, 
         measures.append(f"difference {stages.difference[at]:.1f}×")
     if stages.brightness is not None and background.any():
         measures.append(f"brightness {100 * stages.brightness[at]:.0f} %")
-    if stages.odds is not None and np.isfinite(stages.odds[at]):
+    if stages.odds is not None:
         measures.append(f"odds {stages.odds[at]:+.1f} nats".replace("-", "−"))
     return {
         "here": stages.frame[at][::-1].tolist(),
@@ -82,20 +73,11 @@ def _why(stages: SilhouetteStages, at: tuple[int, int]) -> str:
         return (
             "filled in: edge, colours or a hole" if person else "taken out: edge, region or a speck"
         )
-    if stages.cut:
-        return _why_cut(stages, at)
-    if person:
-        return "differs by more than noise and shadow"
-    return "only a shadow" if _true(stages.shadow, at) else "like the background"
-
-
-def _why_cut(stages: SilhouetteStages, at: tuple[int, int]) -> str:
-    person = bool(stages.silhouette[at])
-    if stages.odds is not None and (stages.odds[at] > 0) != person:
+    if stages.odds is None:
+        return "differs from the empty view" if person else "like the empty view"
+    if (stages.odds[at] > 0) != person:
         return "its neighbours decide"
-    if not person and _true(stages.shadow, at):
-        return "only a shadow"
-    return "its colours say so"
+    return "only a shadow" if not person and _true(stages.shadow, at) else "its colours say so"
 
 
 def _true(mask: NDArray[np.bool_] | None, at: tuple[int, int]) -> bool:

@@ -261,20 +261,11 @@ def log_odds(
 
 
 @kernel
-def _sharpen_row(
-    row,
-    planes,
-    mean,
-    least_light,
-    greatest_light,
-    band,
-    inside,
-    outside,
-    reach,
-    least_contrast,
-    mask,
-):
+def _sharpen_row(row, images, lights, regions, reach, least_contrast, mask):
     """One row of `sharpen`."""
+    planes, mean = images
+    least_light, greatest_light = lights
+    band, inside, outside = regions
     height, width = mask.shape
     stride = max(1, reach // 4)
     first, last = width, -1
@@ -340,17 +331,8 @@ def sharpen(
     times the gain that light and shadow have on the window's outside pixels. Pixels with too few
     of either, or too little contrast, keep their label. Frame and mean are (3, H, W).
     """
+    images, lights = (planes, mean), (least_light, greatest_light)
+    regions = band, inside, outside
     for row in prange(mask.shape[0]):
-        _sharpen_row(
-            np.int64(row),  # prange counts in uint64, which would be compiled as well
-            planes,
-            mean,
-            least_light,
-            greatest_light,
-            band,
-            inside,
-            outside,
-            reach,
-            least_contrast,
-            mask,
-        )
+        # prange counts in uint64, which would be compiled as well.
+        _sharpen_row(np.int64(row), images, lights, regions, reach, least_contrast, mask)

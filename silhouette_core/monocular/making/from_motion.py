@@ -133,26 +133,34 @@ def make_library(
         library = build_library(bases, model, settings, reporter, partial)
         if learning is not None:
             learning = replace(learning, mirror=settings.mirror)
-            proposal = _learned(motions, model, learning, partial, reporter)
+            proposal = learned_from(motions, model, learning, partial / "proposal", reporter)
             library = replace(library, proposal=proposal)
         write_library(library, path)
         Checkpoint.remove(partial)
     return read_library(path)
 
 
-def _learned(
+def motion_digest(motions: Mapping[str, Motion]) -> str:
+    """SHA-256 of motions, hexadecimal."""
+    digest = hashlib.sha256()
+    for motion in motions.values():
+        for array in (motion.root_m, motion.root_quaternion, motion.angles_rad, motion.time_s):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def learned_from(
     motions: Mapping[str, Motion],
     model: BodyModel,
     settings: LearningSettings,
     partial: Path,
     reporter: Reporter,
 ) -> PoseProposal:
-    """Proposal learned from all motion, with checkpoints of its encoding and of all of it."""
-    digest = hashlib.sha256(json.dumps([asdict(settings), asdict(model.sizes)]).encode())
-    for motion in motions.values():
-        for array in (motion.root_m, motion.root_quaternion, motion.angles_rad, motion.time_s):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    checkpoint = Checkpoint(partial / "proposal", digest.hexdigest())
+    """Proposal learned from all motion, with checkpoints in a folder of its encoding and of all of
+    it; see `learn_proposal`.
+    """
+    facts = json.dumps([asdict(settings), asdict(model.sizes), motion_digest(motions)])
+    checkpoint = Checkpoint(partial, hashlib.sha256(facts.encode()).hexdigest())
 
     def learned() -> Mapping[str, NDArray]:
         found = learn_proposal(list(motions.values()), model, settings, reporter, checkpoint.step)

@@ -46,7 +46,6 @@ def test_stages_end_in_the_silhouette_and_tell_person_from_background(filmed):
     silhouettes, frame = Silhouettes(source), next(source.at([6]))
     stages = silhouettes.stages("cam_1", frame["cam_1"])
     np.testing.assert_array_equal(stages.silhouette, silhouettes.of(frame)["cam_1"])
-    assert stages.cut
     assert stages.first[80, 160] and not stages.silhouette[80, 160]  # outside of the region
     assert stages.silhouette[120, 160] and stages.odds[120, 160] > 1
     assert stages.difference[120, 160] > 1 > stages.difference[120, 40]

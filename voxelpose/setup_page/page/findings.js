@@ -9,9 +9,9 @@ const STAGES = {
   picture: ["Picture", "The frame as it was filmed."],
   background: ["Background", "The empty view as it was learned. Hatched: nobody saw it, its colours are a guess."],
   difference: ["Difference", "From the background, beyond what noise and shadows explain: black none, violet little,"
-    + " orange and yellow enough (1×) to be the person where the empty view was filmed."],
-  odds: ["Odds", "What colours say: blue for the person, brown against, grey not asked. They decide where"
-    + " the empty view was not filmed, else where the difference is small."],
+    + " orange and yellow enough (1×) for a person."],
+  odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither."
+    + " They decide, with edges and neighbours."],
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
   silhouette: ["Silhouette", "As `fit` begins with it."],
 };
