@@ -16,7 +16,7 @@ SMALL = ["--yaw-step", "120", "--poses", "12", "--no-mirror", "--stature", "1.7"
 @pytest.fixture
 def clips(desk, monkeypatch):
     """Two clips as BVH files; what takes long, the proposal, is not learned from them."""
-    monkeypatch.setattr(from_motion, "_learned", lambda *_: None)
+    monkeypatch.setattr(from_motion, "learned_from", lambda *_: None)
     (desk / "clips").mkdir()
     for name, count in (("wave_1", 60), ("long_wave_2", 80)):
         write_bvh(waving(count, 1.7), desk / "clips" / f"{name}.bvh")

@@ -19,6 +19,7 @@ from silhouette_core.monocular.making.proposal_learning import (
     learn_proposal,
 )
 from silhouette_core.monocular.making.virtual_takes import VirtualBodies, film_take
+from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.proposal.silhouette_features import (
     FrameFeatures,
     InsideGrids,
@@ -32,17 +33,6 @@ STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
 TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)
 
 
-@pytest.fixture(scope="module")
-def learned_proposal():
-    """It has learned one performance of every movement."""
-    motions = keypose_motions(body())
-    training = TrainingSettings(steps=800, batch=256, units=192, blocks=1, modes=4, rate=2e-3)
-    settings = LearningSettings(
-        frames=12_000, takes=30, passes=20, encoding=replace(training, steps=400), training=training
-    )
-    return learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)
-
-
 class Stages(SilentReporter):
     def __init__(self):
         self.totals, self.counts = {}, {}
@@ -54,9 +44,11 @@ class Stages(SilentReporter):
         self.counts[self.now] += steps
 
 
-@pytest.mark.slow
-def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
-    proposal, model = learned_proposal, body()
+def errors_of(proposal):
+    """Median errors over movements, statures: of the mean pose, of the likeliest mode (causal or
+    not), of the best mode, of the offset.
+    """
+    model = body()
     motions = keypose_motions(model)
     unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
     bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
@@ -80,11 +72,28 @@ def test_held_out_motion_is_told_better_than_by_the_mean_pose(learned_proposal):
             errors[causal].append(wrong[np.arange(len(wrong)), likeliest])
         errors["best"].append(wrong.min(axis=1))
         offsets.append(np.abs(found.offset[:, :2] - take.offset[:, :2]).mean())
-    assert np.median(offsets) < 0.03  # shadows pull single ones farther
     error = {name: np.median(np.concatenate(values)) for name, values in errors.items()}
+    return error | {"offset": np.median(offsets)}  # shadows pull single ones farther
+
+
+def test_motion_that_the_shipped_proposal_has_not_learned_is_told():
+    error = errors_of(shipped_proposal())
     # The likeliest mode may be the wrong one of two mirrored in depth, the best one is not.
-    assert error[False] < 0.75 * error["mean"] and error[True] < 0.75 * error["mean"]
-    assert error["best"] < 0.5 * error["mean"]
+    assert error[False] < 0.5 * error["mean"] and error[True] < 0.5 * error["mean"]
+    assert error["best"] < 0.4 * error["mean"] and error["offset"] < 0.02
+
+
+@pytest.mark.slow
+def test_a_short_training_tells_more_than_the_mean_pose():
+    motions = keypose_motions(body())
+    training = TrainingSettings(steps=300, batch=128, units=128, blocks=1, modes=4, rate=2e-3)
+    settings = LearningSettings(
+        frames=4_000, takes=10, passes=20, encoding=replace(training, steps=150), training=training
+    )
+    error = errors_of(
+        learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)
+    )
+    assert error[False] < error["mean"] and error["best"] < 0.7 * error["mean"]
 
 
 def test_every_step_is_reported():
