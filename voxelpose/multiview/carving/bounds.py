@@ -1,6 +1,6 @@
 """Bounding box of a visual hull, before it is carved."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -36,6 +36,7 @@ def place_grid(
     resolution: int = 128,
     rule: CarveRule | None = None,
     unknown: Sequence[NDArray[np.bool_]] | None = None,
+    moments: Iterable[Masks] = (),
 ) -> VoxelGrid:
     """Smallest grid that holds the visual hull.
 
@@ -52,6 +53,8 @@ def place_grid(
         resolution: Voxels along the longest edge where no size is given.
         rule: Condition under which a voxel is occupied; its tolerance holds here as well.
         unknown: As of `carve`; what they hide bounds nothing.
+        moments: Where `masks` are unions over time, those of single moments: somebody who walks
+            about before cameras side by side is bounded at each moment, but not by the unions.
 
     Returns:
         The grid, with a margin of one voxel.
@@ -68,10 +71,7 @@ def place_grid(
         raise ValueError(f"voxel_size_m must be positive, got {voxel_size_m}")
     images = mask_list(rig, masks)
     require_foreground(rig, images, rule.tolerance)
-    possible = images
-    if unknown is not None:
-        possible = [mask | where for mask, where in zip(images, unknown, strict=True)]
-    low, high = _pyramid_box(rig, possible, rule)
+    low, high = _pyramid_box(rig, images, rule, unknown, (mask_list(rig, one) for one in moments))
     if len(_blind(rig, low, high)) > rule.tolerance:
         raise _nothing_common(rig)
     low, high = _shrink(rig, images, rule, (low, high), unknown)
@@ -193,30 +193,51 @@ def _box(planes: NDArray[np.float64]) -> _Box | None:
     return corners[0], corners[1]
 
 
-def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _Box:
+def _pyramid_box(
+    rig: Rig,
+    masks: list[NDArray[np.uint8]],
+    rule: CarveRule,
+    unknown: Sequence[NDArray[np.bool_]] | None,
+    moments: Iterable[list[NDArray[np.uint8]]],
+) -> _Box:
     """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
-    of them.
+    of them; of those of the moments that bound one, if that is infinite.
     """
+    found = _intersection(rig, masks, rule, unknown)
+    if found is None:
+        raise _nothing_common(rig)
+    if not np.isfinite(found).all():
+        seen = (one for one in moments if all(mask.any() for mask in one))
+        boxes = [_intersection(rig, one, rule, unknown) for one in seen]
+        bounded = [box for box in boxes if box is not None and np.isfinite(box).all()]
+        if not bounded:
+            raise InputError(
+                f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the"
+                " same way): add a camera that looks from another side"
+            )
+        found = np.min(bounded, axis=0)[0], np.max(bounded, axis=0)[1]
+    return found
+
+
+def _intersection(
+    rig: Rig,
+    masks: list[NDArray[np.uint8]],
+    rule: CarveRule,
+    unknown: Sequence[NDArray[np.bool_]] | None,
+) -> _Box | None:
+    """Bounding box as of `_pyramid_box`, of one set of masks; infinite where unbounded."""
     sides: list[_Sides] = []
-    for camera, mask in zip(rig, masks, strict=True):
-        planes = _pyramid(camera, _outline(mask)) if mask.any() else None
+    for c, (camera, mask) in enumerate(zip(rig, masks, strict=True)):
+        seen = mask if unknown is None else mask | unknown[c]
+        planes = _pyramid(camera, _outline(seen)) if seen.any() else None
         if planes is not None:
             sides.append(
-                (planes, _touches(mask) if rule.outside == "keep" else np.zeros(4, dtype=bool))
+                (planes, _touches(seen) if rule.outside == "keep" else np.zeros(4, dtype=bool))
             )
     # Cameras without foreground count toward the tolerance.
     used = max(1, min(len(sides), len(rig) - rule.tolerance))
-    candidates = map(_bounded_box, combinations(sides, used))
-    boxes = [box for box in candidates if box is not None]
-    if not boxes:
-        raise _nothing_common(rig)
-    low, high = np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]
-    if not np.isfinite([low, high]).all():
-        raise InputError(
-            f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the same"
-            " way): add a camera that looks from another side"
-        )
-    return low, high
+    boxes = [box for box in map(_bounded_box, combinations(sides, used)) if box is not None]
+    return (np.min(boxes, axis=0)[0], np.max(boxes, axis=0)[1]) if boxes else None
 
 
 def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:

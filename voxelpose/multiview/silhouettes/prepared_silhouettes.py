@@ -337,14 +337,19 @@ def observer_of(
 ) -> HullObserver:
     """Observer of the volume in which the silhouettes of the whole recording allow a body."""
     views = PinholeViews.from_rig(rig, unknown)
+
+    def moments() -> Iterator[list[np.ndarray]]:
+        for t in even_moments(len(store), _VOLUME_FRAMES, margin=0).tolist():
+            yield [clean(mask, min_share=CARVING.bounding) for mask in store[t]]  # without specks
+
     union = [np.zeros_like(mask) for mask in store[0]]
-    for t in np.unique(np.linspace(0, len(store) - 1, min(len(store), _VOLUME_FRAMES)).astype(int)):
-        for whole, mask in zip(union, store[int(t)], strict=True):
-            whole |= clean(mask, min_share=CARVING.bounding)  # a speck bounds nothing
+    for masks in moments():
+        for whole, mask in zip(union, masks, strict=True):
+            whole |= mask
     require_foreground(rig, union, settings.tolerance)
     rule = body_rule(len(rig), settings.tolerance, views.partly_unknown)
     size_m = 2 * settings.voxel_size_m
-    grid = place_grid(rig, union, voxel_size_m=size_m, rule=rule, unknown=unknown)
+    grid = place_grid(rig, union, size_m, rule=rule, unknown=unknown, moments=moments())
     return HullObserver(
         views, grid, settings.voxel_size_m, rule, settings.joined_m, settings.person
     )
