@@ -28,11 +28,11 @@ from silhouette_core.image.foreground import (
 )
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
-from silhouette_core.image.segmenter import Segmenter, person_odds
 from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
 """Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
+Odds = Sequence[NDArray[np.float32]]
 _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
@@ -123,7 +123,7 @@ class BackgroundModel:
         cls,
         frames: Iterable[np.ndarray],
         method: Method = "refined",
-        segmenter: Segmenter | None = None,
+        evidence: Odds | None = None,
     ) -> "BackgroundModel":
         """Background from frames in which a person is always somewhere; see `EmptyScene`.
 
@@ -131,7 +131,7 @@ class BackgroundModel:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
                 40 over the recording.
             method: see `Method`.
-            segmenter: tells where people are, in these frames and in those that are looked at.
+            evidence: as of `with_colours`.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -143,10 +143,7 @@ class BackgroundModel:
             stack.append(frame)
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
-        size = stack[0].shape[1::-1]
-        people = None
-        if segmenter is not None:
-            people = np.stack([person_odds(segmenter, one, size) > 0 for one in stack])
+        people = None if evidence is None else np.stack(evidence) > 0
         scene = EmptyScene.from_frames(np.stack(stack), people)
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
@@ -157,23 +154,23 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background, False, segmenter)
+        model._colours = SceneColours.learned(scene.frames, model._background, False, evidence)
         return model
 
     def with_colours(
         self,
         frames: Sequence[np.ndarray] | np.ndarray,
-        segmenter: Segmenter | None = None,
+        evidence: Odds | None = None,
     ) -> "BackgroundModel":
         """The same background, which was filmed, with the colours of the person in some frames.
 
         Args:
             frames: each (H, W, 3) uint8, BGR, of the model's size.
-            segmenter: tells where people are, in these frames and in those that are looked at.
+            evidence: what else speaks for a person in each frame, nats, of the size `cut_size`.
         """
         model = copy(self)
         same = np.stack([aligned(np.ascontiguousarray(one), self.mean) for one in frames])
-        model._colours = SceneColours.learned(same, self._background, True, segmenter)
+        model._colours = SceneColours.learned(same, self._background, True, evidence)
         return model
 
     def silhouette(
@@ -181,6 +178,7 @@ class BackgroundModel:
         frame: np.ndarray,
         region: np.ndarray | None = None,
         exposure: Exposure | None = None,
+        evidence: NDArray[np.float32] | None = None,
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
 
@@ -202,6 +200,8 @@ class BackgroundModel:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
             exposure: of the frame, for the refined method; None: measured here.
+            evidence: what else speaks for a person, nats, of the size `cut_size`, where colours
+                decide.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -212,7 +212,7 @@ class BackgroundModel:
         """
         frame = self._aligned(frame)
         if self.method == "refined":
-            cut = self._cut(frame)
+            cut = self._cut(frame, evidence)
             return refined_mask(frame, self._background, region, exposure, cut=cut)
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
@@ -222,7 +222,10 @@ class BackgroundModel:
         return mask if region is None else mask & region
 
     def soft_silhouette(
-        self, frame: np.ndarray, region: np.ndarray | None = None
+        self,
+        frame: np.ndarray,
+        region: np.ndarray | None = None,
+        evidence: NDArray[np.float32] | None = None,
     ) -> SoftSilhouette:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
         gives the silhouette only.
@@ -230,6 +233,7 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR.
             region: region of interest, (H, W) bool; None means the whole image.
+            evidence: as of `silhouette`.
 
         Raises:
             ValueError: the frame has another size than the model.
@@ -238,14 +242,20 @@ class BackgroundModel:
         if self.method == "paper":
             return SoftSilhouette.of(self.silhouette(frame, region))
         frame = self._aligned(frame)
-        return refined_soft_silhouette(frame, self._background, region, self._cut(frame))
+        return refined_soft_silhouette(frame, self._background, region, self._cut(frame, evidence))
 
-    def stages(self, frame: np.ndarray, region: np.ndarray | None = None) -> SilhouetteStages:
+    def stages(
+        self,
+        frame: np.ndarray,
+        region: np.ndarray | None = None,
+        evidence: NDArray[np.float32] | None = None,
+    ) -> SilhouetteStages:
         """How a frame's silhouette comes about; of the paper's method only what it makes.
 
         Args:
             frame: (H, W, 3) uint8, BGR.
             region: region of interest, (H, W) bool; None means the whole image.
+            evidence: as of `silhouette`.
 
         Raises:
             ValueError: the frame has another size than the model.
@@ -255,11 +265,11 @@ class BackgroundModel:
         if self.method == "paper":
             first, found = self.silhouette(frame), self.silhouette(frame, region)
             return SilhouetteStages(aligned_frame, self.mean, known, first, found)
-        cut = self._cut(aligned_frame)
+        cut = self._cut(aligned_frame, evidence)
         stages = refined_stages(aligned_frame, self._background, region, cut)
         if self._colours is None:
             return stages
-        return replace(stages, odds=self._colours.odds(aligned_frame))
+        return replace(stages, odds=self._colours.odds(aligned_frame, evidence))
 
     def coloured_silhouette(
         self,
@@ -333,5 +343,7 @@ class BackgroundModel:
         frame = np.ascontiguousarray(frame)
         return aligned(frame, self.mean) if self.has_colours else frame
 
-    def _cut(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
-        return None if self._colours is None else self._colours.silhouette(frame)
+    def _cut(
+        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None
+    ) -> NDArray[np.bool_] | None:
+        return None if self._colours is None else self._colours.silhouette(frame, evidence)

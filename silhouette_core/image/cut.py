@@ -8,6 +8,7 @@ the colours learned from what was found, and so on.
 After GrabCut (Rother, Kolmogorov and Blake, 2004) and Background Cut (Sun et al., 2006).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -19,7 +20,6 @@ from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
-from silhouette_core.image.segmenter import Segmenter, person_odds
 from silhouette_core.tuning import COLOURS, CUT
 
 _GAIN = np.ones(3, np.float32)
@@ -36,14 +36,12 @@ class SceneColours:
             estimated background has the colour of clothes is one coincidence, wherever it is seen.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
-        segmenter: tells where a person is, too; None: colours alone do.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
     background: Background
-    segmenter: Segmenter | None = None
 
     @classmethod
     def learned(
@@ -51,10 +49,10 @@ class SceneColours:
         frames: NDArray[np.uint8],
         background: Background,
         filmed: bool,
-        segmenter: Segmenter | None = None,
+        evidence: Sequence[NDArray[np.float32]] | None = None,
     ) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background, which was
-        filmed or is estimated.
+        filmed or is estimated, and what else speaks for a person in each, as of `cut`.
         """
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
@@ -63,23 +61,23 @@ class SceneColours:
         density = scene.density()
         others = EVEN if density is None else np.exp(density.log_density)
         any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
-        colours = cls(*any_colour, EVEN, reduced, segmenter)
-        evidence = [colours._evidence(frame) for frame in frames]
+        colours = cls(*any_colour, EVEN, reduced)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
         guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
-        if segmenter is not None:
-            occupied = [np.asarray(odds) > 0 for odds in evidence]
+        if evidence is not None:
+            occupied = [odds > 0 for odds in evidence]
         for turn in range(CUT.learned):
             person = PersonColours()
-            for frame, odds, before in zip(small, evidence, occupied, strict=True):
+            told = evidence or [None] * len(small)
+            for frame, odds, before in zip(small, told, occupied, strict=True):
                 person.add(frame, colours.cut(frame, odds) | (before & (turn == 0)))
             density = person.density()
             if density is None:
                 break
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
-            colours = cls(density.log_density, worn, others, reduced, segmenter)
+            colours = cls(density.log_density, worn, others, reduced)
         return colours
 
     def cut(
@@ -97,11 +95,13 @@ class SceneColours:
         kernels.cut(odds, links, CUT.rounds, mask)
         return mask
 
-    def odds(self, frame: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Odds of the person (H, W), nats, by which a frame (H, W, 3) uint8 of the full size is
-        cut.
+    def odds(
+        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Odds of the person (H, W), nats, by which a frame (H, W, 3) uint8 of the full size is cut
+        with more that speaks for the person, as of `cut`.
         """
-        odds = self._odds(_resized(frame, self.background), self._evidence(frame))
+        odds = self._odds(_resized(frame, self.background), evidence)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(odds, size, interpolation=cv2.INTER_NEAREST), np.float32)
 
@@ -121,25 +121,38 @@ class SceneColours:
         odds = np.where(odds < 0, odds * weight, odds)
         return odds if evidence is None else odds + evidence
 
-    def _evidence(self, frame: NDArray[np.uint8]) -> NDArray[np.float32] | None:
-        """What the segmenter says, (h, w) nats, of a frame (H, W, 3) uint8 of the full size."""
-        if self.segmenter is None:
-            return None
-        return person_odds(self.segmenter, frame, self.background.mean.shape[1::-1])
-
-    def silhouette(self, frame: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size."""
+    def silhouette(
+        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+    ) -> NDArray[np.bool_]:
+        """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size, with more that speaks
+        for the person, as of `cut`.
+        """
         small = _resized(frame, self.background)
-        mask = self.cut(small, self._evidence(frame)).astype(np.float32)
+        mask = self.cut(small, evidence).astype(np.float32)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
 
 
+def cut_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height, px, at which frames of a size are cut."""
+    factor = min(1.0, CUT.side_px / min(size))
+    return max(round(size[0] * factor), 1), max(round(size[1] * factor), 1)
+
+
+def body_odds(body: NDArray[np.bool_], reach_px: float, most: float) -> NDArray[np.float32]:
+    """What a body (h, w) bool, drawn where it is thought to be, says of each pixel, (h, w) nats:
+    the more the farther inside or outside of its outline, `most` from `reach_px` on.
+    """
+    inside, outside = (
+        cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+        for mask in (body, ~body)
+    )
+    return most * ((inside - outside) / np.float32(reach_px)).clip(-1, 1).astype(np.float32)
+
+
 def _reduced(background: Background) -> Background:
     """Background at the size at which frames are cut."""
-    height, width = background.mean.shape[:2]
-    factor = min(1.0, CUT.side_px / min(height, width))
-    size = max(round(width * factor), 1), max(round(height * factor), 1)
+    size = cut_size(background.mean.shape[1::-1])
     mean = cv2.resize(background.mean, size, interpolation=cv2.INTER_AREA)
     noise = cv2.resize(1 / background.scales[1], size, interpolation=cv2.INTER_AREA)
     known = cv2.resize(background.known.astype(np.float32), size, interpolation=cv2.INTER_AREA)

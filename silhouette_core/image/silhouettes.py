@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -18,14 +18,16 @@ from calib.moments import even_moments
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.cast_shadow import darkest_shadow
+from silhouette_core.image.cut import cut_size
 from silhouette_core.image.difference import Exposure
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
-from silhouette_core.image.segmenter import load_segmenter
+from silhouette_core.image.segmenter import load_segmenter, person_odds
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
 Window = tuple[slice, slice]
+BodyOdds = Callable[[str, int, tuple[int, int]], NDArray[np.float32]]
 
 _BACKGROUND_FRAMES = 120
 _OCCUPIED, _SEEN = 40, 16  # frames that are looked at beforehand without an empty view, and with
@@ -49,6 +51,7 @@ class Silhouettes:
         *,
         ahead: bool = True,
         segmenter: str | None = None,
+        bodies: BodyOdds | None = None,
     ) -> None:
         """Builds the background models of a recording.
 
@@ -62,6 +65,8 @@ class Silhouettes:
                 scene need them anyway.
             segmenter: Tells where people are, in frames that are read beforehand and by their
                 colours: see `load_segmenter`. None: nothing does.
+            bodies: Tells where the person is thought to be: odds (h, w) of `body_odds` by a
+                camera's name, the number of a frame and the size. None: nothing does.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image;
@@ -73,6 +78,8 @@ class Silhouettes:
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
+        self._segmenter = None if segmenter is None else load_segmenter(segmenter)
+        self._bodies = bodies
         self.without_background: tuple[str, ...] = ()
         if self._given:
             return
@@ -88,17 +95,17 @@ class Silhouettes:
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        network = None if segmenter is None else load_segmenter(segmenter)
-        for name, frames in self._samples(source, self.without_background, _OCCUPIED).items():
-            self._models[name] = BackgroundModel.from_occupied(frames, method, network)
+        for name, samples in self._samples(source, self.without_background, _OCCUPIED).items():
+            frames, odds = samples
+            self._models[name] = BackgroundModel.from_occupied(frames, method, odds)
         if ahead and method == "refined":
-            samples = self._samples(source, tuple(backgrounds), _SEEN)
-            self._measure_shadow(samples)
+            seen = self._samples(source, tuple(backgrounds), _SEEN)
+            self._measure_shadow({name: frames for name, (frames, _) in seen.items()})
 
             def coloured(name: str) -> BackgroundModel:
-                return self._models[name].with_colours(samples[name], network)
+                return self._models[name].with_colours(*seen[name])
 
-            self._models |= dict(zip(samples, side_by_side(coloured, list(samples)), strict=True))
+            self._models |= dict(zip(seen, side_by_side(coloured, list(seen)), strict=True))
 
     def with_places(self, source: FrameSource) -> Silhouettes:
         """The same background models, with the regions and unknown places of another source.
@@ -137,7 +144,10 @@ class Silhouettes:
             )
 
     def of(
-        self, frames: Mapping[str, Frame], near: Mapping[str, Window] | None = None
+        self,
+        frames: Mapping[str, Frame],
+        near: Mapping[str, Window] | None = None,
+        step: int | None = None,
     ) -> dict[str, NDArray[np.bool_]]:
         """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name.
 
@@ -146,11 +156,12 @@ class Silhouettes:
             near: rows and columns of the silhouettes outside of which nothing is looked for, by
                 camera name; for the refined method, in frames that follow on each other. None:
                 whole frames.
+            step: The number of the frames, by which bodies are asked.
         """
 
         def silhouette(name: str) -> NDArray[np.bool_]:
             if near is None or self._given:
-                return self._known(name, self._silhouette(name, frames[name]))
+                return self._known(name, self._silhouette(name, frames[name], step))
             return self._known(name, self._silhouette_near(name, frames[name], near.get(name)))
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
@@ -162,7 +173,8 @@ class Silhouettes:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
             frame = self.scaled(name, frames[name])
-            soft = self._models[name].soft_silhouette(frame, self._regions.get(name))
+            told = self._evidence(name, frame)
+            soft = self._models[name].soft_silhouette(frame, self._regions.get(name), told)
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
@@ -179,7 +191,9 @@ class Silhouettes:
         """
         if self._given:
             raise InputError("masks/ holds silhouettes: they are used as they are")
-        stages = self._models[name].stages(self.scaled(name, frame), self._regions.get(name))
+        frame = self.scaled(name, frame)
+        told = self._evidence(name, frame)
+        stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
     @property
@@ -211,10 +225,22 @@ class Silhouettes:
         """Mask without what is unknown, where holes may have been filled."""
         return mask & ~self.unknown[name] if name in self.unknown else mask
 
-    def _silhouette(self, name: str, frame: Frame) -> NDArray[np.bool_]:
+    def _evidence(
+        self, name: str, frame: NDArray[np.uint8], step: int | None = None
+    ) -> NDArray[np.float32] | None:
+        """What the segmenter, and the body, say of a frame of the silhouettes' size."""
+        size = cut_size(self._sizes[name])
+        odds = None if self._segmenter is None else person_odds(self._segmenter, frame, size)
+        if self._bodies is None or step is None:
+            return odds
+        body = self._bodies(name, step, size)
+        return body if odds is None else odds + body
+
+    def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self.scaled(name, frame)
         if not self._given:
-            return self._models[name].silhouette(frame, region)
+            told = self._evidence(name, frame, step)
+            return self._models[name].silhouette(frame, region, evidence=told)
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
@@ -223,7 +249,7 @@ class Silhouettes:
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
         if model.has_colours:
-            return model.silhouette(self.scaled(name, frame), region)
+            return self._silhouette(name, frame)
         if near is None or exposure is None:
             frame = self.scaled(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)
@@ -257,14 +283,17 @@ class Silhouettes:
 
     def _samples(
         self, source: FrameSource, names: Sequence[str], count: int
-    ) -> dict[str, list[Frame]]:
-        """Frames of some cameras, few enough for memory."""
+    ) -> dict[str, tuple[list[Frame], list[NDArray[np.float32]] | None]]:
+        """Frames of some cameras, few enough for memory, and the evidence of each."""
         samples: dict[str, list[Frame]] = {name: [] for name in names}
+        told: dict[str, list[NDArray[np.float32]]] = {name: [] for name in names}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
-        for frames in source.at(steps):
+        for step, frames in zip(steps, source.at(steps), strict=False):
             for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
-        return {name: frames for name, frames in samples.items() if frames}
+                if (odds := self._evidence(name, samples[name][-1], step)) is not None:
+                    told[name].append(odds)
+        return {name: (frames, told[name] or None) for name, frames in samples.items() if frames}
 
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:
         """Measures the darkest cast shadow of cameras together: they see the same light."""

@@ -7,7 +7,8 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.image.background import BackgroundModel
-from silhouette_core.image.segmenter import GROUP, NetworkSegmenter, load_segmenter
+from silhouette_core.image.cut import cut_size
+from silhouette_core.image.segmenter import GROUP, NetworkSegmenter, load_segmenter, person_odds
 from tests.networks import red_network
 
 RED, WALL = (20, 20, 230), (150, 140, 120)
@@ -100,6 +101,8 @@ def test_who_never_moves_is_found_by_a_network_alone(network):
     frames = np.rint(frame + noise).clip(0, 255).astype(np.uint8)
     without = BackgroundModel.from_occupied(frames)
     assert not without.silhouette(frames[3]).any()
-    model = BackgroundModel.from_occupied(frames, segmenter=NetworkSegmenter(network))
-    found = model.silhouette(frames[3])
+    segmenter, size = NetworkSegmenter(network), cut_size((320, 240))
+    odds = [person_odds(segmenter, one, size) for one in frames]
+    model = BackgroundModel.from_occupied(frames, evidence=odds)
+    found = model.silhouette(frames[3], evidence=odds[3])
     assert (found & mask).sum() > 0.95 * (found | mask).sum()

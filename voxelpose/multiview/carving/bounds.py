@@ -22,6 +22,7 @@ LEAST_CAMERAS = 2
 """Number of cameras that bound a hull."""
 
 _MARGIN_VOXELS = 1
+_LONG = 2  # times the usual length: such a moment's silhouettes show more than the body
 _FAR_M = 10_000
 
 # A pyramid's planes, and which of them are image borders.
@@ -210,6 +211,9 @@ def _pyramid_box(
         seen = (one for one in moments if all(mask.any() for mask in one))
         boxes = [_intersection(rig, one, rule, unknown) for one in seen]
         bounded = [box for box in boxes if box is not None and np.isfinite(box).all()]
+        lengths = [float(np.linalg.norm(high - low)) for low, high in bounded]
+        usual = np.median(lengths or [0.0])
+        bounded = [box for box, long in zip(bounded, lengths, strict=True) if long <= _LONG * usual]
         if not bounded:
             raise InputError(
                 f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the"

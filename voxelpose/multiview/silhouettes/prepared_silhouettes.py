@@ -17,7 +17,7 @@ from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
-from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
+from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
@@ -64,6 +64,39 @@ class PreparationSettings:
 
 
 @dataclass(frozen=True, eq=False)
+class Footage:
+    """Pictures of which silhouettes are made.
+
+    Attributes:
+        source: the frames.
+        settings: background subtraction.
+        lenses: of all cameras.
+        late_frames: how many frames later than the others a camera's pictures are, by its name.
+    """
+
+    source: FrameSource
+    settings: Settings
+    lenses: Sequence[UndistortedView]
+    late_frames: Mapping[str, int]
+
+    @property
+    def late(self) -> list[int]:
+        """`late_frames` of all cameras, in their order."""
+        return [self.late_frames.get(name, 0) for name in self.source.rig.names]
+
+    def silhouettes(self, bodies: BodyOdds | None = None) -> Silhouettes:
+        """The background, with what is known of bodies, see `Silhouettes`."""
+        settings = self.settings
+        return Silhouettes(
+            self.source,
+            settings.background,
+            LONG_SIDE_PX,
+            segmenter=settings.segmenter,
+            bodies=bodies,
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class PreparedSilhouettes:
     """Silhouettes of T frames and C cameras.
 
@@ -76,6 +109,7 @@ class PreparedSilhouettes:
         times_s: (T,) float64.
         facts: what was found, for the summary.
         settings: by which they were prepared.
+        footage: from which.
     """
 
     store: MaskStore
@@ -86,6 +120,7 @@ class PreparedSilhouettes:
     times_s: FloatArray
     facts: dict[str, object]
     settings: PreparationSettings
+    footage: Footage
 
     @contextmanager
     def without(self, hidden: Sequence[np.ndarray]) -> Iterator[PreparedSilhouettes]:
@@ -124,9 +159,7 @@ def prepare_silhouettes(
     sizes = [lens.pinhole.size for lens in lenses]
     with mask_stores(3, sizes, source.frame_count) as stores:
         reporter.stage("background")
-        silhouettes = Silhouettes(
-            source, settings.background, LONG_SIDE_PX, segmenter=settings.segmenter
-        )
+        silhouettes = Footage(source, settings, lenses, {}).silhouettes()
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
         pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)
@@ -169,7 +202,15 @@ def prepare_silhouettes(
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
-            stores[0], observer, upright, checked.rig, numbers, times_s, facts, preparation
+            stores[0],
+            observer,
+            upright,
+            checked.rig,
+            numbers,
+            times_s,
+            facts,
+            preparation,
+            Footage(source, settings, lenses, checked.late_frames),
         )
 
 

@@ -18,6 +18,7 @@ from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.multiview.person.body_choice import Start, choose_body
 from voxelpose.multiview.person.given_body import start_given
 from voxelpose.multiview.person.posterior import is_improbable
+from voxelpose.multiview.silhouettes.body_evidence import cut_by_body
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -58,7 +59,8 @@ class TrackWork:
         """
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
-        tracker, start, objects = self._person(prepared, kept)
+        tracker, start, objects, shown = self._person(prepared, kept)
+        changed = self._cut_by_body(tracker, shown, kept)
         self.reporter.stage("proportions")
         with self.clock("proportions"):
             refit(tracker, start, self.known is None and self.settings.sex == "unknown")
@@ -70,6 +72,7 @@ class TrackWork:
             "sex_template": tracker.body.model.sizes.sex,
             "shape": dict(zip(names, tracker.body.model.shape.round(4).tolist(), strict=True)),
             "objects_share": {},
+            "cut_by_body": changed,
         }
         if objects is not None:
             pairs = zip(prepared.rig.names, objects.pixels, strict=True)
@@ -79,12 +82,12 @@ class TrackWork:
 
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[PoseTracker, Start, StaticObjects | None]:
+    ) -> tuple[PoseTracker, Start, StaticObjects | None, PreparedSilhouettes]:
         """Tracks a person; while that is improbable, again without what stands beside, and the more
-        probable is taken.
+        probable is taken, with its silhouettes.
         """
         tracker, start = self._tracked(self._observations(prepared, kept))
-        objects: StaticObjects | None = None
+        objects, shown = None, prepared
         for _ in range(_ROUNDS):
             wrong = is_improbable(spread_errors(tracker))
             if objects is None and not wrong:
@@ -98,7 +101,7 @@ class TrackWork:
             again = self._tracked(self._observations(without, kept), objects=True)
             if _cost(*again) >= _cost(tracker, start):
                 break
-            objects, (tracker, start) = found, again
+            objects, shown, (tracker, start) = found, without, again
         if objects is not None:
             self.reporter.note(
                 "something stands apart from the person all the time: it is left out"
@@ -107,7 +110,29 @@ class TrackWork:
                 " out, and what it hides; look at the contact sheet whether it is no part of the"
                 " person"
             )
-        return tracker, start, objects
+        return tracker, start, objects, shown
+
+    def _cut_by_body(
+        self, tracker: PoseTracker, prepared: PreparedSilhouettes, kept: ExitStack
+    ) -> dict[str, float]:
+        """Cuts the silhouettes anew where the person is improbable; what share of them changed, by
+        the camera's name.
+        """
+        colours = (
+            self.settings.background == "refined" and not prepared.footage.source.silhouettes_given
+        )
+        if not colours or not is_improbable(spread_errors(tracker)):
+            return {}
+        found = tracker.body.model, tracker.poses, self.clock, self.reporter
+        again = kept.enter_context(cut_by_body(prepared, *found))
+        tracker.observations = self._observations(again, kept)
+        self.reporter.note(
+            "the body explains the silhouettes poorly: they were cut anew where it was found"
+        )
+        moments = even_moments(len(again.store), REFIT_FRAMES).tolist()
+        pairs = [zip(prepared.store[t], again.store[t], strict=True) for t in moments]
+        shares = np.array([[_apart(old, new) for old, new in pair] for pair in pairs]).mean(axis=0)
+        return dict(zip(prepared.rig.names, shares.round(4).tolist(), strict=True))
 
     def _tracked(
         self, observations: ObservationStore, *, objects: bool = False
@@ -159,6 +184,11 @@ class TrackWork:
     def _polish(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))
         tracker.polish()
+
+
+def _apart(old: np.ndarray, new: np.ndarray) -> float:
+    """Share of two silhouettes (h, w) bool that they do not have in common."""
+    return np.count_nonzero(old ^ new) / max(np.count_nonzero(old | new), 1)
 
 
 def _cost(tracker: PoseTracker, start: Start) -> float:

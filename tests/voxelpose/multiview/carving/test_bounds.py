@@ -76,7 +76,7 @@ def test_one_bad_camera_neither_shrinks_nor_empties_a_tolerant_box():
 
 def test_somebody_who_walks_before_cameras_side_by_side_is_bounded_moment_by_moment():
     rig = Rig(tuple(look_at(f"cam_{k}", (x, -4, 1), (0, 0, 1)) for k, x in enumerate((-1, 1))))
-    walk = [figure_points() + [x, 0, 0] for x in np.linspace(-1.2, 1.2, 7)]
+    walk = [figure_points() + np.array([x, 0, 0]) for x in np.linspace(-1.2, 1.2, 7)]
     moments = [silhouettes(rig, points) for points in walk]
     union = {name: np.logical_or.reduce([one[name] for one in moments]) for name in rig.names}
     with pytest.raises(InputError, match="do not bound a volume"):
