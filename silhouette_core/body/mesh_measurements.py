@@ -124,7 +124,8 @@ class TapeMeasure:
     def girth(self, vertices_m: NDArray[np.float64], height_m: float) -> float:
         """Girth of trunk or thighs at a height: perimeter of the hull of the slice."""
         above = vertices_m[:, 2] > height_m
-        corners = self.trunk[above[self.trunk].any(1) & ~above[self.trunk].all(1)]
+        first, second, third = above[self.trunk].T
+        corners = self.trunk[(first != second) | (second != third)]
         points = []
         for i, j in ((0, 1), (1, 2), (2, 0)):
             cut = above[corners[:, i]] != above[corners[:, j]]

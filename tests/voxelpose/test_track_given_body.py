@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 from examples.bodies.example_motions import BODY, TRUE_MOTION, film_example
+from silhouette_core.monocular import body_library
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose.cli import run
 from voxelpose.export.hypotheses import HYPOTHESES, read_hypotheses
 from voxelpose.results import Result
 
 
+@pytest.fixture
+def small_libraries(monkeypatch):
+    """Samples an eighth as many poses as the command does otherwise."""
+    for name in ("_SAMPLED_FRAMES", "_FROM_ALL_SIDES", "_FROM_ONE_SIDE"):
+        monkeypatch.setattr(body_library, name, getattr(body_library, name) // 8)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_libraries")
 @pytest.mark.parametrize(
     ("name", "camera", "most_deg", "most_mm"),
     [("robot_arm", 3, 6.0, 60.0), ("quadruped", 2, 14.0, 80.0)],

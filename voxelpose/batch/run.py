@@ -19,7 +19,6 @@ from voxelpose.evaluation import evaluate
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.truth import truth_of
 from voxelpose.reliability import Verdict, verdict_of
-from voxelpose.report.page import write_report
 from voxelpose.results import Result, as_json, is_result
 from voxelpose.version import __version__
 
@@ -238,6 +237,8 @@ def _run_task(task: _Task) -> Outcome:
         else:
             fit(job.open(), output, job.estimator_settings(threads), job.estimator)
         if settings.report:
+            from voxelpose.report.page import write_report  # its charts take seconds to import
+
             write_report(task.folder)
         write_whole(task.folder / _JOB, as_json(task.identity))
         for folder in task.pieces:

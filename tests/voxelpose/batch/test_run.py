@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -56,7 +56,7 @@ def test_one_that_fails_does_not_stop_the_others_and_a_second_run_does_the_rest(
         *jobs_of([studio / "in" / "one", other], "fit", STANDING),
         *jobs_of([studio / "in" / "three"], "fit", {**STANDING, "stature": 1.6}),
     ]
-    again = run_batch(jobs, settings, lambda outcome, n: None)
+    again = run_batch(jobs, replace(settings, processes=1), lambda outcome, n: None)
     assert statuses(again) == {"one": "kept", "two": "done", "three": "done"}
     assert (studio / "out" / "one" / "summary.json").stat().st_mtime_ns == before
     assert again[2].summary["body"]["stature_m"] == 1.6
@@ -194,7 +194,7 @@ def test_a_recordings_own_settings_count_within_a_batch(studio):
     assert not (studio / "out" / "one" / "report.html").exists()
     made = (studio / "out" / "three" / "summary.json").stat().st_mtime_ns
     own.write_text("[fit]\nstature = 1.5\nfps = 12.5\nsmooth = true\n")
-    assert run([*words, "--set", "stature=1.4"]) == 0
+    assert run([*words, "--set", "stature=1.4", "--jobs", "1"]) == 0
     settings = (studio / "out" / "three" / "settings.toml").read_text()
     assert "stature_m = 1.4" in settings
     assert (studio / "out" / "three" / "summary.json").stat().st_mtime_ns > made

@@ -1,6 +1,7 @@
 """Text from files and names is shown, and controls neither the terminal nor rich's markup."""
 
 import io
+import shutil
 import signal
 import subprocess
 import sys
@@ -77,10 +78,16 @@ def test_an_interrupt_after_the_result_says_that_it_is_there(desk, capsys, monke
     assert "nothing was written" not in error
 
 
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """A recording that can be fitted."""
+    return make_recording(tmp_path_factory.mktemp("recording") / "walk", 4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, number):
-    make_recording(desk / "walk", 12)
+def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, walk, number):
+    shutil.copytree(walk, desk / "walk")
     words = ["fit", "walk", "--out", "out"]
     with subprocess.Popen(
         [sys.executable, "-m", "voxelpose", *words], stderr=subprocess.PIPE
@@ -93,7 +100,7 @@ def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, number):
     assert not (desk / "out").exists()
     if number == signal.SIGKILL:
         assert any(desk.glob("out.partial-*"))
-        assert run([*words, "--no-pictures", "--frames", "0:4"]) == 0
+        assert run([*words, "--no-pictures", "--frames", "0:2"]) == 0
         assert names(desk) == ["out", "walk"]
     else:
         assert process.returncode == 130

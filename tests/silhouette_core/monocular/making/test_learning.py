@@ -86,9 +86,10 @@ def test_motion_that_the_shipped_proposal_has_not_learned_is_told():
 @pytest.mark.slow
 def test_a_short_training_tells_more_than_the_mean_pose():
     motions = keypose_motions(body())
-    training = TrainingSettings(steps=300, batch=128, units=128, blocks=1, modes=4, rate=2e-3)
+    training = TrainingSettings(steps=600, batch=128, units=128, blocks=1, modes=4, rate=2e-3)
+    encoding = replace(training, steps=30, batch=64)
     settings = LearningSettings(
-        frames=4_000, takes=10, passes=20, encoding=replace(training, steps=150), training=training
+        frames=4_000, takes=10, passes=20, encoding=encoding, training=training
     )
     error = errors_of(
         learn_proposal([motions[f"{name} 1"] for name in MOVEMENTS], body(), settings)
