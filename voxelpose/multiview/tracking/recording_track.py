@@ -27,6 +27,7 @@ from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettin
 from voxelpose.multiview.tuning import OFF_LINE
 
 _ROUNDS = 4  # in which something that stands beside the person is left out
+_CUTS = 2  # of the silhouettes by the body
 _Facts = dict[str, object]
 
 
@@ -60,7 +61,7 @@ class TrackWork:
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
         tracker, start, objects, shown = self._person(prepared, kept)
-        changed = self._cut_by_body(tracker, shown, kept)
+        (tracker, start), changed = self._cut_by_body((tracker, start), shown, kept)
         self.reporter.stage("proportions")
         with self.clock("proportions"):
             refit(tracker, start, self.known is None and self.settings.sex == "unknown")
@@ -113,26 +114,28 @@ class TrackWork:
         return tracker, start, objects, shown
 
     def _cut_by_body(
-        self, tracker: PoseTracker, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> dict[str, float]:
-        """Cuts the silhouettes anew where the person is improbable; what share of them changed, by
-        the camera's name.
+        self, found: tuple[PoseTracker, Start], prepared: PreparedSilhouettes, kept: ExitStack
+    ) -> tuple[tuple[PoseTracker, Start], dict[str, float]]:
+        """While a person is improbable, tracks it again in silhouettes cut anew where it was found;
+        the more probable is taken. Also what share of them changed, by camera name.
         """
-        colours = (
-            self.settings.background == "refined" and not prepared.footage.source.silhouettes_given
-        )
-        if not colours or not is_improbable(spread_errors(tracker)):
-            return {}
-        found = tracker.body.model, tracker.poses, self.clock, self.reporter
-        again = kept.enter_context(cut_by_body(prepared, *found))
-        tracker.observations = self._observations(again, kept)
-        self.reporter.note(
-            "the body explains the silhouettes poorly: they were cut anew where it was found"
-        )
-        moments = even_moments(len(again.store), REFIT_FRAMES).tolist()
-        pairs = [zip(prepared.store[t], again.store[t], strict=True) for t in moments]
-        shares = np.array([[_apart(old, new) for old, new in pair] for pair in pairs]).mean(axis=0)
-        return dict(zip(prepared.rig.names, shares.round(4).tolist(), strict=True))
+        changed: dict[str, float] = {}
+        given = prepared.footage.source.silhouettes_given
+        for _ in range(_CUTS if self.settings.background == "refined" and not given else 0):
+            tracker, start = found
+            if not is_improbable(spread_errors(tracker)):
+                break
+            at = tracker.body.model, tracker.poses, self.clock, self.reporter
+            cut = kept.enter_context(cut_by_body(prepared, *at))
+            again = self._tracked(self._observations(cut, kept), objects=start.candidate.objects)
+            if _cost(*again) >= _cost(*found):
+                break
+            found, changed = again, _changed(prepared, cut)
+        if changed:
+            self.reporter.note(
+                "the body explained the silhouettes poorly: they were cut anew where it was found"
+            )
+        return found, changed
 
     def _tracked(
         self, observations: ObservationStore, *, objects: bool = False
@@ -186,9 +189,14 @@ class TrackWork:
         tracker.polish()
 
 
-def _apart(old: np.ndarray, new: np.ndarray) -> float:
-    """Share of two silhouettes (h, w) bool that they do not have in common."""
-    return np.count_nonzero(old ^ new) / max(np.count_nonzero(old | new), 1)
+def _changed(old: PreparedSilhouettes, new: PreparedSilhouettes) -> dict[str, float]:
+    """Share of silhouettes that others do not have in common with them, by camera name."""
+    moments = even_moments(len(old.store), REFIT_FRAMES).tolist()
+    pairs = (zip(old.store[t], new.store[t], strict=True) for t in moments)
+    shares = np.mean(
+        [[(a ^ b).sum() / max((a | b).sum(), 1) for a, b in pair] for pair in pairs], axis=0
+    )
+    return dict(zip(old.rig.names, shares.round(4).tolist(), strict=True))
 
 
 def _cost(tracker: PoseTracker, start: Start) -> float:
