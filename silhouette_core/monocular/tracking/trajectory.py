@@ -35,8 +35,6 @@ class FrameEstimate:
 
     Attributes:
         number: number of the frame in the recording.
-        time_s: time of the frame.
-        pose: estimated pose.
         error: |XOR| / |OR| of the silhouettes.
         occluded: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
         cut: the border of the image cuts the person.
@@ -62,10 +60,8 @@ class PendingFrame:
 
     Attributes:
         number: number of the frame in the recording.
-        time_s: time of the frame.
         person: the silhouette, without its picture.
         bits: (h, w / 8) uint8, the silhouette, packed.
-        width: of the silhouette.
         note: what the proposer keeps of it.
     """
 
@@ -93,16 +89,12 @@ class PoseTrajectory:
     """Trajectory of poses, frame by frame.
 
     Args:
-        tracker: tracks hypotheses.
-        proposer: says what frames are expected to show.
         smooth: decide frames with knowledge of later ones; otherwise at once, from the past.
-        clock: times the stages.
     """
 
     def __init__(
         self, tracker: HypothesisTracker, proposer: Proposer, smooth: bool, clock: StageClock
     ):
-        """Begins without frames."""
         self.tracker, self.proposer = tracker, proposer
         self.smooth, self.clock = smooth, clock
         self._pending: list[PendingFrame] = []
@@ -211,7 +203,7 @@ class PoseTrajectory:
             [beam.poses[k] for beam, k in zip(beams, chosen, strict=True)],
             np.array([seen.time_s for seen in observed]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
-            self.tracker.costs.floor.stood_on,
+            self.tracker.costs.stood_on,
             settings=settings if self.smooth else settings.quicker(),
             before=self._decided,
         )
