@@ -78,9 +78,6 @@ class FolderWriter:
     `out` belongs to this process; if something else has appeared under that name by the end, it
     stays and the new folder takes the first free name, `out-2` and so on. An earlier folder that is
     replaced is there until the new one is, and what killed processes left of `out` is removed.
-
-    Attributes:
-        out: the folder to be written.
     """
 
     def __init__(
@@ -92,7 +89,6 @@ class FolderWriter:
         """Checks where the folder is to be written, before any work is done.
 
         Args:
-            out: the folder to be written.
             overwrite: whether an earlier folder is replaced, once the new one is complete.
             replaceable: whether a folder is of the kind that may be replaced.
 

@@ -36,7 +36,6 @@ class Offset:
     """Clock offset of one camera.
 
     Attributes:
-        camera: Name of the camera.
         offset_s: By how much its clock is ahead of the reference's: its frame of time t was taken
             at t - offset.
         error_s: Standard error of the offset; NaN if unknown.

@@ -288,8 +288,6 @@ def tangency(
     .. math:: e = \pm \frac{\phi_2 - \phi_1}{\sqrt{1 / (2 s_1^2) + 1 / (2 s_2^2)}}
 
     Args:
-        first: Outlines of one camera.
-        second: Outlines of another camera.
         moments_s: (M,) float64, s, times of comparison. Angles are interpolated between frames.
         offset_s: Clock offset of each camera: its frame of time t was taken at t - offset.
 

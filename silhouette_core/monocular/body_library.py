@@ -77,9 +77,7 @@ def some_silhouettes(
 
     Args:
         source: the recording, of one camera.
-        silhouettes: its silhouettes.
         camera: the same camera with z up.
-        long_side_px: largest size of the silhouettes.
 
     Raises:
         InputError: none of the frames shows a body.
@@ -106,11 +104,7 @@ def library_of_body(
     """Library of a body, and the place of its root if that stands still.
 
     Args:
-        model: the body.
         file: library of its recorded poses; empty: poses are sampled within its limits.
-        shown: silhouettes of some frames.
-        backend: scores poses.
-        reporter: informed of the stages.
 
     Raises:
         InputError: the library is another body's.

@@ -44,7 +44,6 @@ def find_person(
     Args:
         mask: (h, w) bool, all foreground.
         near_px: (2,), last position of the person, px; nearer components are preferred.
-        usual_px: recent area of the person, px.
 
     Returns:
         The person, or None if there is none.
@@ -117,7 +116,6 @@ def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) 
     Args:
         camera: pinhole camera without distortion.
         mask: (h, w) bool, the silhouette, not empty.
-        stature_m: stature of the person.
 
     Returns:
         Distance along the viewing ray of the silhouette's middle, m.

@@ -40,12 +40,7 @@ from silhouette_core.tuning import REFINEMENT
 
 @dataclass(frozen=True)
 class Stature:
-    """A person's height.
-
-    Attributes:
-        metres: the height, m.
-        sigma_m: its standard deviation, m.
-    """
+    """A person's height."""
 
     metres: float
     sigma_m: float
@@ -64,13 +59,10 @@ def adapt_shape(
     """Adapts a body's proportions to the silhouettes of several frames.
 
     Args:
-        surface: of the initial body.
         observations: F frames, of different poses.
         poses: F poses, right to within about 0.1 m.
-        stature: the person's height.
         expected: (K,) mean of the prior of the shape.
         covariance: (K, K) of that prior; None: `SHAPE_SIGMA`, independent.
-        settings: weights of the residuals.
         landmark_priors: priors of the joints' positions in the F frames, which decide the depth
             where there is one camera.
 

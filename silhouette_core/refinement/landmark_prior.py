@@ -120,8 +120,6 @@ def add_landmark_priors(
     Args:
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
-        model: the body.
-        posed: the same in its current poses.
         priors: of K poses or more, of which the first ones count.
 
     Source: iteratively reweighted least squares for Student's t (Lange, Little and Taylor 1989).

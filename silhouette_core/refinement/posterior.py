@@ -26,8 +26,6 @@ def landmark_sigma_m(surface: Surface, observation: Observation, pose: Pose) -> 
     together, as by wide clothes, is not in it.
 
     Args:
-        surface: of the body.
-        observation: the frame.
         pose: refined on it.
 
     Source: textbook (Laplace's approximation of the posterior).

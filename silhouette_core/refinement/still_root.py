@@ -31,10 +31,7 @@ def still_root(
     .. math:: x = \Bigl(\sum_i S_i\Bigr)^{-1} \sum_i S_i x_i
 
     Args:
-        surface: the body's sampled surface.
-        observations: the frames.
         poses: of each, with about the same root.
-        settings: of the refinement of each frame.
 
     Returns:
         The root, with the joint angles of the first frame.

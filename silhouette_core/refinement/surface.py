@@ -72,7 +72,6 @@ class Surface:
     """Sampled vertices of a body, with their skinning.
 
     Attributes:
-        model: the body.
         taken: (V,) int64, the sampled vertices.
         rest: (V, 3) float64, their positions at rest, m.
         normals: (V, 3) float64, their normals at rest.
@@ -156,8 +155,6 @@ def point_jacobian(
     """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`.
 
     Args:
-        model: the body.
-        posed: where its parts are.
         rest: the points (V, 3), joints (P, 3), parts (V, 4) that move each point and their weights.
         index: (N,), points.
         direction: (N, 3).

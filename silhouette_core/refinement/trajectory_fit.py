@@ -92,13 +92,10 @@ def fit_trajectory(
     factorisation.
 
     Args:
-        surface: the body's sampled surface.
-        observations: T frames.
         poses: T poses to start from.
         time_s: (T,), increasing.
         landmark_priors: T priors of the joints' positions, or None where there is none.
         floor: whether z = 0 is the floor.
-        settings: weights.
         before: up to two poses of the frames before the first, which stay as they are.
 
     Returns:
@@ -144,7 +141,6 @@ class _Banded:
     """Normal equations of T frames of n unknowns, each coupled with the next two."""
 
     def __init__(self, count: int, size: int):
-        """All zeros."""
         self.count, self.size = count, size
         self.bands = np.zeros((min(3, count) * size, count * size))  # lower form
         self.gradient = np.zeros((count, size))

@@ -96,7 +96,6 @@ def native_dofs(
     their axes and limits seen from that pose. A bone that continues its part has none.
 
     Args:
-        parent: its parent.
         turns: as `turns_to_human_rest` gives them.
     """
     part = PART_OF_BONE.get(bone)

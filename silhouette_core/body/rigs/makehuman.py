@@ -81,7 +81,6 @@ def read_makehuman(
     """Body of a MakeHuman data folder, standing on the ground.
 
     Args:
-        folder: the data folder.
         person: the body's shape; None: an average man.
         rig: name of the rig in rigs/standard, whose bones become the parts.
         human: whether the body goes onto this project's human tree instead (only from the rig

@@ -98,7 +98,6 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     """Displacements (N, 3) float64 of the vertices by a shape target, metres.
 
     Args:
-        folder: the data folder.
         name: path below targets/macrodetails, without suffix.
         count: number of vertices, N.
 
@@ -154,8 +153,6 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> N
     """Skin weights (N, P) float64 of a rig.
 
     Args:
-        folder: the data folder.
-        rig: name of the rig.
         names: its P bones; weights of others are refused.
         count: number of vertices, N.
 
@@ -191,7 +188,6 @@ def place_of(
 
     Args:
         path: the rig's file, for messages.
-        bone: the bone, for messages.
         place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
         vertices_m: (N, 3) its vertices after shaping.
 

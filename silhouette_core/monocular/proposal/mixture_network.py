@@ -80,12 +80,9 @@ class MixtureNetwork:
         """Network with random weights, of the dtype of `mean_joints`.
 
         Args:
-            inputs: number of inputs.
             units: number of units of the hidden layers.
             blocks: number R of residual blocks.
-            modes: number of modes.
             mean_joints: (J, 3), statures.
-            rng: random numbers.
         """
         dtype, count = mean_joints.dtype, len(mean_joints)
         sizes = [inputs, *[units] * (2 * blocks + 1), modes * (count * 5 + 1) + 6]

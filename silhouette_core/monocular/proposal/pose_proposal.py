@@ -86,7 +86,6 @@ class PoseProposal:
         """Probable poses in every frame.
 
         Args:
-            features: of the frames.
             causal: whether each frame's poses depend on no later frame.
             frames: (n,), frames whose poses are asked for; None: all.
 

@@ -43,7 +43,6 @@ class BareParts:
     """How often the visible parts of limbs have the colours of the head, in the frames so far."""
 
     def __init__(self) -> None:
-        """Starts without any frame."""
         self._counts = np.zeros((len(_LIMBS), _BINS))
 
     def fade(self, factor: float) -> None:

@@ -45,12 +45,9 @@ def adapted_body(
     `shod_scale`.
 
     Args:
-        model: the body so far.
         sexes: "male", "female", or both.
-        views: the camera.
         masks: T silhouettes (h, w) bool.
         modes: T frames' modes.
-        backend: scores the bodies.
     """
     sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
     blocks = np.array_split(np.arange(len(modes)), min(ADAPTING.frames, len(modes)))

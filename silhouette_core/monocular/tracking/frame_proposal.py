@@ -61,8 +61,6 @@ class Proposer(Protocol):
         decided at once.
 
         Args:
-            number: of the frame in the recording.
-            time_s: time of the frame.
             person: silhouette, and its colours if they are known.
         """
         ...
@@ -73,8 +71,6 @@ class Proposer(Protocol):
         """Proposals of consecutive frames.
 
         Args:
-            notes: T frames' notes.
-            people: T silhouettes.
             first: whether these are the first frames of all.
         """
         ...

@@ -43,11 +43,7 @@ def find_hypotheses(
     """Hypotheses of a frame.
 
     Args:
-        surface: the body's.
-        observed: the frame's silhouette.
-        proposal: what the frame is expected to show.
         past: hypotheses of the previous frame, and where each is expected in this one.
-        settings: how many are wanted.
     """
     starts = proposal.starts(surface, observed.contour)
     if past is not None:

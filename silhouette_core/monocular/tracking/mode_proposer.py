@@ -49,14 +49,10 @@ class ModeProposer:
     """Proposes a person's poses; see `frame_proposal.Proposer`.
 
     Args:
-        proposal: the network.
         camera: pinhole camera without distortion.
-        model: the body.
         sexes: templates tried when the body is adapted to the person; none: it stays as it is.
         facing: whether the person mostly faces the camera in the first frame.
         smooth: whether frames are decided with knowledge of later ones.
-        clock: times the adaptation of the body.
-        backend: scores bodies.
     """
 
     def __init__(
@@ -70,7 +66,6 @@ class ModeProposer:
         clock: StageClock,
         backend: Backend = CPU,
     ):
-        """Knows neither distance nor colours yet."""
         self.model, self._camera, self._sexes = model, camera, tuple(sexes)
         self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend
         self._finder = ModeFinder(proposal, camera, model.length_m)

@@ -21,7 +21,6 @@ class PoseCandidates:
         root_rotation: (M, 3, 3) float64, world from body.
         angles_rad: (M, D) float64, joint angles.
         occluded: (M, D) bool, whether the part that an angle turns is occluded, eq. (3).
-        time_s: time of the frame.
     """
 
     root_m: NDArray[np.float64]
@@ -65,7 +64,6 @@ def transition_cost(
     Args:
         before: M candidates of a frame.
         after: M' candidates of the next frame.
-        noise: standard deviations of a step.
 
     Returns:
         (M, M') float64, nats, up to a constant that is the same for all.

@@ -24,7 +24,6 @@ class ObservedFrame:
         weights: signed pixel weights of the silhouette's window.
         contour: points of the contour, and distances from the silhouette.
         distance_m: distance of the body from the camera, about.
-        time_s: time of the frame.
         skin: where the person has the colours of the head, if these are known.
     """
 
@@ -42,10 +41,8 @@ class FrameObserver:
 
     Attributes:
         views: the camera, a pinhole without distortion.
-        length_m: of the body.
         reduction: how many times smaller than the window poses are drawn.
         spacing_m: distance between points of the contour, on the body.
-        backend: scores the poses.
     """
 
     views: PinholeViews
@@ -65,8 +62,6 @@ class FrameObserver:
 
         Args:
             mask: (h, w) bool, the silhouette, not empty.
-            distance_m: of the body from the camera.
-            time_s: time of the frame.
             window: of the silhouette at about that distance; None: it is made here.
         """
         if window is None:

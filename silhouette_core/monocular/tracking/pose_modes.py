@@ -110,7 +110,6 @@ class ModeView:
     Attributes:
         window: of the silhouette at an assumed distance.
         codes: of the window's silhouette and of its mirror image.
-        time_s: time of the frame.
     """
 
     window: Window
@@ -122,13 +121,10 @@ class ModeFinder:
     """Finds the modes of consecutive frames of one camera.
 
     Args:
-        proposal: the learned proposal.
         camera: pinhole camera without distortion.
-        stature_m: of the person.
     """
 
     def __init__(self, proposal: PoseProposal, camera: Camera, stature_m: float):
-        """Keeps what it is given."""
         self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
         self._headings = HeadingFilter()
 
@@ -154,7 +150,6 @@ class ModeFinder:
         """Views at the distances that the proposal finds itself.
 
         Args:
-            views: T consecutive frames at assumed distances.
             masks: T silhouettes (h, w) bool.
         """
         times = np.array([view.time_s for view in views])
@@ -195,7 +190,6 @@ class ModeFinder:
         """Modes of consecutive frames, each from all of them.
 
         Args:
-            views: T frames.
             facing: whether the person is expected to face the camera in the first frame.
         """
         features = _features(views, self.stature_m)

@@ -13,7 +13,6 @@ class TrackerSettings:
     """How many hypotheses are tracked, and how they are scored.
 
     Attributes:
-        costs: of the terms of a frame.
         carried: number of hypotheses of the previous frame that are carried on; a worse one may
             turn out to be right.
         kept: number of hypotheses kept per frame.

@@ -34,8 +34,6 @@ class SampleProposal:
     """Samples of one frame's posterior; see `frame_proposal.FrameProposal`.
 
     Attributes:
-        tree: the filter.
-        frame: the frame and its posterior.
         root: place of a root that stands still, with any joint angles; None: it moves.
         different_m: mean distance of the joints within which two samples explain a silhouette
             alike.
@@ -90,16 +88,9 @@ class SampleProposal:
 
 
 class SampleProposer:
-    """Proposes the poses of a body that is no person's; see `frame_proposal.Proposer`.
-
-    Args:
-        forward: the filter over frames.
-        root: see `SampleProposal`.
-        different_m: see `SampleProposal`.
-    """
+    """Proposes the poses of a body that is no person's; see `frame_proposal.Proposer`."""
 
     def __init__(self, forward: ForwardFilter, root: Pose | None, different_m: float):
-        """Keeps what it is given."""
         self.model = forward.tree.library.model
         self._forward, self._root, self._different_m = forward, root, different_m
 

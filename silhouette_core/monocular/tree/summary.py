@@ -10,12 +10,7 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_bo
 
 
 def summary(library: PoseLibrary, path: Path) -> str:
-    """A few lines on what a library holds.
-
-    Args:
-        library: the library.
-        path: its file.
-    """
+    """A few lines on what a library holds."""
     pitches = sorted(set(np.degrees(library.views[:, 1]).round(3).tolist()))
     mirrored = int(library.base_mirrored.sum())
     nodes = " / ".join(f"{len(level):,}" for level in library.levels)

@@ -121,7 +121,6 @@ class Split:
 
         Args:
             samples: (n,) int64, increasing, the set :math:`S`.
-            poses: the pose space.
 
         Source: Okada and Stenger, section 3.
         """
@@ -224,7 +223,6 @@ class Nodes:
 
         Args:
             groups: for every parent the samples of its children.
-            poses: the pose space.
 
         Source: Okada and Stenger, section 3.
         """
@@ -251,10 +249,7 @@ def divide(
 
     Args:
         sets: the samples of every node of the level above, increasing.
-        poses: the pose space.
-        score: silhouette distances at this level.
         threshold: T_l.
-        reporter: informed of every set.
 
     Returns:
         For every set the samples of its new nodes.

@@ -24,7 +24,6 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
     are taken from the list of nodes ordered by number of samples, largest first.
 
     Args:
-        library: the library.
         path: the PNG file.
 
     Raises:
