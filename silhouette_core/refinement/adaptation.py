@@ -162,7 +162,7 @@ class _FrameSystem:
         """Linearises the residuals of one frame; `reach` in metres."""
         poses, model = PoseArrays.from_poses([pose]), surface.model
         posed_many = surface.posed_many(poses)
-        posed = posed_many.one(0)
+        posed = posed_many[0]
         rows = residuals(surface, posed, observation, reach, settings)
         jacobian = np.concatenate(
             [

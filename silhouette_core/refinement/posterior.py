@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.landmark_prior import landmark_jacobian
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, free_unknowns, refine
@@ -32,7 +32,7 @@ def landmark_sigma_m(surface: Surface, observation: Observation, pose: Pose) -> 
     """
     model, free = surface.model, free_unknowns(surface.model)
     matrix = refine(surface, observation, pose, settings=_LAST).normal_matrix[np.ix_(free, free)]
-    posed = surface.posed_many(PoseArrays.from_poses([pose])).one(0)
+    posed = surface.posed(pose)
     rows = landmark_jacobian(model, posed)[:, :, free]
     covariance = np.linalg.inv(matrix + 1e-6 * np.eye(len(free)))
     return np.sqrt(np.einsum("lia,ab,lib->l", rows, covariance, rows))

@@ -30,7 +30,7 @@ from silhouette_core.refinement.landmark_prior import (
     add_landmark_priors,
 )
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
+from silhouette_core.refinement.surface import PosedSurface, Surface
 from silhouette_core.tuning import REFINEMENT
 
 
@@ -252,7 +252,7 @@ def _of_spacing(observation: Observation) -> np.ndarray:
 
 def add_silhouettes(
     surface: Surface,
-    posed: PosedSurfaces,
+    posed: PosedSurface,
     observation: Observation,
     reach_m: np.ndarray,
     weights: np.ndarray,
@@ -290,7 +290,7 @@ def add_silhouettes(
 
 
 def _correspondences(
-    posed: PosedSurfaces, observation: Observation, reach_m: np.ndarray
+    posed: PosedSurface, observation: Observation, reach_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `match_contours` and `measure_outside` find: matched and gap (K, N), distances outside
     (K, C, V) and their directions (K, C, V, 3).
@@ -342,14 +342,8 @@ def residuals(
     """
     reach = np.array([reach_m])
     scale, base, base_outside = contour_weights([settings], reach)[0] * _of_spacing(observation)
-    one = PosedSurfaces(
-        posed.part_rotation[None],
-        posed.part_origin[None],
-        posed.world_axis[None],
-        posed.points[None],
-        posed.normals[None],
-    )
-    matched, gap, away, toward = (found[0] for found in _correspondences(one, observation, reach))
+    found = _correspondences(posed[None], observation, reach)
+    matched, gap, away, toward = (one[0] for one in found)
     hits = np.flatnonzero(matched >= 0)
     index, direction, gaps = [matched[hits]], [observation.normal[hits]], [gap[hits]]
     weight = [base / (1 + (gap[hits] / scale) ** 2) ** 2]

@@ -22,7 +22,7 @@ from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
-from silhouette_core.refinement.trajectory_fit import TrajectorySettings, fit_trajectory
+from silhouette_core.refinement.trajectory_fit import fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_errors
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
@@ -194,9 +194,6 @@ class PoseTrajectory:
         self, observed: list[ObservedFrame], beams: list[Beam], chosen: list[int]
     ) -> list[Pose]:
         """Poses of all pending frames, refined together."""
-        settings = TrajectorySettings()
-        if self.model.person is None:
-            settings = settings.steadier()
         return fit_trajectory(
             self.tracker.surface,
             [seen.contour for seen in observed],
@@ -204,7 +201,7 @@ class PoseTrajectory:
             np.array([seen.time_s for seen in observed]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
             self.tracker.costs.stood_on,
-            settings=settings if self.smooth else settings.quicker(),
+            live=not self.smooth,
             before=self._decided,
         )
 
