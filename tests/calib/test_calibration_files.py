@@ -428,7 +428,7 @@ def test_entries_of_wrong_types_are_no_tracebacks(tmp_path):
     write_rig(some_rig(PINHOLE), folder)
     text = (folder / "extri.yml").read_text()
     for names in ("names: [.Nan]", "names: [{a: 1}]", "names: [1e308]"):
-        (folder / "extri.yml").write_text(text.replace('names:\n   - "cam_1"', names))
+        (folder / "extri.yml").write_text(text.replace("names:\n   - cam_1", names))
         with pytest.raises(InputError, match="easymocap"):
             read_rig(folder)
 
