@@ -20,10 +20,10 @@ from silhouette_core.monocular.occlusion import standing_areas, usual_areas
 from silhouette_core.monocular.person import Person, find_person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.tracking.frame_proposal import Proposer
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import Proposer
 from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary

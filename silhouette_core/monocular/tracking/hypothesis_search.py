@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.tracking.beam import Beam, select_different
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
 from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered
 from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks, place

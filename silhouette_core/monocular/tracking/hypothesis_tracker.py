@@ -16,16 +16,18 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
 from silhouette_core.monocular.tracking.beam import Beam, select_different
-from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal
+from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
 from silhouette_core.monocular.tracking.hypothesis_search import find_hypotheses, joints_of
 from silhouette_core.monocular.tracking.motion_cost import (
     PoseCandidates,
     ProcessNoise,
     transition_cost,
 )
-from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import (
+    FrameObserver,
+    FrameProposal,
+    ObservedFrame,
+)
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.motion.dynamics import (
     FPS,

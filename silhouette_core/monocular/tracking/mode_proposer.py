@@ -46,7 +46,7 @@ class ModeNote:
 
 
 class ModeProposer:
-    """Proposes a person's poses; see `frame_proposal.Proposer`.
+    """Proposes a person's poses; see `observed_frame.Proposer`.
 
     Args:
         camera: pinhole camera without distortion.
@@ -74,7 +74,7 @@ class ModeProposer:
         self._distance_m = np.nan
 
     def note(self, number: int, time_s: float, person: Person) -> ModeNote:
-        """See `frame_proposal.Proposer.note`."""
+        """See `observed_frame.Proposer.note`."""
         self._views = [one for one in self._views if time_s - one.time_s <= MODES.memory_s]
         if not self._views:
             self._distance_m = self._first_distance(time_s, person)
@@ -90,7 +90,7 @@ class ModeProposer:
     def propose(
         self, notes: Sequence[ModeNote], people: Sequence[Person], first: bool
     ) -> list[FrameModes]:
-        """See `frame_proposal.Proposer.propose`; the first time, the body is adapted to them."""
+        """See `observed_frame.Proposer.propose`; the first time, the body is adapted to them."""
         if not self._smooth:
             modes = self._finder.newest(self._views, self._facing)
             self._distance_m = modes.distance_m
@@ -107,11 +107,11 @@ class ModeProposer:
         return modes
 
     def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
-        """See `frame_proposal.Proposer.skin`."""
+        """See `observed_frame.Proposer.skin`."""
         return self._colours.skin(weights, person)
 
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
-        """See `frame_proposal.Proposer.learn`."""
+        """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
             self._colours.learn([person], [joints_m], BARE.frames_kept)
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
-from silhouette_core.monocular.proposal.pose_proposal import PoseModes, PoseProposal
+from silhouette_core.monocular.proposal.mixture_network import Mixture
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.silhouette_features import (
     FrameFeatures,
     InsideGrids,
@@ -213,7 +214,7 @@ class ModeFinder:
         features: FrameFeatures,
         causal: bool,
         frames: NDArray[np.integer] | None = None,
-    ) -> PoseModes:
+    ) -> Mixture:
         """Modes of frames and of their mirror images, each half as probable."""
         mirrored = replace(
             features,
@@ -224,7 +225,7 @@ class ModeFinder:
         one, other = self.proposal.modes_many([features, mirrored], causal, frames)
         joints = other.joints[:, :, EXCHANGED_LANDMARKS] * np.array([-1, 1, 1], np.float32)
         offset = other.offset * np.array([-1, 1, 1], np.float32)
-        return PoseModes(
+        return Mixture(
             0.5 * np.concatenate([one.probability, other.probability], axis=1),
             np.concatenate([one.joints, joints], axis=1),
             np.concatenate([one.sigma, other.sigma[:, :, EXCHANGED_LANDMARKS]], axis=1),
@@ -235,7 +236,7 @@ class ModeFinder:
     def _in_world(
         self,
         window: Window,
-        modes: PoseModes,
+        modes: Mixture,
         t: int,
         joints: NDArray[np.float64],
         axes: NDArray[np.float64],

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.beam import Beam, backtrack
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal, Proposer
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame, Proposer
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
