@@ -31,29 +31,21 @@ _EXCHANGE = 2  # RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
 
 
 @contextmanager
-def claimed(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
+def claimed(path: Path) -> Iterator[None]:
     """Holds the right to write a file or folder, which one process at a time has.
 
     A lock beside it, `.NAME.lock`, which ends with the process however that ends.
-
-    Args:
-        waiting: called where another process has it, whose end is then awaited; None: that is an
-            error.
 
     Raises:
         InputError: another process is writing it, or the lock cannot be made.
     """
     lock = FileLock(path.with_name(_LOCK.format(name=path.name)), timeout=0)
     try:
-        try:
-            lock.acquire()
-        except Timeout:
-            if waiting is None:
-                raise InputError(
-                    f"another process is writing {path}: wait for its end, or choose another name"
-                ) from None
-            waiting()
-            lock.acquire(timeout=-1)
+        lock.acquire()
+    except Timeout:
+        raise InputError(
+            f"another process is writing {path}: wait for its end, or choose another name"
+        ) from None
     except OSError as error:
         raise unwritable(path, error) from error
     try:

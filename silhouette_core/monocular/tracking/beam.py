@@ -74,14 +74,9 @@ class Beam:
         return int(self.cost.argmin())
 
 
-def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
-    """Hypothesis of every frame along the cheapest past.
-
-    Args:
-        beams: hypotheses of consecutive frames.
-        last: hypothesis of the last frame to start from; None: its cheapest.
-    """
-    chosen = [beams[-1].best if last is None else last]
+def backtrack(beams: list[Beam]) -> list[int]:
+    """Hypothesis of every frame along the cheapest past, of consecutive frames."""
+    chosen = [beams[-1].best]
     for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
         back = int(beam.back[chosen[-1]])
         # Where a track begins anew, what came before ends with its own cheapest hypothesis.

@@ -7,7 +7,7 @@ corrects itself, and as soon as the head is found its colours, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,17 +32,10 @@ _ROUNDS = 3  # in which the distance of a first frame is corrected
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
 
-@dataclass(frozen=True, eq=False)
-class ModeNote:
-    """What is kept of a frame.
-
-    Attributes:
-        view: what the network reads of it.
-        window: the window's picture, if the frame is decided at once.
-    """
-
-    view: ModeView
-    window: Window | None
+ModeNote = tuple[ModeView, Window | None]
+"""What is kept of a frame: what the network reads of it, and the window's picture, if the frame is
+decided at once.
+"""
 
 
 class ModeProposer:
@@ -85,7 +78,7 @@ class ModeProposer:
         self._views.append(view)
         if self._smooth:
             self._distance_m = self._finder.distance(self._views)
-        return ModeNote(view, None if self._smooth else window)
+        return view, None if self._smooth else window
 
     def propose(
         self, notes: Sequence[ModeNote], people: Sequence[Person], first: bool
@@ -94,8 +87,8 @@ class ModeProposer:
         if not self._smooth:
             modes = self._finder.newest(self._views, self._facing)
             self._distance_m = modes.distance_m
-            return [replace(modes, window=notes[-1].window)]
-        modes = self._over_time([note.view for note in notes], people, first)
+            return [replace(modes, window=notes[-1][1])]
+        modes = self._over_time([view for view, _ in notes], people, first)
         if self._sexes:
             masks = [person.mask for person in people]
             views = PinholeViews.from_rig(Rig((self._camera,)))

@@ -35,6 +35,7 @@ from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
+_STARTED = 4  # modes of a frame that become hypotheses, at most
 _FROM_MODE = RefineSettings(MODES.reaches_m, TRAJECTORY.contour_m, TRAJECTORY.independence)
 
 
@@ -71,7 +72,7 @@ class FrameModes:
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
-        probable = self.probable(MODES.started, MODES.least_probability)
+        probable = self.probable(_STARTED, MODES.least_probability)
         expected = [self.priors[mode] for mode in probable]
         placed = place_bodies(surface, contour, expected)
         return [
