@@ -38,7 +38,6 @@ class ProcessNoise:
         sigma_rad: (D,) float64, of the joint angles.
         root_rad: of the orientation of the whole body.
         root_m: of its position, along each axis.
-        magnification: factor on the sigma of occluded parts, m of eq. (5).
         restart_cost: largest cost of a step, in nats; beyond it the trajectory restarts.
         spacing_rad: distance of neighbouring poses in the library, the resolution of any motion.
     """
@@ -46,7 +45,6 @@ class ProcessNoise:
     sigma_rad: NDArray[np.float64]
     root_rad: float = 0.10
     root_m: float = ROOT_STEP_M
-    magnification: float = MOTION_MODEL.magnification
     restart_cost: float = 40.0
     spacing_rad: float = 0.10
 
@@ -71,7 +69,7 @@ def transition_cost(
     Source: Okada and Stenger, eq. (4), (5); spacing and bound are ours.
     """
     steps = elapsed_steps(before.time_s, after.time_s)
-    magnified = np.where(before.occluded, noise.magnification, 1.0)  # eq. (5)
+    magnified = np.where(before.occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
     sigma = np.sqrt((noise.sigma_rad * steps * magnified) ** 2 + noise.spacing_rad**2)
     scaled = before.angles_rad / sigma
     # Eq. (4): |a - b|^2 with a's own scale, expanded so that no (M, M', D) array is made.

@@ -56,11 +56,6 @@ class FrameModes:
     window: Window | None = None
 
     @property
-    def landmarks_m(self) -> NDArray[np.float64]:
-        """Joints (M, 15, 3) of the modes in the world."""
-        return np.stack([prior.landmarks_m for prior in self.priors])
-
-    @property
     def likeliest(self) -> NDArray[np.float64]:
         """Joints (15, 3) of the likeliest mode in the world."""
         return self.priors[int(self.probability.argmax())].landmarks_m
