@@ -42,8 +42,7 @@ def unlearned_proposal():
     from silhouette_core.monocular.proposal import silhouette_features as features
     from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
     from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-    from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-    from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+    from silhouette_core.monocular.proposal.pose_proposal import PoseProposal, SilhouetteEncoding
 
     rng = np.random.default_rng(0)
     cells = features.FEET_GRID[0] * features.FEET_GRID[1]

@@ -73,7 +73,6 @@ def adjust(
     """Minimises the reprojection error.
 
     Args:
-        scene: Initial values.
         free: "poses": poses of boards and cameras are free. "lenses": poses of boards and the lens
             parameters are free. "both": all are free.
         fixed: What defines the world if camera poses are free: the first camera or the first board.
@@ -178,7 +177,6 @@ class _Problem:
     def __init__(
         self, scene: BundleScene, observations: Observations, free: Free, fixed: Fixed
     ) -> None:
-        """Lays out the parameters."""
         self.start, self.observations, self.free = scene, observations, free
         self.term_count = max((len(camera.distortion) for camera in scene.cameras), default=0)
         self.lens_at = 0 if free == "lenses" else 6

@@ -23,7 +23,6 @@ class CameraAgreement:
     """Agreement of one camera with the others.
 
     Attributes:
-        camera: Name of the camera.
         error_px: Its error against the cameras that are not culprits.
         others_px: Error of those among themselves, without it.
         moments: Number of moments at which it saw somebody.

@@ -31,29 +31,21 @@ _EXCHANGE = 2  # RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
 
 
 @contextmanager
-def claimed(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
+def claimed(path: Path) -> Iterator[None]:
     """Holds the right to write a file or folder, which one process at a time has.
 
     A lock beside it, `.NAME.lock`, which ends with the process however that ends.
-
-    Args:
-        waiting: called where another process has it, whose end is then awaited; None: that is an
-            error.
 
     Raises:
         InputError: another process is writing it, or the lock cannot be made.
     """
     lock = FileLock(path.with_name(_LOCK.format(name=path.name)), timeout=0)
     try:
-        try:
-            lock.acquire()
-        except Timeout:
-            if waiting is None:
-                raise InputError(
-                    f"another process is writing {path}: wait for its end, or choose another name"
-                ) from None
-            waiting()
-            lock.acquire(timeout=-1)
+        lock.acquire()
+    except Timeout:
+        raise InputError(
+            f"another process is writing {path}: wait for its end, or choose another name"
+        ) from None
     except OSError as error:
         raise unwritable(path, error) from error
     try:
@@ -78,9 +70,6 @@ class FolderWriter:
     `out` belongs to this process; if something else has appeared under that name by the end, it
     stays and the new folder takes the first free name, `out-2` and so on. An earlier folder that is
     replaced is there until the new one is, and what killed processes left of `out` is removed.
-
-    Attributes:
-        out: the folder to be written.
     """
 
     def __init__(
@@ -92,7 +81,6 @@ class FolderWriter:
         """Checks where the folder is to be written, before any work is done.
 
         Args:
-            out: the folder to be written.
             overwrite: whether an earlier folder is replaced, once the new one is complete.
             replaceable: whether a folder is of the kind that may be replaced.
 

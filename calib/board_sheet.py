@@ -37,7 +37,6 @@ def largest_square_m(columns: int, rows: int, paper: str) -> float:
     """Longest side of a square, m, in whole millimetres, at which a board fits a paper size.
 
     Args:
-        columns: Inner corners along a row.
         rows: Inner corners along a column.
         paper: A key of `PAPERS_M`.
     """

@@ -27,7 +27,6 @@ def check_array(
         name: Name of the argument, with which the message begins.
         shape: Required shape: a number, or a letter such as "N" where any number will do.
         dtype: Required dtype or its kind, such as `np.bool_` or `np.integer`; None allows any.
-        finite: Whether NaN and infinity are refused.
 
     Raises:
         TypeError: The dtype is another.
@@ -57,7 +56,6 @@ def float_array(
     Args:
         name: Name of the argument, with which the message begins.
         shape: Required shape, as for `check_array`.
-        finite: Whether NaN and infinity are refused.
 
     Raises:
         ValueError: The shape is another, or a number is not finite.

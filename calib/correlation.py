@@ -23,7 +23,6 @@ class Signal:
     """What one camera measured over time.
 
     Attributes:
-        camera: Name of the camera.
         time_s: (T,) float64, increasing: times by its own clock.
         values: (T, K) float64, NaN where unknown; the same K things for all cameras.
     """

@@ -34,7 +34,6 @@ class CameraError:
     """Accuracy of one camera's pose.
 
     Attributes:
-        camera: Name of the camera.
         seen: Number of boards (or points) it saw.
         rms_px: Root mean square reprojection error.
         position_mm: Standard error of its position relative to the first camera (NaN for that one),
@@ -222,7 +221,6 @@ def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: in
 
     Args:
         index: Number of the camera.
-        seen: The observations of all cameras.
         count: Number of boards or points that this camera saw.
     """
     name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index][:6, :6]

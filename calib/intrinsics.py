@@ -25,8 +25,6 @@ class PictureError:
     """Reprojection error of one picture.
 
     Attributes:
-        picture: Name of the picture.
-        rms_px: Root mean square error.
         left_out: Why the picture was not used; None if it was.
     """
 
@@ -95,7 +93,6 @@ def calibrate_intrinsics(
     Args:
         views: Result of `Board.find` for each picture, by its name.
         lens: "pinhole" (k1 k2 p1 p2), "rational" (eight terms, for wide lenses) or "fisheye".
-        camera: The camera's name, for messages.
 
     Raises:
         InputError: Too few pictures show the board, sizes differ, or no plausible lens fits.

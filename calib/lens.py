@@ -36,7 +36,6 @@ class RationalLens:
     """
 
     def __init__(self, coefficients: FloatArray) -> None:
-        """Groups the coefficients by their effect."""
         full = np.zeros(14)
         full[: len(coefficients)] = coefficients
         k1, k2, self._p1, self._p2, k3, k4, k5, k6 = full[:8]

@@ -10,8 +10,6 @@ def even_moments(count: int, most: int, margin: float = AGREEMENT.ends) -> NDArr
     """At most `most` of `count` frame numbers, evenly spaced.
 
     Args:
-        count: Number of frames.
-        most: Number of moments.
         margin: Fraction of the frames left out at either end, where people come and go.
     """
     first, last = margin * (count - 1), (1 - margin) * (count - 1)

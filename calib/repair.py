@@ -29,13 +29,10 @@ class Repair:
     """Explanation of a camera's disagreement, and its correction.
 
     Attributes:
-        camera: Name of the camera.
-        kind: Kind of change.
         summary: Description of the change, one sentence.
         before_px: Error of the camera against the others as given.
         after_px: Error after correction.
         others_px: Error of the others among themselves, which is attainable.
-        after: The corrected camera.
         offset_s: Clock offset: its frame of time t shows what the others showed at t - offset.
         turned_deg: Angle of its rotation.
         with_camera: The camera with which it is swapped, or None.

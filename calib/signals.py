@@ -36,19 +36,16 @@ class Offset:
     """Clock offset of one camera.
 
     Attributes:
-        camera: Name of the camera.
         offset_s: By how much its clock is ahead of the reference's: its frame of time t was taken
             at t - offset.
         error_s: Standard error of the offset; NaN if unknown.
         frames: The offset in its frames.
-        correlation: Correlation of its signal with the reference's at that offset, -1 to 1.
     """
 
     camera: str
     offset_s: float
     error_s: float
     frames: float
-    correlation: float
 
 
 @dataclass(frozen=True)
@@ -113,7 +110,6 @@ def offsets_from_signals(
             float(offsets[index]),
             float(np.sqrt(variance[index])),
             float(offsets[index] / signal.period_s),
-            1.0 if index == 0 else at[0, index],
         )
         for index, signal in enumerate(ordered)
     ]

@@ -19,7 +19,6 @@ class SuspectCamera:
     """A camera that does not agree, and the data against which hypotheses are tested.
 
     Attributes:
-        track: Its outlines, at all known frames.
         others: Outlines of the cameras that agree.
         moments_s: (M,) float64, s, times of comparison.
         others_px: Error of the others among themselves.
@@ -73,8 +72,6 @@ def best_offset(suspect: SuspectCamera, camera: Camera, max_offset_s: float) -> 
     """Clock offset, s, of the smallest error; None if the frames between the moments are unknown.
 
     Args:
-        suspect: The camera and its data.
-        camera: The hypothetical parameters.
         max_offset_s: Largest offset tried, in both directions.
     """
     if len(suspect.track.time_s) <= len(suspect.moments_s):
@@ -124,15 +121,7 @@ def solve(
     offset_s: float = 0.0,
     rounds: int = 40,
 ) -> FloatArray:
-    """Minimises the tangency errors by least squares with a soft L1 loss; returns the parameters.
-
-    Args:
-        suspect: The camera and its data.
-        model: The camera for given parameters.
-        start: Initial parameters.
-        offset_s: Assumed clock offset.
-        rounds: Maximum number of evaluations.
-    """
+    """Parameters that minimise the tangency errors by least squares with a soft L1 loss."""
     camera = suspect.track.camera
     unit = max(camera.size) / 480
     base = np.isfinite(suspect.residuals(camera, offset_s))

@@ -90,18 +90,15 @@ def synchronise(
         by_signal = offsets_from_signals([outline_signal(track) for track in ordered], settings)
         offsets = np.array([line.offset_s for line in by_signal.offsets])
         errors = np.full(len(ordered), np.nan)
-    lines = []
-    for index, track in enumerate(ordered):
-        alike = 1.0 if index == 0 else pairs[0, index].correlogram.at(offsets[index])
-        lines.append(
-            Offset(
-                track.camera.name,
-                float(offsets[index]),
-                float(errors[index]),
-                float(offsets[index] / track.period_s),
-                alike,
-            )
+    lines = [
+        Offset(
+            track.camera.name,
+            float(offsets[index]),
+            float(errors[index]),
+            float(offsets[index] / track.period_s),
         )
+        for index, track in enumerate(ordered)
+    ]
     lines.sort(key=lambda line: names.index(line.camera))
     return Synchronisation(reference, tuple(lines), before, _error(ordered, offsets), agreed)
 

@@ -26,6 +26,7 @@ from calib.tuning import OUTLINES
 Mask = NDArray[np.bool_]
 
 _LEAST_PIXELS = 50
+_BORDER_PX = 1  # an outline so near to the image's border may be cut off there
 _TOUCHING_PX = 3  # a silhouette so near to something unknown goes on behind it
 _AROUND = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4]) / 2
 _CACHE_SIZE = 64
@@ -79,7 +80,7 @@ class Outline:
         )
         edge = np.concatenate(contours).reshape(-1, 2)
         within_px = np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge).min(axis=1)
-        border = within_px < OUTLINES.border_px
+        border = within_px <= _BORDER_PX
         if unknown is not None and len(hiding := _hiding(body, unknown)):
             edge = np.concatenate([edge, hiding])
             border = np.concatenate([border, np.ones(len(hiding), np.bool_)])
@@ -288,8 +289,6 @@ def tangency(
     .. math:: e = \pm \frac{\phi_2 - \phi_1}{\sqrt{1 / (2 s_1^2) + 1 / (2 s_2^2)}}
 
     Args:
-        first: Outlines of one camera.
-        second: Outlines of another camera.
         moments_s: (M,) float64, s, times of comparison. Angles are interpolated between frames.
         offset_s: Clock offset of each camera: its frame of time t was taken at t - offset.
 

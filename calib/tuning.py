@@ -70,8 +70,6 @@ class Outline:
     """1. Of the image's diagonal: components so near to each other count as one."""
     large_component: float = 0.25
     """1. Of the largest component's area, from which another one counts."""
-    border_px: float = 1.5
-    """px. An outline so near to the image's border may be cut off there."""
     widest_deg: float = 150.0
     """Degrees that a body takes about a baseline; beyond, this passes through or close to it."""
     least_across: float = 0.05

@@ -149,7 +149,6 @@ def cameras_worth(rig: Rig, up: ArrayLike) -> float:
     """How well a direction explains how the cameras stand, from 0 to 1.
 
     Args:
-        rig: C cameras.
         up: (3,) direction of up in the world.
 
     Returns:

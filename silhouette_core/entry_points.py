@@ -19,10 +19,8 @@ def load_registered(group: str, kind: str, protocol: type[T], name: str) -> T:
     """Imports a registered class and returns a new object of it.
 
     Args:
-        group: Entry point group.
         kind: What its classes are, for messages.
         protocol: Runtime-checkable protocol that they fulfil.
-        name: As registered.
 
     Raises:
         InputError: None is registered under this name.

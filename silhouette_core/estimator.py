@@ -136,7 +136,6 @@ def read_options(
     Args:
         kind: the dataclass; its fields are the options that exist.
         options: options by name, see `Settings`.
-        estimator: name of the estimator, for the message.
 
     Raises:
         InputError: an option does not exist, or has a value that the dataclass refuses.
@@ -155,7 +154,6 @@ class Estimate:
     """Result of an estimation.
 
     Attributes:
-        motion: the estimated poses.
         stage_s: stage -> (n,) float64 seconds, one value per frame (or a single one for a stage
             that runs once).
         facts: further entries of summary.json (numbers, strings, lists of them), such as the
@@ -184,8 +182,6 @@ class Estimator(Protocol):
         Args:
             source: the frames. Held one time step at a time: memory must not grow with the
                 recording's length.
-            settings: see Settings.
-            reporter: informed of every stage and step.
 
         Returns:
             The motion, the durations of the stages, and facts.
@@ -198,9 +194,6 @@ class Estimator(Protocol):
 
 def load_estimator(name: str) -> Estimator:
     """New instance of a registered estimator.
-
-    Args:
-        name: name of its entry point.
 
     Raises:
         InputError: no estimator is registered under this name.

@@ -47,7 +47,6 @@ class StageClock:
     """
 
     def __init__(self) -> None:
-        """Starts without stages."""
         self.seconds: dict[str, array[float]] = defaultdict(lambda: array("d"))
 
     @contextmanager

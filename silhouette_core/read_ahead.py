@@ -53,7 +53,6 @@ def side_by_side(function: Callable[[_Given], _Item], given: Sequence[_Given]) -
 
     Args:
         function: may be called in any thread.
-        given: its arguments.
     """
     workers = min(numba.get_num_threads(), len(given))
     if workers < 2 or not _shares_threads():

@@ -89,16 +89,10 @@ class CastShadow:
 class ExposureField:
     """Exposure that varies over the picture (`image.exposure`). By eye, on opencap_walk."""
 
-    side_px: int = 60
-    """px. Shorter side of the pictures to which it is fitted."""
     dark: float = 20.0
     """Grey levels. Darker pixels say nothing."""
-    fewest: int = 50
-    """Pixels to which it is fitted, at least."""
     stiffness: float = 2e-5
     """1. Weight of a flat field, relative to the pixels."""
-    rounds: int = 6
-    """1. Rounds of reweighting."""
     least: float = 0.02
     """1. Least scale of the logarithms' residuals: noise."""
 
@@ -152,10 +146,6 @@ class Cut:
     """Nats. The same, over the sharpest edge."""
     least_contrast: float = 4.0
     """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
-    rounds: int = 6
-    """1. Sweeps of the messages from each side."""
-    learned: int = 3
-    """1. Times that the colours are learned and the samples cut."""
     beside: float = 3.0
     """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
     colours are first learned; a segmenter. With 5 for that, woman_white's least IoU is 0.82 instead
@@ -311,8 +301,6 @@ class Refinement:
     """m. Of a pose within 0.15 m; one that is predicted leaves out the ends."""
     body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
     """m. Of a body's proportions; every other one from the third on settles the poses then."""
-    first_match_m: float = 0.04
-    """m. Distance within which a match is looked for first: decides the speed alone."""
     contour_m: float = 0.012
     """m. Standard deviation of a contour residual with the right correspondence, and the least of a
     joint of a proposed mode."""

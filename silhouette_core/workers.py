@@ -30,7 +30,6 @@ class WorkerEndedError(InputError):
     """
 
     def __init__(self, tasks: Iterable[int]):
-        """Says what to do."""
         super().__init__(
             "a worker process was ended from outside, usually for want of memory: run the command"
             " again with fewer of them; what was finished is kept"
@@ -48,7 +47,6 @@ class Workers(Protocol):
 
         Args:
             work: a function of a module, and tasks that can be pickled.
-            tasks: the tasks.
 
         Returns:
             Numbers and results of the tasks, in the order in which they become ready.
@@ -71,12 +69,10 @@ class Processes:
     """Carries out tasks in several processes of one thread each.
 
     Args:
-        pool: the processes.
         ahead: number of tasks handed out at a time, so that results do not pile up.
     """
 
     def __init__(self, pool: ProcessPoolExecutor, ahead: int):
-        """Keeps the pool."""
         self._pool, self._ahead = pool, ahead
 
     def run(
@@ -129,7 +125,6 @@ class Cluster:
     """
 
     def __init__(self, client: Any, ahead: int):
-        """Keeps the client."""
         self._client, self._ahead = client, ahead
 
     def run(

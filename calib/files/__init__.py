@@ -17,8 +17,7 @@ from calib.files.anipose import read_anipose, write_anipose
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
 from calib.files.opencv import read_opencv, read_opencv_folder, write_opencv
-from calib.files.plain import read_json, write_json
-from calib.files.projections import read_projections, write_projections
+from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys
 
 

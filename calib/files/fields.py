@@ -43,7 +43,6 @@ class Source:
         """Length of the file's unit in metres.
 
         Args:
-            stated: Unit stated in the file, or None.
             remedy: How a unit is written in this format.
 
         Raises:
@@ -70,8 +69,6 @@ class Source:
         """Finite float64 numbers of a given shape.
 
         Args:
-            camera: Name of the camera, for messages.
-            key: Name of the value, for messages.
             value: The value; lists nested one level deeper than needed are accepted.
             shape: Required shape; None for any number of values, flat.
 

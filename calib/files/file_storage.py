@@ -1,4 +1,4 @@
-"""OpenCV's FileStorage in its three syntaxes, read and written without OpenCV.
+"""OpenCV's FileStorage in its three syntaxes, read without OpenCV.
 
 OpenCV's own reader does not survive a damaged file: negative rows, sizes beyond memory and deep
 nesting end the process. Libraries parse the syntax here, and every value is checked before an array
@@ -9,14 +9,13 @@ base64; XML has `<_>` or spaces between the items of a list; `.Nan` and `-.Inf` 
 
 import base64
 import binascii
-import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.sax.saxutils import escape
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,15 +81,24 @@ def dump_storage(content: Mapping[str, Any], path: Path) -> None:
     Raises:
         OSError: The file cannot be written.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".json":
-        text = json.dumps(_for_json(content), indent=4) + "\n"
-    elif suffix == ".xml":
-        lines = "\n".join(_xml_lines(content))
-        text = f'<?xml version="1.0"?>\n<opencv_storage>\n{lines}\n</opencv_storage>\n'
-    else:
-        text = "\n".join(["%YAML:1.0", "---", *_yaml_lines(content)]) + "\n"
-    path.write_text(text, encoding="utf-8")
+    suffix = path.suffix if path.suffix.lower() in (".xml", ".json") else ".yml"
+    file = cv2.FileStorage(suffix.lower(), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    _write(file, content.items())
+    path.write_text(file.releaseAndGetString(), encoding="utf-8")
+
+
+def _write(file: cv2.FileStorage, entries: Iterable[tuple[str, Any]]) -> None:
+    for key, value in entries:
+        if isinstance(value, Mapping):
+            file.startWriteStruct(key, cv2.FileNode_MAP)
+            _write(file, value.items())
+            file.endWriteStruct()
+        elif isinstance(value, list):
+            file.startWriteStruct(key, cv2.FileNode_SEQ)
+            _write(file, (("", one) for one in value))
+            file.endWriteStruct()
+        else:
+            file.write(key, value)
 
 
 def _value(node: Any, key: str, path: Path) -> Any:
@@ -250,60 +258,3 @@ def _plain_json(match: re.Match[str]) -> str:
         return ""  # a comment, or the comma after the last entry
     number = "NaN" if match[3].lower() == "nan" else "Infinity"
     return f"-{number}" if match[2] == "-" and number != "NaN" else number
-
-
-def _matrix_entries(array: NDArray[np.float64]) -> dict[str, Any]:
-    return {"rows": array.shape[0], "cols": array.shape[1], "dt": "d", "data": array.ravel()}
-
-
-def _numbers_text(array: NDArray[np.float64], separator: str) -> str:
-    """Numbers with all their digits."""
-    return separator.join(map(repr, array.tolist()))
-
-
-def _for_json(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        entries = _matrix_entries(value)
-        return {"type_id": "opencv-matrix", **entries, "data": entries["data"].tolist()}
-    if isinstance(value, Mapping):
-        return {key: _for_json(inner) for key, inner in value.items()}
-    return value
-
-
-def _xml_lines(content: Mapping[str, Any]) -> Iterator[str]:
-    for key, value in content.items():
-        if isinstance(value, np.ndarray):
-            entries = _matrix_entries(value)
-            yield f'<{key} type_id="opencv-matrix">'
-            yield from (f"  <{name}>{entries[name]}</{name}>" for name in ("rows", "cols", "dt"))
-            yield f"  <data>\n    {_numbers_text(entries['data'], ' ')}</data></{key}>"
-        elif isinstance(value, Mapping):
-            yield f"<{key}>"
-            yield from _xml_lines(value)
-            yield f"</{key}>"
-        else:
-            items = value if isinstance(value, list) else [value]
-            text = " ".join(str(one) if isinstance(one, int) else _quoted(one) for one in items)
-            yield f"<{key}>{escape(text)}</{key}>"
-
-
-def _yaml_lines(content: Mapping[str, Any], indent: str = "") -> Iterator[str]:
-    for key, value in content.items():
-        start = f"{indent}{key}:"
-        if isinstance(value, np.ndarray):
-            entries = _matrix_entries(value)
-            yield f"{start} !!opencv-matrix"
-            yield from (f"{indent}   {name}: {entries[name]}" for name in ("rows", "cols", "dt"))
-            yield f"{indent}   data: [ {_numbers_text(entries['data'], ', ')} ]"
-        elif isinstance(value, Mapping):
-            yield start
-            yield from _yaml_lines(value, f"{indent}   ")
-        elif isinstance(value, list):
-            yield start
-            yield from (f"{indent}   - {_quoted(one)}" for one in value)
-        else:
-            yield f"{start} {value if isinstance(value, int) else _quoted(value)}"
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

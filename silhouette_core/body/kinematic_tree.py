@@ -65,7 +65,6 @@ class KinematicTree:
         Args:
             parts: name, parent's name (empty for the root, the first) and degrees of freedom.
             ends: name of a further landmark, at the end of a part -> that part.
-            root_fixed: see the attribute.
 
         Raises:
             InputError: a name is given twice, or a parent does not come before its part.

@@ -37,7 +37,6 @@ class BodyModel:
         space: shape space around the template.
         shape: (K,) float64, deviations along `sizes.SHAPE_AXES`; (0,) where the shape is given.
         person: measurements of the person; None: the body is not a person's, or as given.
-        tree: parts, degrees of freedom and landmarks.
     """
 
     joints_m: np.ndarray
@@ -115,7 +114,6 @@ class BodyModel:
         """Body that is not made from a person's measurements, and keeps its shape.
 
         Args:
-            tree: parts, degrees of freedom and landmarks.
             joints_m: (P, 3) float64.
             vertices_m: (V, 3) float64.
             faces: (F, 3) integers.

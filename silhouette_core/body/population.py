@@ -50,7 +50,6 @@ def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
 
     Args:
         name: of `BodyMeasurements`, other than stature_m.
-        stature_m: of these people.
         sex: "male", "female" or "unknown", for which the men's are taken.
     """
     power = 3 if name == "mass_kg" else 1

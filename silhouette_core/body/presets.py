@@ -30,7 +30,6 @@ class BodyPreset:
         name: designation of the size.
         sex: "male" or "female".
         standard: the standard after which it is named.
-        measurements: stature, chest or bust, waist and hip.
         sources: for each of these measurements, by name, where the number comes from.
     """
 
@@ -73,7 +72,6 @@ def nearest_preset(stature_m: float, chest_m: float | None, sex: str = "unknown"
     deviation over the presets that are compared, and the squares are added.
 
     Args:
-        stature_m: of the person.
         chest_m: chest or bust girth; None: only the stature counts.
         sex: "male", "female" or "unknown", for which all 24 are compared.
 

@@ -74,7 +74,6 @@ class ShapeAxis:
     """Axis of the shape space: a relative change of the size of some parts.
 
     Attributes:
-        name: name of the measure.
         parts: base names of the parts it scales ("thigh" stands for both sides).
         along: "length" (along the bone), "girth" (across it), one of "x", "y", "z" of the body
             frame, or "normal": outward by a fraction of the stature, as clothes are.

@@ -17,7 +17,6 @@ def sample_volume(
         vertices_m: (V, 3) float64.
         faces: (F, 3) int32, closed surface of one or several pieces, which may overlap.
         face_part: (F,) int32.
-        spacing_m: lattice spacing.
 
     Returns:
         points (N, 3) float64 inside the mesh, and the part (N,) int32 of each: that of its

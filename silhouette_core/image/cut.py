@@ -22,6 +22,8 @@ from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
 from silhouette_core.tuning import COLOURS, CUT
 
+_ROUNDS = 6  # sweeps of the messages from each side
+_LEARNED = 3  # times that the colours are learned and the samples cut
 _GAIN = np.ones(3, np.float32)
 _SHARES = np.float32(CUT.otherwise), np.float32(1)
 
@@ -67,7 +69,7 @@ class SceneColours:
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
-        for turn in range(CUT.learned):
+        for turn in range(_LEARNED):
             person = PersonColours()
             told = evidence or [None] * len(small)
             for frame, odds, before in zip(small, told, occupied, strict=True):
@@ -92,7 +94,7 @@ class SceneColours:
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
         links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
         mask = np.empty(odds.shape, np.bool_)
-        kernels.cut(odds, links, CUT.rounds, mask)
+        kernels.cut(odds, links, _ROUNDS, mask)
         return mask
 
     def odds(

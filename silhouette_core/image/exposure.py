@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from silhouette_core.tuning import EXPOSURE
 
+_SIDE_PX = 60  # shorter side of the pictures to which it is fitted
+_FEWEST, _ROUNDS = 50, 6  # pixels of a fit, at least, and rounds of reweighting
 _DARK = 4  # grey levels added to both, so that black says little
 
 
@@ -19,7 +21,7 @@ def aligned(frame: NDArray[np.uint8], reference: NDArray[np.float32]) -> NDArray
     fitted to the pixels that agree with it (weights of Geman and McClure).
     """
     height, width = reference.shape[:2]
-    factor = min(1.0, EXPOSURE.side_px / min(height, width))
+    factor = min(1.0, _SIDE_PX / min(height, width))
     size = max(round(width * factor), 1), max(round(height * factor), 1)
     small, empty = (
         np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32) + _DARK
@@ -31,12 +33,12 @@ def aligned(frame: NDArray[np.uint8], reference: NDArray[np.float32]) -> NDArray
     ratios = np.log(small / empty).reshape(-1, 3)
     lit = (empty > EXPOSURE.dark).all(axis=2).ravel()
     powers_lit, ratios_lit = powers[lit], ratios[lit]
-    if len(ratios_lit) < EXPOSURE.fewest:
+    if len(ratios_lit) < _FEWEST:
         return frame
     solution = np.zeros((6, 3))
     solution[0] = np.median(ratios_lit, axis=0)
     held = EXPOSURE.stiffness * len(ratios_lit) * np.diag([0.0, 1, 1, 1, 1, 1])
-    for _ in range(EXPOSURE.rounds):
+    for _ in range(_ROUNDS):
         off = np.abs(ratios_lit - powers_lit @ solution).max(axis=1)
         scale = max(2 * 1.4826 * float(np.median(off)), EXPOSURE.least)
         weighted = powers_lit / (1 + (off / scale) ** 2)[:, None] ** 2

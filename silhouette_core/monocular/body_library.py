@@ -6,7 +6,7 @@ to it, one view of each, and so many more of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,17 +57,8 @@ def body_of_track(body: str, library: str, reporter: Reporter) -> BodyModel | No
     return model if model.person is None else None
 
 
-@dataclass(frozen=True, eq=False)
-class SomeSilhouettes:
-    """Silhouettes of a body in some frames, spread over a recording.
-
-    Attributes:
-        camera: pinhole camera without distortion, z up.
-        masks: (h, w) bool each, not empty.
-    """
-
-    camera: Camera
-    masks: list[NDArray[np.bool_]]
+SomeSilhouettes = tuple[Camera, list[NDArray[np.bool_]]]
+"""Pinhole camera without distortion, z up, and silhouettes (h, w) bool, not empty."""
 
 
 def some_silhouettes(
@@ -77,9 +68,7 @@ def some_silhouettes(
 
     Args:
         source: the recording, of one camera.
-        silhouettes: its silhouettes.
         camera: the same camera with z up.
-        long_side_px: largest size of the silhouettes.
 
     Raises:
         InputError: none of the frames shows a body.
@@ -93,7 +82,7 @@ def some_silhouettes(
             f"camera {name} shows no body in any of {len(steps)} frames that were looked"
             " at: check its background, and that the body moves before it"
         )
-    return SomeSilhouettes(lens.pinhole, masks)
+    return lens.pinhole, masks
 
 
 def library_of_body(
@@ -106,11 +95,7 @@ def library_of_body(
     """Library of a body, and the place of its root if that stands still.
 
     Args:
-        model: the body.
         file: library of its recorded poses; empty: poses are sampled within its limits.
-        shown: silhouettes of some frames.
-        backend: scores poses.
-        reporter: informed of the stages.
 
     Raises:
         InputError: the library is another body's.
@@ -123,7 +108,8 @@ def library_of_body(
             "no library of the body's poses is given: its joints are assumed to move at random"
             " within their limits (voxelpose library build makes one from an earlier result)"
         )
-    pitches = [look_at(shown.camera, mask, 1.0, 100.0).pitch_rad for mask in shown.masks]
+    camera, masks = shown
+    pitches = [look_at(camera, mask, 1.0, 100.0).pitch_rad for mask in masks]
     pitch_deg = float(np.degrees(np.median(pitches)))
     reporter.stage("pose library")
     library = recorded or _sampled(model, pitch_deg)
@@ -131,9 +117,9 @@ def library_of_body(
         return library, None
     reporter.stage("root")
     tree = TreeFilter(library, transitions(library, False), backend=backend)
-    root = find_root(tree, shown.camera, shown.masks)
+    root = find_root(tree, camera, masks)
     reporter.stage("pose library")
-    return _from_one_side(library, recorded is None, shown.camera, root), root
+    return _from_one_side(library, recorded is None, camera, root), root
 
 
 def _read(file: str, model: BodyModel) -> PoseLibrary:

@@ -37,16 +37,9 @@ class Sample:
 
 
 class JoinedPerson:
-    """Joins the pieces of the silhouettes of one camera.
-
-    Args:
-        silhouettes: of the recording.
-        name: of the camera.
-        density: of the person's colours.
-    """
+    """Joins the pieces of the silhouettes of one camera."""
 
     def __init__(self, silhouettes: Silhouettes, name: str, density: ColourDensity):
-        """Keeps what it is given."""
         self._silhouettes, self._name, self._density = silhouettes, name, density
 
     @classmethod
@@ -54,11 +47,6 @@ class JoinedPerson:
         cls, silhouettes: Silhouettes, name: str, samples: Sequence[Sample]
     ) -> JoinedPerson | None:
         """Joins pieces by the colours within the silhouettes of some frames.
-
-        Args:
-            silhouettes: of the recording.
-            name: of the camera.
-            samples: the frames.
 
         Returns:
             What joins them; None where silhouettes are whole already, or have no colours.

@@ -20,10 +20,10 @@ from silhouette_core.monocular.occlusion import standing_areas, usual_areas
 from silhouette_core.monocular.person import Person, find_person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.tracking.frame_proposal import Proposer
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import Proposer
 from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
@@ -74,12 +74,10 @@ class PersonFinder:
     """Finds the person in one frame after the other.
 
     Args:
-        camera: that takes the frames.
         coloured: whether the person's colours are kept.
     """
 
     def __init__(self, camera: Camera, coloured: bool):
-        """Has seen nobody yet."""
         self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
         self._near_px: NDArray[np.float64] | None = None
         self._usual_px: float | None = None
@@ -100,12 +98,7 @@ class PersonFinder:
 
 @dataclass(frozen=True, eq=False)
 class TrackedPerson:
-    """A person to be tracked.
-
-    Attributes:
-        model: the body.
-        proposal: proposes its poses.
-    """
+    """A person to be tracked."""
 
     model: BodyModel
     proposal: PoseProposal
@@ -118,11 +111,8 @@ class PoseStages:
 
     Args:
         tracked: the person, or the library of another body.
-        camera: that takes the frames.
         settings: of the estimation; `smooth` decides whether later frames are waited for.
-        options: checked.
         interval_s: time between two frames.
-        clock: times the stages.
         root: place of the root of a body that is no person's, if that stands still.
     """
 
@@ -136,7 +126,6 @@ class PoseStages:
         clock: StageClock,
         root: Pose | None = None,
     ):
-        """Prepares the proposer and the trajectory."""
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
         model, backend = tracked.model, load_backend(settings.backend)
         if isinstance(tracked, TrackedPerson):

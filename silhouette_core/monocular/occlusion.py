@@ -27,9 +27,6 @@ def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
 def standing_areas(model: BodyModel) -> NDArray[np.float64]:
     """Largest area that each part shows of an upright body, from all sides.
 
-    Args:
-        model: the body.
-
     Returns:
         (parts,) float64, pixels of the window, a stature away from the camera by `_FAR`.
     """

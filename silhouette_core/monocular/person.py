@@ -14,6 +14,7 @@ from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.monocular.tuning import PERSON
 
 _BORDER_PX = 2
+_LEAST_PX = 150  # of a person's smallest silhouette
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,6 @@ def find_person(
     Args:
         mask: (h, w) bool, all foreground.
         near_px: (2,), last position of the person, px; nearer components are preferred.
-        usual_px: recent area of the person, px.
 
     Returns:
         The person, or None if there is none.
@@ -64,7 +64,7 @@ def find_person(
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
         weight /= 1 + (distance / np.sqrt(usual_px or area.max())) ** 2
     main = int(weight.argmax())
-    if area[main] < max(PERSON.least_px, PERSON.least_of_usual * (usual_px or 0.0)):
+    if area[main] < max(_LEAST_PX, PERSON.least_of_usual * (usual_px or 0.0)):
         return None
     piece = (area >= PERSON.least_piece * area[main]) & ((area <= area[main]) | (h >= w))
     # A small thing far away is none of the person's: a reflection, a screen, a curtain.
@@ -117,7 +117,6 @@ def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) 
     Args:
         camera: pinhole camera without distortion.
         mask: (h, w) bool, the silhouette, not empty.
-        stature_m: stature of the person.
 
     Returns:
         Distance along the viewing ray of the silhouette's middle, m.

@@ -34,7 +34,6 @@ def relative_weights(
     changes, and the smaller picture would always seem to fit better.
 
     Args:
-        window: The silhouette.
         weighting: See `pixel_weights`.
         reduction: 1, 2 or 4: how many times smaller than the window.
         bounds_px: Rectangle of the library, see `pixel_weights`; None: the window.

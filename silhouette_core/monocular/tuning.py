@@ -163,8 +163,6 @@ class FoundPerson:
     """1. Height over width of most silhouettes: what is wider counts for less beside a person,"""
     least_weight: float = 0.25
     """1. down to this: a board on the floor, or a box."""
-    least_px: int = 150
-    """Pixels. A person's smallest silhouette."""
     least_of_usual: float = 0.2
     """1. The same, of the usual one's area."""
     border: float = 0.02
@@ -207,10 +205,6 @@ class BarePeople:
     """1. Half the trunk's width, relative to its length."""
     trunk_depth_m: float = 0.05
     """Metres from its axis to its surface: what is farther away there is hidden."""
-    least_places: int = 3
-    """Places of a limb that a frame must show."""
-    least_frames: int = 5
-    """Frames that must show it."""
     share: float = 0.75
     """1. Of the frames: in the others the part is not where the pose has it."""
     head: float = 0.9
@@ -233,8 +227,6 @@ class BarePeople:
 class BodyAdaptation:
     """The person's body (`tracking.body_adaptation`). By eye."""
 
-    frames: int = 10
-    """Frames to which it is adapted."""
     stature_sigma_m: float = 0.008
     """Metres. Deviation of the stature."""
     contour_m: float = 0.02
@@ -283,8 +275,6 @@ class ProposedModes:
     """Statures. Range of it in which z = 0 may be the floor."""
     alike_m: float = 0.08
     """Metres. Mean distance of the joints of modes that are averaged."""
-    started: int = 4
-    """Modes of a frame that become hypotheses, at most."""
     least_probability: float = 0.02
     """1. Of these modes."""
     memory_s: float = 0.5

@@ -66,11 +66,6 @@ class Window:
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)
         return self.center_m + distance_m * rays @ self.world_from_virtual.T
 
-    def pixels(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pixels (N, 2) of world points (N, 3), m, in the window."""
-        in_camera = (np.atleast_2d(points_m) - self.center_m) @ self.world_from_virtual
-        return self.axis_px + self.focal_px * in_camera[:, :2] / in_camera[:, 2:]
-
 
 def look_at(
     camera: Camera,

@@ -18,7 +18,6 @@ def gap_limit_frames(limit: int | str, fps: float) -> int:
 
     Args:
         limit: a number of frames, `12`, or seconds, `0.2s`.
-        fps: frames per second.
 
     Raises:
         InputError: it is neither.

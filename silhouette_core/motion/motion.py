@@ -23,7 +23,6 @@ class Motion:
     """Poses of one body over time.
 
     Attributes:
-        fps: frames per second of the recording.
         model: the body; it defines the order of parts and joint angles.
         root_m: (T, 3) float64, position of the root part's joint in the world, metres.
         root_quaternion: (T, 4) float64, unit, w x y z, world_from_body of the root part.

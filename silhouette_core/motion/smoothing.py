@@ -110,7 +110,6 @@ def smooth(values: np.ndarray, fps: float, low_pass: LowPass | None = None) -> n
 
     Args:
         values: (T, n) float64.
-        fps: samples per second.
         low_pass: the filter; None: the usual one. Signals on which it does not act, short ones or
             of low frame rates, are returned unchanged.
     """
@@ -170,7 +169,6 @@ def smooth_runs(
         root_quaternion: (T, 4) float64.
         angles_rad: (T, D) float64, components of the joints' rotation vectors.
         frames: (T,) int64, increasing frame numbers; a run ends where one is missing.
-        fps: frames per second.
         low_pass: the filter; None: the usual one.
     """
     low_pass = low_pass or LowPass()

@@ -40,12 +40,7 @@ from silhouette_core.tuning import REFINEMENT
 
 @dataclass(frozen=True)
 class Stature:
-    """A person's height.
-
-    Attributes:
-        metres: the height, m.
-        sigma_m: its standard deviation, m.
-    """
+    """A person's height."""
 
     metres: float
     sigma_m: float
@@ -64,13 +59,10 @@ def adapt_shape(
     """Adapts a body's proportions to the silhouettes of several frames.
 
     Args:
-        surface: of the initial body.
         observations: F frames, of different poses.
         poses: F poses, right to within about 0.1 m.
-        stature: the person's height.
         expected: (K,) mean of the prior of the shape.
         covariance: (K, K) of that prior; None: `SHAPE_SIGMA`, independent.
-        settings: weights of the residuals.
         landmark_priors: priors of the joints' positions in the F frames, which decide the depth
             where there is one camera.
 
@@ -170,7 +162,7 @@ class _FrameSystem:
         """Linearises the residuals of one frame; `reach` in metres."""
         poses, model = PoseArrays.from_poses([pose]), surface.model
         posed_many = surface.posed_many(poses)
-        posed = posed_many.one(0)
+        posed = posed_many[0]
         rows = residuals(surface, posed, observation, reach, settings)
         jacobian = np.concatenate(
             [

@@ -27,7 +27,6 @@ def place_bodies(
     """Poses whose joints are where priors expect them.
 
     Args:
-        surface: the body's.
         observation: the frame; its contour is not used.
         priors: of the joints, one for each pose.
         starts: poses to start from; None: relaxed ones, turned as the priors expect.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
-from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, point_jacobian
+from silhouette_core.refinement.surface import PosedSurface, point_jacobian
 from silhouette_core.tuning import REFINEMENT
 
 DEGREES_OF_FREEDOM = REFINEMENT.student_freedom
@@ -106,7 +106,7 @@ def add_landmark_priors(
     matrix: NDArray[np.float64],
     gradient: NDArray[np.float64],
     model: BodyModel,
-    posed: PosedSurfaces,
+    posed: PosedSurface,
     priors: LandmarkPriors,
 ) -> None:
     r"""Adds priors to the normal equations of K poses, in place.
@@ -120,8 +120,6 @@ def add_landmark_priors(
     Args:
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
-        model: the body.
-        posed: the same in its current poses.
         priors: of K poses or more, of which the first ones count.
 
     Source: iteratively reweighted least squares for Student's t (Lange, Little and Taylor 1989).

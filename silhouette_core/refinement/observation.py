@@ -24,7 +24,6 @@ class PinholeViews:
     """Cameras without distortion, as plain arrays for kernels. C cameras.
 
     Attributes:
-        rig: the cameras themselves.
         intrinsics: (C, 4) float64, fx, fy, cx, cy in px.
         rotation: (C, 3, 3) float64, camera from world.
         translation_m: (C, 3) float64, camera from world.
@@ -74,7 +73,6 @@ class Observation:
     A contour point's viewing ray and its tangent span a plane that touches the body from outside.
 
     Attributes:
-        views: the cameras.
         masks: C arrays (h, w) bool.
         outside_px: C arrays (h, w) float32, distance to the silhouette and to what is unknown, see
             `outside_distances`.
@@ -104,7 +102,6 @@ class Observation:
         """Prepares the silhouettes of one frame.
 
         Args:
-            views: C pinhole cameras.
             masks: C silhouettes (h, w) bool, as the cameras' images.
             distance_m: typical distance of the body from the cameras, to space the contour points.
             spacing_m: approximate distance between contour points on the body.

@@ -30,7 +30,7 @@ from silhouette_core.refinement.landmark_prior import (
     add_landmark_priors,
 )
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
+from silhouette_core.refinement.surface import PosedSurface, Surface
 from silhouette_core.tuning import REFINEMENT
 
 
@@ -88,7 +88,6 @@ class RefinedPose:
     """Result of a refinement.
 
     Attributes:
-        pose: the refined pose.
         normal_matrix: (6 + D, 6 + D) float64, of the last step's normal equations.
     """
 
@@ -98,14 +97,7 @@ class RefinedPose:
 
 @dataclass(frozen=True, eq=False)
 class RefineStart:
-    """Where a refinement starts, and what is believed; see `refine`.
-
-    Attributes:
-        pose: initial pose.
-        settings: weights and reaches.
-        prior: prior of the pose.
-        landmark_prior: prior of the joints' positions.
-    """
+    """Where a refinement starts, and what is believed; see `refine`."""
 
     pose: Pose
     settings: RefineSettings
@@ -132,8 +124,6 @@ def refine(
     angles, and :math:`\Lambda, \mu` from the priors.
 
     Args:
-        surface: the body's sampled surface.
-        observation: the frame.
         start: initial pose, right to within about 0.3 m at every joint.
         prior: prior of the pose, for example from the previous frame.
         settings: weights and reaches. A reach of 0 leaves the contour out.
@@ -152,11 +142,6 @@ def refine_many(
 
     They take their steps together, so that the kernels can work on all of them in parallel. One
     alone is refined by the calling thread: its steps are too short to wake others.
-
-    Args:
-        surface: the body's sampled surface.
-        observation: the frame.
-        starts: K starts.
     """
     with one_thread() if len(starts) == 1 else nullcontext():
         return _refined_together(surface, observation, starts)
@@ -236,7 +221,6 @@ def solve_steps(
         matrix: (K, n, n) float64, H, positive definite on the free unknowns; n = 6 + D.
         gradient: (K, n) float64, g.
         angles_rad: (K, D) float64, current joint angles.
-        model: for the limits.
 
     Returns:
         (K, n) float64; zero for what is held fixed.
@@ -268,7 +252,7 @@ def _of_spacing(observation: Observation) -> np.ndarray:
 
 def add_silhouettes(
     surface: Surface,
-    posed: PosedSurfaces,
+    posed: PosedSurface,
     observation: Observation,
     reach_m: np.ndarray,
     weights: np.ndarray,
@@ -286,9 +270,6 @@ def add_silhouettes(
         \qquad M_{pq} = \sum_i w_i h_{ip} h_{iq}^T
 
     Args:
-        surface: the body's sampled surface.
-        posed: the same in K poses.
-        observation: the frame.
         reach_m: (K,), largest accepted distance between contour and surface.
         weights: (K, 3), see `contour_weights`.
         matrix: (K, 6 + D, 6 + D) float64.
@@ -309,7 +290,7 @@ def add_silhouettes(
 
 
 def _correspondences(
-    posed: PosedSurfaces, observation: Observation, reach_m: np.ndarray
+    posed: PosedSurface, observation: Observation, reach_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `match_contours` and `measure_outside` find: matched and gap (K, N), distances outside
     (K, C, V) and their directions (K, C, V, 3).
@@ -355,24 +336,14 @@ def residuals(
     surface point outside a silhouette, r is its distance from the silhouette at its depth.
 
     Args:
-        surface: the body's sampled surface.
-        posed: the same in its current pose.
-        observation: the frame.
         reach_m: largest accepted distance between contour and surface.
-        settings: weights.
 
     Source: weights of Geman and McClure (1987); correspondences own.
     """
     reach = np.array([reach_m])
     scale, base, base_outside = contour_weights([settings], reach)[0] * _of_spacing(observation)
-    one = PosedSurfaces(
-        posed.part_rotation[None],
-        posed.part_origin[None],
-        posed.world_axis[None],
-        posed.points[None],
-        posed.normals[None],
-    )
-    matched, gap, away, toward = (found[0] for found in _correspondences(one, observation, reach))
+    found = _correspondences(posed[None], observation, reach)
+    matched, gap, away, toward = (one[0] for one in found)
     hits = np.flatnonzero(matched >= 0)
     index, direction, gaps = [matched[hits]], [observation.normal[hits]], [gap[hits]]
     weight = [base / (1 + (gap[hits] / scale) ** 2) ** 2]
@@ -419,7 +390,6 @@ class PosePriors:
             poses: K poses, of which the shape counts alone.
             priors: K priors, None where nothing but the resting stance is expected.
             usual: K weights of the resting stance.
-            tree: of the body.
         """
         means = PoseArrays(*(one.copy() for one in poses.arrays))
         precision = np.zeros((len(poses), 6 + poses.angles_rad.shape[1]))
@@ -444,8 +414,6 @@ def add_pose_priors(
     Args:
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
-        poses: the current poses.
-        model: for the limits.
         priors: of K poses or more, of which the first ones count.
     """
     count = len(poses)

@@ -19,7 +19,7 @@ from silhouette_core.refinement.kernels.refine import (
 
 @dataclass(frozen=True, eq=False)
 class PosedSurface:
-    """Parts, rotation axes and surface points in one pose.
+    """Parts, rotation axes and surface points in one pose; in K poses with a first axis of K.
 
     Attributes:
         part_rotation: (27, 3, 3) float64, world from body, as `kinematics.forward`.
@@ -35,44 +35,20 @@ class PosedSurface:
     points: np.ndarray
     normals: np.ndarray
 
-
-@dataclass(frozen=True, eq=False)
-class PosedSurfaces:
-    """A surface in K poses; the attributes are those of `PosedSurface`.
-
-    Attributes:
-        part_rotation: (K, 27, 3, 3) float64.
-        part_origin: (K, 27, 3) float64.
-        world_axis: (K, D, 3) float64.
-        points: (K, V, 3) float64.
-        normals: (K, V, 3) float64.
-    """
-
-    part_rotation: np.ndarray
-    part_origin: np.ndarray
-    world_axis: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
-
     @property
     def placed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Parts and axes, as the kernels take them."""
         return self.part_rotation, self.part_origin, self.world_axis
 
-    def some(self, rows: slice) -> PosedSurfaces:
-        """Some of the poses; they share memory with these."""
-        return PosedSurfaces(*(one[rows] for one in (*self.placed, self.points, self.normals)))
-
-    def one(self, k: int) -> PosedSurface:
-        """One of the poses; it shares memory with these."""
-        return PosedSurface(*(one[k] for one in (*self.placed, self.points, self.normals)))
+    def __getitem__(self, rows: int | slice | None) -> PosedSurface:
+        """One or some of the poses, or with None the only one as one of K; they share memory."""
+        return PosedSurface(*(one[rows] for one in (*self.placed, self.points, self.normals)))
 
 
 class Surface:
     """Sampled vertices of a body, with their skinning.
 
     Attributes:
-        model: the body.
         taken: (V,) int64, the sampled vertices.
         rest: (V, 3) float64, their positions at rest, m.
         normals: (V, 3) float64, their normals at rest.
@@ -95,9 +71,9 @@ class Surface:
 
     def posed(self, pose: Pose) -> PosedSurface:
         """Surface in a pose."""
-        return self.posed_many(PoseArrays.from_poses([pose])).one(0)
+        return self.posed_many(PoseArrays.from_poses([pose]))[0]
 
-    def posed_many(self, poses: PoseArrays, skinned: bool = True) -> PosedSurfaces:
+    def posed_many(self, poses: PoseArrays, skinned: bool = True) -> PosedSurface:
         """Surface in K poses; without its points and normals if they are not to be `skinned`."""
         model = self.model
         rotation, origin, axis = place_with_axes(model, *poses.arrays)
@@ -107,7 +83,7 @@ class Surface:
             skin = self.skin_parts, self.skin_weights
             at_rest = self.rest, self.normals, model.joints_m, *skin
             pose_surfaces(*at_rest, rotation, origin, points, normals)
-        return PosedSurfaces(rotation, origin, axis, points, normals)
+        return PosedSurface(rotation, origin, axis, points, normals)
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -156,8 +132,6 @@ def point_jacobian(
     """Derivatives (N, 6 + D) of direction (N, 3) . points[index] by a step of `Pose.moved`.
 
     Args:
-        model: the body.
-        posed: where its parts are.
         rest: the points (V, 3), joints (P, 3), parts (V, 4) that move each point and their weights.
         index: (N,), points.
         direction: (N, 3).

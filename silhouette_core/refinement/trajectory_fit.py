@@ -7,7 +7,6 @@ accelerations are small, and a foot that stands does not move.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,41 +33,10 @@ from silhouette_core.refinement.refine import (
     contour_weights,
     free_unknowns,
 )
-from silhouette_core.refinement.surface import PosedSurface, PosedSurfaces, Surface
+from silhouette_core.refinement.surface import PosedSurface, Surface
 from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
 _ANKLES = "left_ankle", "right_ankle"
-_CONTOUR = RefineSettings(
-    TRAJECTORY.reaches_m, contour_m=TRAJECTORY.contour_m, independence=TRAJECTORY.independence
-)
-
-
-@dataclass(frozen=True)
-class TrajectorySettings:
-    """Weights of the joint refinement.
-
-    Attributes:
-        contour: reaches and weights of the contour residuals, one round for each reach.
-        acceleration: standard deviation of the second difference of the joint angles within
-            1 / `dynamics.FPS`, as a fraction of `dynamics.pose_step_sigma`.
-        root_m: the same of the pelvis's position, m.
-        root_rad: the same of its orientation.
-        slip_m: scale of the robust weight of a standing foot's movement, m.
-    """
-
-    contour: RefineSettings = _CONTOUR
-    acceleration: float = TRAJECTORY.acceleration
-    root_m: float = TRAJECTORY.root_m
-    root_rad: float = TRAJECTORY.root_rad
-    slip_m: float = TRAJECTORY.foot_m
-
-    def steadier(self) -> TrajectorySettings:
-        """Settings for a body that is no person's, whose usual steps are wide."""
-        return replace(self, acceleration=TRAJECTORY.other_acceleration)
-
-    def quicker(self) -> TrajectorySettings:
-        """Settings that keep up with a camera: one round less."""
-        return replace(self, contour=replace(self.contour, reaches_m=TRAJECTORY.live_reaches_m))
 
 
 def fit_trajectory(
@@ -78,7 +46,7 @@ def fit_trajectory(
     time_s: NDArray[np.float64],
     landmark_priors: Sequence[LandmarkPrior | None],
     floor: bool,
-    settings: TrajectorySettings | None = None,
+    live: bool = False,
     before: Sequence[Pose] = (),
 ) -> list[Pose]:
     r"""Refines the poses of T consecutive frames together.
@@ -92,13 +60,11 @@ def fit_trajectory(
     factorisation.
 
     Args:
-        surface: the body's sampled surface.
-        observations: T frames.
         poses: T poses to start from.
         time_s: (T,), increasing.
         landmark_priors: T priors of the joints' positions, or None where there is none.
         floor: whether z = 0 is the floor.
-        settings: weights.
+        live: whether a camera is kept up with: one round less.
         before: up to two poses of the frames before the first, which stay as they are.
 
     Returns:
@@ -106,27 +72,34 @@ def fit_trajectory(
 
     Source: textbook sparse Gauss-Newton (bundle adjustment over time).
     """
-    settings = settings or TrajectorySettings()
     model = surface.model
+    contour = RefineSettings(
+        TRAJECTORY.live_reaches_m if live else TRAJECTORY.reaches_m,
+        TRAJECTORY.contour_m,
+        TRAJECTORY.independence,
+    )
     poses, fixed = list(poses), list(before)
     free = free_unknowns(model)
     if model.tree.root_fixed:
         free = free[6:]
     priors = LandmarkPriors.from_priors(landmark_priors, len(model.landmarks_m))
     size, count = len(free), len(poses)
+    acceleration = (
+        TRAJECTORY.other_acceleration if model.person is None else TRAJECTORY.acceleration
+    )
     sigma = np.concatenate(
         [
-            [settings.root_m] * 3,
-            [settings.root_rad] * 3,
-            settings.acceleration * pose_step_sigma(model.tree)[6:],
+            [TRAJECTORY.root_m] * 3,
+            [TRAJECTORY.root_rad] * 3,
+            acceleration * pose_step_sigma(model.tree)[6:],
         ]
     )
-    for reach in settings.contour.reaches_m:
+    for reach in contour.reaches_m:
         arrays = PoseArrays.from_poses(poses)
         together = surface.posed_many(arrays)
-        posed = [together.one(t) for t in range(count)]
+        posed = [together[t] for t in range(count)]
         matrix, gradient = _own_terms(
-            surface, together, observations, arrays, priors, floor, reach, settings
+            surface, together, observations, arrays, priors, floor, reach, contour
         )
         banded = _Banded(count, size)
         for t in range(count):
@@ -134,7 +107,7 @@ def fit_trajectory(
         banded.gradient += gradient[:, free]
         _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
         if floor and count > 1:
-            _add_standing(banded, model, posed, free, settings)
+            _add_standing(banded, model, posed, free)
         steps = banded.solve()
         poses = [_moved(pose, step, free, model) for pose, step in zip(poses, steps, strict=True)]
     return poses
@@ -144,7 +117,6 @@ class _Banded:
     """Normal equations of T frames of n unknowns, each coupled with the next two."""
 
     def __init__(self, count: int, size: int):
-        """All zeros."""
         self.count, self.size = count, size
         self.bands = np.zeros((min(3, count) * size, count * size))  # lower form
         self.gradient = np.zeros((count, size))
@@ -172,27 +144,27 @@ class _Banded:
 
 def _own_terms(
     surface: Surface,
-    posed: PosedSurfaces,
+    posed: PosedSurface,
     observations: Sequence[Observation],
     poses: PoseArrays,
     landmark_priors: LandmarkPriors,
     floor: bool,
     reach_m: float,
-    settings: TrajectorySettings,
+    contour: RefineSettings,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal equations (T, n, n) and (T, n) of every frame alone."""
     model, count = surface.model, len(poses)
     matrix = np.zeros((count, 6 + model.dof_count, 6 + model.dof_count))
     gradient, reach = np.zeros(matrix.shape[:2]), np.array([reach_m])
-    weights = contour_weights([settings.contour], reach)
+    weights = contour_weights([contour], reach)
     with one_thread():
         for t, observation in enumerate(observations):
             rows = slice(t, t + 1)
-            one, terms = posed.some(rows), (matrix[rows], gradient[rows])
+            one, terms = posed[rows], (matrix[rows], gradient[rows])
             add_silhouettes(surface, one, observation, reach, weights, *terms)
             if floor:
-                _add_floor(matrix[t], gradient[t], surface, posed.one(t))
-    stances = [settings.contour.usual] * count
+                _add_floor(matrix[t], gradient[t], surface, posed[t])
+    stances = [contour.usual] * count
     usual = PosePriors.from_priors(poses, [None] * count, stances, model.tree)
     add_pose_priors(matrix, gradient, poses, model, usual)
     add_landmark_priors(matrix, gradient, model, posed, landmark_priors)
@@ -261,7 +233,6 @@ def _add_standing(
     model: BodyModel,
     posed: list[PosedSurface],
     free: NDArray[np.int64],
-    settings: TrajectorySettings,
 ) -> None:
     """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
     names = model.tree.landmark_names
@@ -273,8 +244,8 @@ def _add_standing(
         for foot in range(len(feet)):
             if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > TRAJECTORY.stand_m:
                 continue
-            speed = float(moved[foot] @ moved[foot]) / settings.slip_m**2
-            weight = 1.0 / ((TRAJECTORY.still * settings.slip_m) ** 2 * (1 + speed) ** 2)
+            speed = float(moved[foot] @ moved[foot]) / TRAJECTORY.foot_m**2
+            weight = 1.0 / ((TRAJECTORY.still * TRAJECTORY.foot_m) ** 2 * (1 + speed) ** 2)
             here, there = -jacobians[t][foot], jacobians[t + 1][foot]
             banded.add(t, t, weight * here.T @ here)
             banded.add(t + 1, t, weight * there.T @ here)

@@ -146,7 +146,6 @@ class Backend(Protocol):
         A point less than 0.05 m before a camera, or outside its image, counts nothing there.
 
         Args:
-            views: C cameras.
             images: (C, h, w) int8, the score of each pixel.
             points: (P, 3) m, points that fill the part, in the part's frame.
             rotations: (K, 3, 3).
@@ -169,7 +168,6 @@ class Backend(Protocol):
         """Weight of each placement's points in occupied and in empty voxels.
 
         Args:
-            grid: Where the voxels are.
             occupancy: (nx, ny, nz) bool; what lies outside of it is empty.
             points: (P, 3) m, points that fill the part, in the part's frame.
             weights: (P,) what each point counts, for example its volume.
@@ -195,7 +193,6 @@ class Backend(Protocol):
         """Voxels that each placement covers, as sets of bits.
 
         Args:
-            grid: Where the voxels are.
             numbers: (nx, ny, nz) int32, the number of each free voxel; -1 for empty space, -2 for
                 voxels that a part already placed has taken.
             words: W; all numbers are below 64 W.
@@ -214,9 +211,6 @@ class Backend(Protocol):
 
 def load_backend(name: str = "cpu") -> Backend:
     """Returns a new backend.
-
-    Args:
-        name: As registered.
 
     Raises:
         InputError: None is registered under this name.

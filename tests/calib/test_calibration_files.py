@@ -12,7 +12,7 @@ from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, some_
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
 from calib.files.notes import read_up
-from calib.files.projections import decompose
+from calib.files.plain import decompose
 from calib.rotation import matrix_from_rodrigues
 
 CAMERA = """
@@ -428,7 +428,7 @@ def test_entries_of_wrong_types_are_no_tracebacks(tmp_path):
     write_rig(some_rig(PINHOLE), folder)
     text = (folder / "extri.yml").read_text()
     for names in ("names: [.Nan]", "names: [{a: 1}]", "names: [1e308]"):
-        (folder / "extri.yml").write_text(text.replace('names:\n   - "cam_1"', names))
+        (folder / "extri.yml").write_text(text.replace("names:\n   - cam_1", names))
         with pytest.raises(InputError, match="easymocap"):
             read_rig(folder)
 

@@ -1,4 +1,4 @@
-"""OpenCV's FileStorage without OpenCV: what OpenCV writes is read, and the other way round."""
+"""OpenCV's FileStorage: what OpenCV writes is read without it, and it reads what is written."""
 
 from pathlib import Path
 

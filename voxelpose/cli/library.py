@@ -108,7 +108,7 @@ class Info:
         library = read_library(self.library)
         print(summary(library, self.library))
         if self.png is not None:
-            from silhouette_core.monocular.tree.tree_sheet import write_sheet
+            from silhouette_core.monocular.tree.summary import write_sheet
 
             write_sheet(library, self.png)
             print(f"contact sheet: {self.png}")

@@ -20,7 +20,6 @@ class BvhJoint:
     """Joint of the hierarchy.
 
     Attributes:
-        name: name in the file.
         parent: index of the parent, -1 for the root.
         offset: (3,), position relative to the parent.
         channels: axis and kind of each channel, in the file's order: ("X", "position"), ….

@@ -5,7 +5,7 @@ horizontal. A bone's turn brings it from the first rest pose into the second.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -51,21 +51,6 @@ PART_OF_BONE = (
 _ARM_PARTS = ("upper_arm", "forearm", "hand", "thumb", "fingers")
 
 
-@dataclass(frozen=True, eq=False)
-class HumanRest:
-    """A MakeHuman body turned to the rest pose of the human tree.
-
-    Attributes:
-        joints_m: (27, 3) float64.
-        vertices_m: (V, 3) float64.
-        weights: (V, 27) float64, skin weights.
-    """
-
-    joints_m: NDArray[np.float64]
-    vertices_m: NDArray[np.float64]
-    weights: NDArray[np.float64]
-
-
 def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, NDArray[np.float64]]:
     """Rotation (3, 3) of every bone with a head (3,), m, from MakeHuman's rest pose to the human
     tree's.
@@ -96,7 +81,6 @@ def native_dofs(
     their axes and limits seen from that pose. A bone that continues its part has none.
 
     Args:
-        parent: its parent.
         turns: as `turns_to_human_rest` gives them.
     """
     part = PART_OF_BONE.get(bone)
@@ -120,8 +104,9 @@ def human_rest(
     heads_m: NDArray[np.float64],
     vertices_m: NDArray[np.float64],
     weights: NDArray[np.float64],
-) -> HumanRest:
-    """A body of this rig in the rest pose of the human tree, on its parts.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Joints (27, 3) and vertices (V, 3), m, and skin weights (V, 27), of a body of this rig in the
+    rest pose of the human tree.
 
     Args:
         names: B bones, every one after its parent.
@@ -145,7 +130,7 @@ def human_rest(
         joints[HUMAN.names.index(PART_OF_BONE[bone])] = moved[bone]
     for number, name in enumerate(names):
         table[number, HUMAN.names.index(PART_OF_BONE.get(name, "pelvis"))] = 1.0
-    return HumanRest(*_with_abdomen(joints, vertices, weights @ table))
+    return _with_abdomen(joints, vertices, weights @ table)
 
 
 def _with_abdomen(

@@ -32,7 +32,6 @@ class GltfDocument:
     """A document of bounded size.
 
     Attributes:
-        content: its JSON.
         buffers: content of its buffers, as far as they are needed.
     """
 

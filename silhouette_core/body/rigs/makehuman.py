@@ -81,7 +81,6 @@ def read_makehuman(
     """Body of a MakeHuman data folder, standing on the ground.
 
     Args:
-        folder: the data folder.
         person: the body's shape; None: an average man.
         rig: name of the rig in rigs/standard, whose bones become the parts.
         human: whether the body goes onto this project's human tree instead (only from the rig
@@ -100,8 +99,8 @@ def read_makehuman(
     vertices = _shaped(folder, mesh, person or MakeHumanPerson())
     bones = read_bones(folder, rig)
     path = folder / "rigs" / "standard" / f"rig.{rig}.json"
-    names = parents_first(path, {name: bone.parent for name, bone in bones.items()})
-    heads = np.array([place_of(path, n, bones[n].head, mesh, vertices) for n in names])
+    names = parents_first(path, {name: parent for name, (parent, _) in bones.items()})
+    heads = np.array([place_of(path, n, bones[n][1], mesh, vertices) for n in names])
     weights = read_bone_weights(folder, rig, names, len(vertices))
     used, faces = np.unique(mesh.faces, return_inverse=True)
     numbers = np.broadcast_to(np.arange(len(names)), (len(used), len(names)))
@@ -112,7 +111,7 @@ def read_makehuman(
     check_rest(path, heads, vertices)
     ground = np.array([0.0, 0.0, vertices[:, 2].min()])
     skin = _Skin(names, heads - ground, vertices - ground, faces, weights)
-    parents = np.array([names.index(p) if (p := bones[n].parent) else -1 for n in names], np.int32)
+    parents = np.array([names.index(p) if (p := bones[n][0]) else -1 for n in names], np.int32)
     if rig != CMU:
         dofs = [(k, dof) for k in range(1, len(names)) for dof in ball_joint(_FREE_DEG)]
         every = np.arange(len(names), dtype=np.int32)
@@ -174,15 +173,11 @@ class _Skin:
 
     def on_human_tree(self) -> BodyModel:
         """The body on the human tree, turned to its rest pose."""
-        rest = human_rest(self.names, self.heads_m, self.vertices_m, self.weights)
-        ground = np.array([0.0, 0.0, rest.vertices_m[:, 2].min()])
-        skin = _Skin(
-            list(HUMAN.names),
-            rest.joints_m - ground,
-            rest.vertices_m - ground,
-            self.faces,
-            rest.weights,
+        joints, vertices, weights = human_rest(
+            self.names, self.heads_m, self.vertices_m, self.weights
         )
+        ground = np.array([0.0, 0.0, vertices[:, 2].min()])
+        skin = _Skin(list(HUMAN.names), joints - ground, vertices - ground, self.faces, weights)
         return skin.body(HUMAN, skin._landmarks(skin.heads_m[HUMAN.landmark_part]))
 
     def _landmarks(self, joints_m: NDArray[np.float64]) -> NDArray[np.float64]:

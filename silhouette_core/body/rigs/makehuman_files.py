@@ -40,19 +40,6 @@ class BaseMesh:
     cubes: Mapping[str, NDArray[np.int64]]
 
 
-@dataclass(frozen=True, eq=False)
-class RigBone:
-    """Bone of a rig.
-
-    Attributes:
-        parent: its parent's name, empty for the root.
-        head: where the file says that it begins.
-    """
-
-    parent: str
-    head: Mapping[str, Any]
-
-
 def read_base_mesh(folder: Path) -> BaseMesh:
     """Base mesh of a MakeHuman data folder.
 
@@ -98,7 +85,6 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     """Displacements (N, 3) float64 of the vertices by a shape target, metres.
 
     Args:
-        folder: the data folder.
         name: path below targets/macrodetails, without suffix.
         count: number of vertices, N.
 
@@ -129,8 +115,9 @@ def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
     return 0.1 * z_up(change)
 
 
-def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:
-    """Bones of a rig by name, as in the file.
+def read_bones(folder: Path, rig: str) -> dict[str, tuple[str, Mapping[str, Any]]]:
+    """Bones of a rig by name, as in the file: the parent's name, empty for the root, and where the
+    head is said to be.
 
     Raises:
         InputError: the rig is missing or damaged.
@@ -146,7 +133,7 @@ def read_bones(folder: Path, rig: str) -> dict[str, RigBone]:
         parent, head = own.get("parent") or "", own.get("head")
         if not isinstance(parent, str) or not isinstance(head, dict):
             raise InputError(f"{path}: the bone {short(name)} lacks its parent or head: mend it")
-        result[name] = RigBone(parent, head)
+        result[name] = parent, head
     return result
 
 
@@ -154,8 +141,6 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> N
     """Skin weights (N, P) float64 of a rig.
 
     Args:
-        folder: the data folder.
-        rig: name of the rig.
         names: its P bones; weights of others are refused.
         count: number of vertices, N.
 
@@ -191,7 +176,6 @@ def place_of(
 
     Args:
         path: the rig's file, for messages.
-        bone: the bone, for messages.
         place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
         vertices_m: (N, 3) its vertices after shaping.
 

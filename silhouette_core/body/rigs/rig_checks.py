@@ -107,7 +107,6 @@ def check_bones(
 
     Args:
         path: the file, for messages.
-        names: P names.
         parents: (P,) index of the parent, -1 of the root.
         joints_m: (P, 3) positions.
 

@@ -27,8 +27,7 @@ from silhouette_core.monocular.making.virtual_takes import (
     plan_takes,
 )
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal, SilhouetteEncoding
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_COMPONENTS,
     FrameFeatures,

@@ -50,10 +50,8 @@ class ConvolutionalEncoder:
         """Encoder with random weights.
 
         Args:
-            channels: of the images.
             filters: number C of filters of the first convolution.
             codes: number K of codes.
-            rng: random numbers.
         """
         shapes = layer_shapes(channels, filters, codes)
         weights = [
@@ -70,7 +68,6 @@ class ConvolutionalEncoder:
 
         Args:
             name: of the encoder, with which the arrays' names begin.
-            channels: of the images.
             arrays: all arrays of the file.
 
         Raises:

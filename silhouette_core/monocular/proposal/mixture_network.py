@@ -22,15 +22,18 @@ from silhouette_core.monocular.tuning import TRAINING
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """M modes of a pose for N inputs, J joints; statures.
+    """M probable poses for each of N inputs, J joints; lengths in statures.
 
     Attributes:
-        probability: (N, M), summing to 1.
-        joints: (N, M, J, 3), right, away and up.
-        sigma: (N, M, J, 2), deviations across and along the line of sight, scales of Student's t
-            with 4 degrees of freedom.
-        offset: (N, 3), as in `VirtualTake`.
-        offset_sigma: (N, 3), its deviations, likewise.
+        probability: (N, M) float32, summing to 1.
+        joints: (N, M, J, 3) float32, relative to the pelvis, in the order of LANDMARK_NAMES, in the
+            frame of a level camera with the heading of the features: right, away and up.
+        sigma: (N, M, J, 2) float32, deviations across (right and up) and along (away) the line of
+            sight, scales of Student's t with 4 degrees of freedom.
+        offset: (N, 3) float32, the pelvis's place in the window from its middle, right and down, at
+            the assumed distance (1: 158 px of 240), and the logarithm of the pelvis's true distance
+            along the optical axis over the assumed one.
+        offset_sigma: (N, 3) float32, its deviations, likewise.
     """
 
     probability: NDArray[np.floating]
@@ -80,12 +83,9 @@ class MixtureNetwork:
         """Network with random weights, of the dtype of `mean_joints`.
 
         Args:
-            inputs: number of inputs.
             units: number of units of the hidden layers.
             blocks: number R of residual blocks.
-            modes: number of modes.
             mean_joints: (J, 3), statures.
-            rng: random numbers.
         """
         dtype, count = mean_joints.dtype, len(mean_joints)
         sizes = [inputs, *[units] * (2 * blocks + 1), modes * (count * 5 + 1) + 6]

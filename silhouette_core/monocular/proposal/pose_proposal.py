@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,46 +12,24 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
-from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
+from silhouette_core.monocular.proposal.mixture_network import Mixture, MixtureNetwork
 from silhouette_core.monocular.proposal.silhouette_features import (
+    FEET_GRID,
     FrameFeatures,
+    InsideGrids,
+    SilhouetteBasis,
     SilhouetteCodes,
     coverage_grid,
     feet_grid,
     input_count,
+    inside_images,
     nearby_frames,
     network_inputs,
+    outline_images,
 )
 
 _MOST_MODES = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class PoseModes:
-    """M probable poses in each of T frames; lengths in statures.
-
-    Attributes:
-        probability: (T, M) float32, summing to 1.
-        joints: (T, M, 15, 3) float32, relative to the pelvis, in the order of LANDMARK_NAMES, in
-            the frame of a level camera with the heading of the features: right, away and up.
-        sigma: (T, M, 15, 2) float32, deviations across (right and up) and along (away) the line of
-            sight, scales of Student's t with 4 degrees of freedom; 0 for the pelvis.
-        offset: (T, 3) float32, the pelvis's place in the window from its middle, right and down, at
-            the assumed distance (1: 158 px of 240), and the logarithm of the pelvis's true distance
-            along the optical axis over the assumed one.
-        offset_sigma: (T, 3) float32, deviations of `offset`, likewise.
-    """
-
-    probability: NDArray[np.float32]
-    joints: NDArray[np.float32]
-    sigma: NDArray[np.float32]
-    offset: NDArray[np.float32]
-    offset_sigma: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        """Number of frames."""
-        return len(self.probability)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +60,15 @@ class PoseProposal:
         features: FrameFeatures,
         causal: bool = False,
         frames: NDArray[np.integer] | None = None,
-    ) -> PoseModes:
+    ) -> Mixture:
         """Probable poses in every frame.
 
         Args:
-            features: of the frames.
             causal: whether each frame's poses depend on no later frame.
             frames: (n,), frames whose poses are asked for; None: all.
 
         Returns:
-            The modes of these frames.
+            The modes of these frames, with the pelvis, at 0, as the first of 15 joints.
         """
         return self.modes_many([features], causal, frames)[0]
 
@@ -100,7 +77,7 @@ class PoseProposal:
         sequences: Sequence[FrameFeatures],
         causal: bool = False,
         frames: NDArray[np.integer] | None = None,
-    ) -> list[PoseModes]:
+    ) -> list[Mixture]:
         """Probable poses in the same frames of several sequences, see `modes`: the network reads
         them at once.
         """
@@ -116,7 +93,7 @@ class PoseProposal:
         ends = np.cumsum([len(one) for one in inputs])[:-1]
         whole = found.probability, joints, sigma, found.offset, found.offset_sigma
         return [
-            PoseModes(*parts) for parts in zip(*(np.split(one, ends) for one in whole), strict=True)
+            Mixture(*parts) for parts in zip(*(np.split(one, ends) for one in whole), strict=True)
         ]
 
     def arrays(self) -> dict[str, NDArray]:
@@ -168,3 +145,74 @@ class PoseProposal:
             check_array(name, network.weights[number], shape, np.float32, finite=True)
             check_array(f"proposal.bias{number}", bias, shape[1:], np.float32, finite=True)
         return cls(encoding, network)
+
+
+@dataclass(frozen=True, eq=False)
+class SilhouetteEncoding:
+    """What makes codes of grids.
+
+    Attributes:
+        outline: encoder of the grids of coverage, reads `outline_images`.
+        feet: basis of the grids of the lowest parts.
+        inside: encoder of what lies inside, reads `inside_images`.
+    """
+
+    outline: ConvolutionalEncoder
+    feet: SilhouetteBasis
+    inside: ConvolutionalEncoder
+
+    @property
+    def parameters(self) -> list[NDArray[np.float32]]:
+        """Weights and biases of both encoders."""
+        return [*self.outline.parameters, *self.inside.parameters]
+
+    def codes(self, coverage: NDArray[np.uint8], feet: NDArray[np.uint8]) -> SilhouetteCodes:
+        """Codes of T silhouettes without colours.
+
+        Args:
+            coverage: (T, 60, 80), see `coverage_grid`.
+            feet: (T, 28, 48), see `feet_grid`.
+        """
+        return SilhouetteCodes(
+            self.outline.encode(outline_images(coverage)),
+            self.feet.encode(feet),
+            np.zeros((len(coverage), self.inside.codes), np.float32),
+            np.zeros(len(coverage), bool),
+        )
+
+    def with_inside(self, codes: SilhouetteCodes, inside: InsideGrids) -> SilhouetteCodes:
+        """Codes of T silhouettes with what lies inside them, grids (T, 60, 80)."""
+        return replace(
+            codes,
+            inside=self.inside.encode(inside_images(inside.skin, inside.shading)),
+            coloured=np.ones(len(codes), bool),
+        )
+
+    def arrays(self) -> dict[str, NDArray]:
+        """All arrays by name, for a file; `from_arrays` is the inverse."""
+        return {
+            **self.outline.arrays("outline"),
+            "mean_feet": self.feet.mean,
+            "feet_basis": self.feet.components,
+            **self.inside.arrays("inside"),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> SilhouetteEncoding:
+        """Encoding of the arrays of a file.
+
+        Raises:
+            KeyError: an array is missing.
+            TypeError: an array is not float32.
+            ValueError: the arrays do not fit together, or hold NaN.
+        """
+        cells = FEET_GRID[0] * FEET_GRID[1]
+        feet = SilhouetteBasis(arrays["mean_feet"], arrays["feet_basis"])
+        check_array("proposal.mean_feet", feet.mean, (cells,), np.float32, finite=True)
+        shape = (cells, "K")
+        check_array("proposal.feet_basis", feet.components, shape, np.float32, finite=True)
+        return cls(
+            ConvolutionalEncoder.from_arrays("outline", 1, arrays),
+            feet,
+            ConvolutionalEncoder.from_arrays("inside", 2, arrays),
+        )

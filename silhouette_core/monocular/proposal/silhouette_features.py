@@ -105,7 +105,6 @@ class FrameFeatures:
     """Silhouettes of one person in T frames, as seen by a camera turned toward each.
 
     Attributes:
-        codes: of the silhouettes.
         pitch_rad: (T,) float32, angle of the optical axis below the horizontal.
         heading_rad: (T,) float32, direction of the optical axis from above, atan2(y, x); not the
             person's.
@@ -303,7 +302,6 @@ def fit_basis(
     Args:
         grids: (N, h, w) uint8, 0 to 4.
         components: largest number of components.
-        rng: random numbers, for the start.
 
     Returns:
         The basis. Its components are scaled by the square root of their deviation, so that the

@@ -37,13 +37,13 @@ _JOINTS = np.array(
 _ALONG = np.array([np.linspace(*along, 7) for *_, along in _LIMBS.values()])
 _PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
 _BINS = 20
+_LEAST_PLACES, _LEAST_FRAMES = 3, 5  # of a limb that a frame must show, and frames that must
 
 
 class BareParts:
     """How often the visible parts of limbs have the colours of the head, in the frames so far."""
 
     def __init__(self) -> None:
-        """Starts without any frame."""
         self._counts = np.zeros((len(_LIMBS), _BINS))
 
     def fade(self, factor: float) -> None:
@@ -81,14 +81,14 @@ class BareParts:
         number = seen.sum(axis=-1)
         mean = (likelihood[row, column] * seen).sum(axis=-1) / np.maximum(number, 1)
         bins = np.minimum((mean * _BINS).astype(int), _BINS - 1)
-        limb, side = np.nonzero(number >= BARE.least_places)
+        limb, side = np.nonzero(number >= _LEAST_PLACES)
         np.add.at(self._counts, (limb, bins[limb, side]), 1.0)
 
     def probability(self) -> NDArray[np.float64]:
         """Probability (27,) that a pixel of each part has the colours of the head."""
         total = self._counts.sum(axis=1, keepdims=True)
         rank = (np.cumsum(self._counts, axis=1) >= BARE.share * total).argmax(axis=1)
-        limbs = np.where(total[:, 0] < BARE.least_frames, BARE.unknown, (rank + 0.5) / _BINS)
+        limbs = np.where(total[:, 0] < _LEAST_FRAMES, BARE.unknown, (rank + 0.5) / _BINS)
         known = {"head": BARE.head, "neck": 0.5}  # a neck may be covered as well as bare
         for names, limb in zip(_LIMBS, limbs, strict=True):
             known |= dict.fromkeys(names, float(limb))

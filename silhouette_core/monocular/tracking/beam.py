@@ -17,13 +17,11 @@ class Beam:
     """Pose hypotheses of one frame, K of them.
 
     Attributes:
-        poses: the K poses.
         joints: (K, 15, 3) float64, their joints in the world, m.
         distance: (K,) float64, silhouette distances.
         cost: (K,) float64, nats, of the cheapest past through each.
         back: (K,) int64, hypothesis of the previous frame in that past; -1 at a start.
         restarted: (K,) bool, whether the step from that hypothesis is a restart and no movement.
-        time_s: time of the frame.
         own: (K,) float64, nats, of the frame alone, without the past.
         occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
         priors: K priors of the joints' positions that the poses were refined with, or None.
@@ -76,14 +74,9 @@ class Beam:
         return int(self.cost.argmin())
 
 
-def backtrack(beams: list[Beam], last: int | None = None) -> list[int]:
-    """Hypothesis of every frame along the cheapest past.
-
-    Args:
-        beams: hypotheses of consecutive frames.
-        last: hypothesis of the last frame to start from; None: its cheapest.
-    """
-    chosen = [beams[-1].best if last is None else last]
+def backtrack(beams: list[Beam]) -> list[int]:
+    """Hypothesis of every frame along the cheapest past, of consecutive frames."""
+    chosen = [beams[-1].best]
     for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
         back = int(beam.back[chosen[-1]])
         # Where a track begins anew, what came before ends with its own cheapest hypothesis.

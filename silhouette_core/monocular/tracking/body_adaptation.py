@@ -26,6 +26,7 @@ from silhouette_core.tuning import DYNAMICS, TRAJECTORY
 _DECIMALS = 2  # of probabilities that are compared: the last digits are noise
 _WEIGHTS = RefineSettings(contour_m=ADAPTING.contour_m, independence=ADAPTING.independence)
 _POINTS = 500
+_FRAMES = 10  # to which a body is adapted
 
 
 def adapted_body(
@@ -45,15 +46,12 @@ def adapted_body(
     `shod_scale`.
 
     Args:
-        model: the body so far.
         sexes: "male", "female", or both.
-        views: the camera.
         masks: T silhouettes (h, w) bool.
         modes: T frames' modes.
-        backend: scores the bodies.
     """
     sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
-    blocks = np.array_split(np.arange(len(modes)), min(ADAPTING.frames, len(modes)))
+    blocks = np.array_split(np.arange(len(modes)), min(_FRAMES, len(modes)))
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].priors[int(modes[t].probability.argmax())] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]

@@ -72,7 +72,6 @@ class HeadingFilter:
     """The forward pass of `smooth_headings`, frame by frame."""
 
     def __init__(self) -> None:
-        """Knows no heading yet."""
         self._density: NDArray[np.float64] | None = None
         self._time_s = 0.0
 

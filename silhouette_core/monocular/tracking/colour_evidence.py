@@ -42,7 +42,6 @@ class ColourEvidence:
     """
 
     def __init__(self, camera: Camera):
-        """Knows no colours yet."""
         self.camera = camera
         self._colours = HeadColours()
         self._likelihood: NDArray[np.float32] | None = None
@@ -82,10 +81,6 @@ class ColourEvidence:
 
     def inside(self, window: Window, person: Person) -> InsideGrids | None:
         """Grids (60, 80) of what lies inside the silhouette in a window.
-
-        Args:
-            window: about the silhouette.
-            person: silhouette and colours.
 
         Returns:
             The grids, or None if the colours are not known.

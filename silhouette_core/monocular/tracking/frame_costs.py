@@ -7,16 +7,16 @@ where its reason may not hold. `CostSettings` is their table.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.refinement.observation import USUAL_SPACING_M
 from silhouette_core.refinement.surface import Surface
 
 _ANKLES = [LANDMARK_NAMES.index(name) for name in ("left_ankle", "right_ankle")]
@@ -66,13 +66,9 @@ class Hypotheses:
     """K pose hypotheses of a frame, drawn.
 
     Attributes:
-        poses: the K poses.
         joints: (K, 15, 3) float64, in the world, m.
         distance: (K,) float64, silhouette distances.
         drawn: (K, h, w) uint8, part images in the frame's window.
-        surface: of the body.
-        observed: the frame.
-        proposal: what the frame is expected to show.
     """
 
     poses: list[Pose]
@@ -84,146 +80,30 @@ class Hypotheses:
     proposal: FrameProposal
 
 
-class Term(Protocol):
-    """One reason why hypotheses are improbable."""
-
-    def __call__(self, given: Hypotheses, /) -> NDArray[np.float64]:
-        """Cost (K,) float64, nats."""
-        ...
-
-
-@dataclass(frozen=True)
-class SilhouetteMismatch:
-    """The silhouette distance, eq. (10): Gaussian."""
-
-    settings: CostSettings
-
-    def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
-        """See `Term`."""
-        return 0.5 * (given.distance / self.settings.silhouette) ** 2
-
-
-@dataclass(frozen=True)
-class Floor:
-    """Hovering above the floor or sinking into it, as a leg at a wrong depth does.
-
-    The world's z = 0 counts as the floor as long as the person has mostly stood near it.
-    """
-
-    settings: CostSettings
-    _lowest: deque[float] = field(default_factory=deque)
-
-    def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
-        """See `Term`."""
-        points = given.surface.posed_many(PoseArrays.from_poses(given.poses)).points
-        lowest = points[..., 2].min(axis=1)
-        self._lowest.append(float(np.median(lowest)))
-        if len(self._lowest) > self.settings.floor_frames:
-            self._lowest.popleft()
-        if not self.stood_on:
-            return np.zeros(len(lowest))
-        settings = self.settings
-        off = np.where(lowest < 0, -lowest / settings.sunk_m, lowest / settings.hovering_m)
-        return 0.5 * np.minimum(off, settings.most_off_floor) ** 2
-
-    @property
-    def stood_on(self) -> bool:
-        """Whether the body of the latest frames stands on z = 0."""
-        return bool(self._lowest) and (
-            float(np.median(np.abs(self._lowest))) < self.settings.near_floor_m
-        )
-
-
-@dataclass(frozen=True)
-class Uncovered:
-    """What of the silhouette stands out of the body."""
-
-    settings: CostSettings
-
-    def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
-        """See `Term`."""
-        settings = self.settings
-        out_m = given.observed.weights.uncovered(
-            given.poses, given.drawn, settings.most_uncovered_m
-        )
-        return 0.5 * (np.maximum(out_m - settings.covered_m, 0.0) / settings.uncovered_m) ** 2
-
-
-def bare_parts(given: Hypotheses) -> NDArray[np.float64]:
-    """Parts that are bare or clothed where their colours are not, see `SkinEvidence.cost`."""
-    skin = given.observed.skin
-    if skin is None:
-        return np.zeros(len(given.poses))
-    return skin.cost(given.drawn, given.observed.weights.mask)
-
-
-def proposed(given: Hypotheses) -> NDArray[np.float64]:
-    """What the proposal does not expect."""
-    return given.proposal.cost(given.joints)
-
-
-@dataclass(frozen=True)
-class WalkingBackward:
-    """Facing away from the direction in which the person has been walking.
-
-    The silhouettes from the front and from behind are nearly the same; the direction of walking
-    tells them apart.
-    """
-
-    settings: CostSettings
-    _positions: list[tuple[float, NDArray[np.float64]]] = field(default_factory=list)
-
-    def add_position(self, time_s: float, root_m: NDArray[np.float64]) -> None:
-        """Adds the estimated position (3,) in a frame."""
-        self._positions.append((time_s, root_m[:2]))
-
-    def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
-        """See `Term`."""
-        window_s = self.settings.velocity_window_s
-        self._positions[:] = [
-            (t, position)
-            for t, position in self._positions
-            if 0 < given.observed.time_s - t <= window_s
-        ]
-        none = np.zeros(len(given.poses))
-        if len(self._positions) < 3:
-            return none
-        times, positions = (np.array(column) for column in zip(*self._positions, strict=True))
-        if np.ptp(times) < 0.5 * window_s:
-            return none
-        velocity = np.polyfit(times - times.mean(), positions, 1)[0]
-        speed = float(np.linalg.norm(velocity))
-        if speed < self.settings.walking_m_s:
-            return none
-        facing = np.array([-pose.root_rotation[:2, 1] for pose in given.poses])
-        return self.settings.backward * (1 - facing @ (velocity / speed))
-
-
 class FrameCosts:
     """The terms of a frame's hypotheses, and their sum.
 
     Args:
         person: whether the body is a person's, whose feet, clothes and gait are known.
-        settings: of the terms.
 
     Attributes:
-        terms: name and term.
+        terms: name -> cost (K,) float64, nats, of a frame's K hypotheses.
     """
 
     def __init__(self, person: bool, settings: CostSettings):
-        """Chooses the terms."""
         self.settings, self._person = settings, person
-        self.floor, self._walking = Floor(settings), WalkingBackward(settings)
-        self.terms: dict[str, Term] = {
-            "silhouette": SilhouetteMismatch(settings),
-            "floor": self.floor,
-            "proposal": proposed,
+        self._lowest: deque[float] = deque(maxlen=settings.floor_frames)
+        self._positions: list[tuple[float, NDArray[np.float64]]] = []
+        self.terms: dict[str, Callable[[Hypotheses], NDArray[np.float64]]] = {
+            "silhouette": self._silhouette,
+            "floor": self._floor,
+            "proposal": lambda given: given.proposal.cost(given.joints),
         }
         if person:
             self.terms |= {
-                "uncovered": Uncovered(settings),
-                "bare parts": bare_parts,
-                "walking backward": self._walking,
+                "uncovered": self._uncovered,
+                "bare parts": _bare_parts,
+                "walking backward": self._walking_backward,
             }
 
     def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
@@ -233,7 +113,14 @@ class FrameCosts:
     def add_best(self, time_s: float, pose: Pose) -> None:
         """Adds the likeliest pose of a frame, by which later ones are judged."""
         if self._person:
-            self._walking.add_position(time_s, pose.root_m)
+            self._positions.append((time_s, pose.root_m[:2]))
+
+    @property
+    def stood_on(self) -> bool:
+        """Whether the body of the latest frames stands on z = 0."""
+        return bool(self._lowest) and (
+            float(np.median(np.abs(self._lowest))) < self.settings.near_floor_m
+        )
 
     def slip(
         self, before: NDArray[np.float64], after: NDArray[np.float64], steps: float
@@ -250,3 +137,119 @@ class FrameCosts:
         moved = np.linalg.norm(before[:, None, _ANKLES] - after[None, :, _ANKLES], axis=-1).min(-1)
         slipped = moved / (self.settings.slip_m * steps)
         return 0.5 * np.minimum(slipped, self.settings.most_slip) ** 2
+
+    def _silhouette(self, given: Hypotheses) -> NDArray[np.float64]:
+        """The silhouette distance, eq. (10): Gaussian."""
+        return 0.5 * (given.distance / self.settings.silhouette) ** 2
+
+    def _floor(self, given: Hypotheses) -> NDArray[np.float64]:
+        """Hovering above the floor or sinking into it, as a leg at a wrong depth does.
+
+        The world's z = 0 counts as the floor as long as the person has mostly stood near it.
+        """
+        points = given.surface.posed_many(PoseArrays.from_poses(given.poses)).points
+        lowest = points[..., 2].min(axis=1)
+        self._lowest.append(float(np.median(lowest)))
+        if not self.stood_on:
+            return np.zeros(len(lowest))
+        settings = self.settings
+        off = np.where(lowest < 0, -lowest / settings.sunk_m, lowest / settings.hovering_m)
+        return 0.5 * np.minimum(off, settings.most_off_floor) ** 2
+
+    def _uncovered(self, given: Hypotheses) -> NDArray[np.float64]:
+        """What of the silhouette stands out of the body."""
+        settings = self.settings
+        out_m = given.observed.weights.uncovered(
+            given.poses, given.drawn, settings.most_uncovered_m
+        )
+        return 0.5 * (np.maximum(out_m - settings.covered_m, 0.0) / settings.uncovered_m) ** 2
+
+    def _walking_backward(self, given: Hypotheses) -> NDArray[np.float64]:
+        """Facing away from the direction in which the person has been walking.
+
+        The silhouettes from the front and from behind are nearly the same; the direction of walking
+        tells them apart.
+        """
+        window_s, now_s = self.settings.velocity_window_s, given.observed.time_s
+        self._positions = [one for one in self._positions if 0 < now_s - one[0] <= window_s]
+        none = np.zeros(len(given.poses))
+        if len(self._positions) < 3:
+            return none
+        times, positions = (np.array(column) for column in zip(*self._positions, strict=True))
+        if np.ptp(times) < 0.5 * window_s:
+            return none
+        velocity = np.polyfit(times - times.mean(), positions, 1)[0]
+        speed = float(np.linalg.norm(velocity))
+        if speed < self.settings.walking_m_s:
+            return none
+        facing = np.array([-pose.root_rotation[:2, 1] for pose in given.poses])
+        return self.settings.backward * (1 - facing @ (velocity / speed))
+
+
+def _bare_parts(given: Hypotheses) -> NDArray[np.float64]:
+    """Parts that are bare or clothed where their colours are not, see `SkinEvidence.cost`."""
+    skin = given.observed.skin
+    if skin is None:
+        return np.zeros(len(given.poses))
+    return skin.cost(given.drawn, given.observed.weights.mask)
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """How many hypotheses are tracked, and how they are scored.
+
+    Attributes:
+        carried: number of hypotheses of the previous frame that are carried on; a worse one may
+            turn out to be right.
+        kept: number of hypotheses kept per frame.
+        reaching: number of rounds in which limbs of as many of the best hypotheses are put where
+            these leave the silhouette uncovered.
+        surface_points: number of points of the body's surface that are fitted to the silhouette.
+        spacing_m: distance between points of the contour, on the body, m.
+        reduction: how many times smaller than the window poses are drawn.
+        different_m: mean distance of the joints within which two hypotheses that are carried
+            explain a silhouette alike, m.
+        same_m: the same within which two hypotheses are one pose, m.
+        restart: largest cost of a step from frame to frame, nats; what costs more is no movement.
+        temperature: of the hypotheses' probabilities, see `Beam`.
+        steadiness: factor on the usual steps of joints.
+        both_ways: whether frames are also tracked from the last to the first, if later ones are
+            waited for.
+    """
+
+    costs: CostSettings = field(default_factory=CostSettings)
+    carried: int = 1
+    kept: int = 8
+    reaching: int = 2
+    surface_points: int = 500
+    spacing_m: float = USUAL_SPACING_M
+    reduction: int = 2
+    different_m: float = 0.07
+    same_m: float = 0.035
+    restart: float = 45.0
+    temperature: float = 17.0
+    steadiness: float = 1.0
+    both_ways: bool = False
+
+    @classmethod
+    def of_given_body(cls, length_m: float) -> TrackerSettings:
+        """Settings for a body of a length that is no person's: nobody knows which poses it usually
+        takes, its surface is known exactly, and its steps are stated wide.
+        """
+        return cls(
+            CostSettings(silhouette=0.015),
+            carried=12,
+            kept=24,
+            reaching=0,
+            reduction=1,
+            different_m=0.025 * length_m,
+            same_m=0.011 * length_m,
+            restart=15.0,
+            temperature=6.0,
+            steadiness=0.4,
+            both_ways=True,
+        )
+
+    def coarser(self) -> TrackerSettings:
+        """Settings that keep up with a camera."""
+        return replace(self, surface_points=350, spacing_m=0.04, reaching=1)

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.tracking.beam import Beam, select_different
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
 from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered
 from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks, place
@@ -43,11 +42,7 @@ def find_hypotheses(
     """Hypotheses of a frame.
 
     Args:
-        surface: the body's.
-        observed: the frame's silhouette.
-        proposal: what the frame is expected to show.
         past: hypotheses of the previous frame, and where each is expected in this one.
-        settings: how many are wanted.
     """
     starts = proposal.starts(surface, observed.contour)
     if past is not None:

@@ -16,16 +16,18 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
 from silhouette_core.monocular.tracking.beam import Beam, select_different
-from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal
+from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
 from silhouette_core.monocular.tracking.hypothesis_search import find_hypotheses, joints_of
 from silhouette_core.monocular.tracking.motion_cost import (
     PoseCandidates,
     ProcessNoise,
     transition_cost,
 )
-from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
-from silhouette_core.monocular.tracking.tracker_settings import TrackerSettings
+from silhouette_core.monocular.tracking.observed_frame import (
+    FrameObserver,
+    FrameProposal,
+    ObservedFrame,
+)
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.motion.dynamics import (
     FPS,
@@ -47,11 +49,8 @@ class HypothesisTracker:
     """Tracks several pose hypotheses from frame to frame.
 
     Args:
-        model: the body.
         camera: pinhole camera without distortion.
         usual_areas: (parts,) largest area that each part usually shows, see `occlusion`.
-        settings: numbers and scores of hypotheses.
-        backend: scores the poses.
     """
 
     def __init__(
@@ -62,7 +61,6 @@ class HypothesisTracker:
         settings: TrackerSettings,
         backend: Backend = CPU,
     ):
-        """Prepares the body's surface and the costs of poses."""
         self.settings, self.backend = settings, backend
         self.views = PinholeViews.from_rig(Rig((camera,)))
         self.observer = FrameObserver(
@@ -95,7 +93,6 @@ class HypothesisTracker:
 
         Args:
             observed: the frame's silhouette, prepared by `observer`.
-            proposal: what the frame is expected to show.
             past: hypotheses of the previous frame, and of the frame before that.
             known: hypotheses of this frame that are added to those found.
             searched: whether any are looked for; else those known are all.
@@ -171,11 +168,6 @@ class HypothesisTracker:
         self, previous: Beam, predicted: list[Pose], beam: Beam
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Costs of the steps from the hypotheses of the previous frame.
-
-        Args:
-            previous: K hypotheses of the previous frame.
-            predicted: where each is expected in this frame.
-            beam: K' hypotheses of this frame.
 
         Returns:
             Costs (K, K') float64, nats, and whether each is that of a restart (K, K') bool.

@@ -7,7 +7,7 @@ corrects itself, and as soon as the head is found its colours, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,31 +32,20 @@ _ROUNDS = 3  # in which the distance of a first frame is corrected
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
 
-@dataclass(frozen=True, eq=False)
-class ModeNote:
-    """What is kept of a frame.
-
-    Attributes:
-        view: what the network reads of it.
-        window: the window's picture, if the frame is decided at once.
-    """
-
-    view: ModeView
-    window: Window | None
+ModeNote = tuple[ModeView, Window | None]
+"""What is kept of a frame: what the network reads of it, and the window's picture, if the frame is
+decided at once.
+"""
 
 
 class ModeProposer:
-    """Proposes a person's poses; see `frame_proposal.Proposer`.
+    """Proposes a person's poses; see `observed_frame.Proposer`.
 
     Args:
-        proposal: the network.
         camera: pinhole camera without distortion.
-        model: the body.
         sexes: templates tried when the body is adapted to the person; none: it stays as it is.
         facing: whether the person mostly faces the camera in the first frame.
         smooth: whether frames are decided with knowledge of later ones.
-        clock: times the adaptation of the body.
-        backend: scores bodies.
     """
 
     def __init__(
@@ -70,7 +59,6 @@ class ModeProposer:
         clock: StageClock,
         backend: Backend = CPU,
     ):
-        """Knows neither distance nor colours yet."""
         self.model, self._camera, self._sexes = model, camera, tuple(sexes)
         self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend
         self._finder = ModeFinder(proposal, camera, model.length_m)
@@ -79,7 +67,7 @@ class ModeProposer:
         self._distance_m = np.nan
 
     def note(self, number: int, time_s: float, person: Person) -> ModeNote:
-        """See `frame_proposal.Proposer.note`."""
+        """See `observed_frame.Proposer.note`."""
         self._views = [one for one in self._views if time_s - one.time_s <= MODES.memory_s]
         if not self._views:
             self._distance_m = self._first_distance(time_s, person)
@@ -90,17 +78,17 @@ class ModeProposer:
         self._views.append(view)
         if self._smooth:
             self._distance_m = self._finder.distance(self._views)
-        return ModeNote(view, None if self._smooth else window)
+        return view, None if self._smooth else window
 
     def propose(
         self, notes: Sequence[ModeNote], people: Sequence[Person], first: bool
     ) -> list[FrameModes]:
-        """See `frame_proposal.Proposer.propose`; the first time, the body is adapted to them."""
+        """See `observed_frame.Proposer.propose`; the first time, the body is adapted to them."""
         if not self._smooth:
             modes = self._finder.newest(self._views, self._facing)
             self._distance_m = modes.distance_m
-            return [replace(modes, window=notes[-1].window)]
-        modes = self._over_time([note.view for note in notes], people, first)
+            return [replace(modes, window=notes[-1][1])]
+        modes = self._over_time([view for view, _ in notes], people, first)
         if self._sexes:
             masks = [person.mask for person in people]
             views = PinholeViews.from_rig(Rig((self._camera,)))
@@ -112,11 +100,11 @@ class ModeProposer:
         return modes
 
     def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
-        """See `frame_proposal.Proposer.skin`."""
+        """See `observed_frame.Proposer.skin`."""
         return self._colours.skin(weights, person)
 
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
-        """See `frame_proposal.Proposer.learn`."""
+        """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
             self._colours.learn([person], [joints_m], BARE.frames_kept)
 

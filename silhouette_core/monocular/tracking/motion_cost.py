@@ -21,7 +21,6 @@ class PoseCandidates:
         root_rotation: (M, 3, 3) float64, world from body.
         angles_rad: (M, D) float64, joint angles.
         occluded: (M, D) bool, whether the part that an angle turns is occluded, eq. (3).
-        time_s: time of the frame.
     """
 
     root_m: NDArray[np.float64]
@@ -39,7 +38,6 @@ class ProcessNoise:
         sigma_rad: (D,) float64, of the joint angles.
         root_rad: of the orientation of the whole body.
         root_m: of its position, along each axis.
-        magnification: factor on the sigma of occluded parts, m of eq. (5).
         restart_cost: largest cost of a step, in nats; beyond it the trajectory restarts.
         spacing_rad: distance of neighbouring poses in the library, the resolution of any motion.
     """
@@ -47,7 +45,6 @@ class ProcessNoise:
     sigma_rad: NDArray[np.float64]
     root_rad: float = 0.10
     root_m: float = ROOT_STEP_M
-    magnification: float = MOTION_MODEL.magnification
     restart_cost: float = 40.0
     spacing_rad: float = 0.10
 
@@ -65,7 +62,6 @@ def transition_cost(
     Args:
         before: M candidates of a frame.
         after: M' candidates of the next frame.
-        noise: standard deviations of a step.
 
     Returns:
         (M, M') float64, nats, up to a constant that is the same for all.
@@ -73,7 +69,7 @@ def transition_cost(
     Source: Okada and Stenger, eq. (4), (5); spacing and bound are ours.
     """
     steps = elapsed_steps(before.time_s, after.time_s)
-    magnified = np.where(before.occluded, noise.magnification, 1.0)  # eq. (5)
+    magnified = np.where(before.occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
     sigma = np.sqrt((noise.sigma_rad * steps * magnified) ** 2 + noise.spacing_rad**2)
     scaled = before.angles_rad / sigma
     # Eq. (4): |a - b|^2 with a's own scale, expanded so that no (M, M', D) array is made.

@@ -1,16 +1,23 @@
-"""A frame's silhouette, prepared once for all that compares poses with it."""
+"""What a frame shows, prepared once for all that compares poses with it; what it should show."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import USUAL_SPACING_M, Observation, PinholeViews
+from silhouette_core.refinement.refine import RefineStart
+from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
@@ -24,7 +31,6 @@ class ObservedFrame:
         weights: signed pixel weights of the silhouette's window.
         contour: points of the contour, and distances from the silhouette.
         distance_m: distance of the body from the camera, about.
-        time_s: time of the frame.
         skin: where the person has the colours of the head, if these are known.
     """
 
@@ -42,10 +48,8 @@ class FrameObserver:
 
     Attributes:
         views: the camera, a pinhole without distortion.
-        length_m: of the body.
         reduction: how many times smaller than the window poses are drawn.
         spacing_m: distance between points of the contour, on the body.
-        backend: scores the poses.
     """
 
     views: PinholeViews
@@ -65,8 +69,6 @@ class FrameObserver:
 
         Args:
             mask: (h, w) bool, the silhouette, not empty.
-            distance_m: of the body from the camera.
-            time_s: time of the frame.
             window: of the silhouette at about that distance; None: it is made here.
         """
         if window is None:
@@ -75,3 +77,67 @@ class FrameObserver:
         weights = SignedWeights.from_window(window, self.reduction, self.backend)
         contour = Observation.from_masks(self.views, [mask], distance_m, self.spacing_m)
         return ObservedFrame(mask, weights, contour, distance_m, time_s)
+
+
+class FrameProposal(Protocol):
+    """Poses that a frame probably shows. What it may leave out says nothing."""
+
+    @property
+    def distance_m(self) -> float:
+        """Distance of the body from the camera."""
+        ...
+
+    @property
+    def window(self) -> Window | None:
+        """Window of the silhouette at about that distance, if there is one already."""
+        return None
+
+    def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
+        """Starts of hypotheses that no past is needed for."""
+        ...
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,) float64, nats, of poses with joints (K, 15, 3) in the world, m."""
+        return np.zeros(len(landmarks_m))
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior | None:
+        """Prior of the joints of the proposed pose that is the nearest to one with joints (15, 3);
+        None: proposed poses say nothing about others.
+        """
+        return None
+
+
+class Proposer(Protocol):
+    """Proposes poses, frame after frame.
+
+    Attributes:
+        model: the body, which may become another one as more of it is seen.
+    """
+
+    model: BodyModel
+
+    def note(self, number: int, time_s: float, person: Person) -> Any:
+        """What is kept of a frame; independent of what is found in others, unless frames are
+        decided at once.
+
+        Args:
+            person: silhouette, and its colours if they are known.
+        """
+        ...
+
+    def propose(
+        self, notes: Sequence[Any], people: Sequence[Person], first: bool
+    ) -> Sequence[FrameProposal]:
+        """Proposals of consecutive frames.
+
+        Args:
+            first: whether these are the first frames of all.
+        """
+        ...
+
+    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
+        """Where a frame shows the colours of the head, if they are known."""
+        return None
+
+    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+        """Learns from a decided frame: its number, silhouette and joints (15, 3), m."""

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
-from silhouette_core.monocular.proposal.pose_proposal import PoseModes, PoseProposal
+from silhouette_core.monocular.proposal.mixture_network import Mixture
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.silhouette_features import (
     FrameFeatures,
     InsideGrids,
@@ -34,6 +35,7 @@ from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
+_STARTED = 4  # modes of a frame that become hypotheses, at most
 _FROM_MODE = RefineSettings(MODES.reaches_m, TRAJECTORY.contour_m, TRAJECTORY.independence)
 
 
@@ -54,11 +56,6 @@ class FrameModes:
     window: Window | None = None
 
     @property
-    def landmarks_m(self) -> NDArray[np.float64]:
-        """Joints (M, 15, 3) of the modes in the world."""
-        return np.stack([prior.landmarks_m for prior in self.priors])
-
-    @property
     def likeliest(self) -> NDArray[np.float64]:
         """Joints (15, 3) of the likeliest mode in the world."""
         return self.priors[int(self.probability.argmax())].landmarks_m
@@ -70,7 +67,7 @@ class FrameModes:
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
-        probable = self.probable(MODES.started, MODES.least_probability)
+        probable = self.probable(_STARTED, MODES.least_probability)
         expected = [self.priors[mode] for mode in probable]
         placed = place_bodies(surface, contour, expected)
         return [
@@ -110,7 +107,6 @@ class ModeView:
     Attributes:
         window: of the silhouette at an assumed distance.
         codes: of the window's silhouette and of its mirror image.
-        time_s: time of the frame.
     """
 
     window: Window
@@ -122,13 +118,10 @@ class ModeFinder:
     """Finds the modes of consecutive frames of one camera.
 
     Args:
-        proposal: the learned proposal.
         camera: pinhole camera without distortion.
-        stature_m: of the person.
     """
 
     def __init__(self, proposal: PoseProposal, camera: Camera, stature_m: float):
-        """Keeps what it is given."""
         self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
         self._headings = HeadingFilter()
 
@@ -154,7 +147,6 @@ class ModeFinder:
         """Views at the distances that the proposal finds itself.
 
         Args:
-            views: T consecutive frames at assumed distances.
             masks: T silhouettes (h, w) bool.
         """
         times = np.array([view.time_s for view in views])
@@ -195,7 +187,6 @@ class ModeFinder:
         """Modes of consecutive frames, each from all of them.
 
         Args:
-            views: T frames.
             facing: whether the person is expected to face the camera in the first frame.
         """
         features = _features(views, self.stature_m)
@@ -219,7 +210,7 @@ class ModeFinder:
         features: FrameFeatures,
         causal: bool,
         frames: NDArray[np.integer] | None = None,
-    ) -> PoseModes:
+    ) -> Mixture:
         """Modes of frames and of their mirror images, each half as probable."""
         mirrored = replace(
             features,
@@ -230,7 +221,7 @@ class ModeFinder:
         one, other = self.proposal.modes_many([features, mirrored], causal, frames)
         joints = other.joints[:, :, EXCHANGED_LANDMARKS] * np.array([-1, 1, 1], np.float32)
         offset = other.offset * np.array([-1, 1, 1], np.float32)
-        return PoseModes(
+        return Mixture(
             0.5 * np.concatenate([one.probability, other.probability], axis=1),
             np.concatenate([one.joints, joints], axis=1),
             np.concatenate([one.sigma, other.sigma[:, :, EXCHANGED_LANDMARKS]], axis=1),
@@ -241,7 +232,7 @@ class ModeFinder:
     def _in_world(
         self,
         window: Window,
-        modes: PoseModes,
+        modes: Mixture,
         t: int,
         joints: NDArray[np.float64],
         axes: NDArray[np.float64],

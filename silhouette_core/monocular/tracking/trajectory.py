@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.beam import Beam, backtrack
-from silhouette_core.monocular.tracking.frame_proposal import FrameProposal, Proposer
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame, Proposer
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
-from silhouette_core.refinement.trajectory_fit import TrajectorySettings, fit_trajectory
+from silhouette_core.refinement.trajectory_fit import fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_errors
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
@@ -35,8 +34,6 @@ class FrameEstimate:
 
     Attributes:
         number: number of the frame in the recording.
-        time_s: time of the frame.
-        pose: estimated pose.
         error: |XOR| / |OR| of the silhouettes.
         occluded: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
         cut: the border of the image cuts the person.
@@ -62,10 +59,8 @@ class PendingFrame:
 
     Attributes:
         number: number of the frame in the recording.
-        time_s: time of the frame.
         person: the silhouette, without its picture.
         bits: (h, w / 8) uint8, the silhouette, packed.
-        width: of the silhouette.
         note: what the proposer keeps of it.
     """
 
@@ -93,16 +88,12 @@ class PoseTrajectory:
     """Trajectory of poses, frame by frame.
 
     Args:
-        tracker: tracks hypotheses.
-        proposer: says what frames are expected to show.
         smooth: decide frames with knowledge of later ones; otherwise at once, from the past.
-        clock: times the stages.
     """
 
     def __init__(
         self, tracker: HypothesisTracker, proposer: Proposer, smooth: bool, clock: StageClock
     ):
-        """Begins without frames."""
         self.tracker, self.proposer = tracker, proposer
         self.smooth, self.clock = smooth, clock
         self._pending: list[PendingFrame] = []
@@ -202,17 +193,14 @@ class PoseTrajectory:
         self, observed: list[ObservedFrame], beams: list[Beam], chosen: list[int]
     ) -> list[Pose]:
         """Poses of all pending frames, refined together."""
-        settings = TrajectorySettings()
-        if self.model.person is None:
-            settings = settings.steadier()
         return fit_trajectory(
             self.tracker.surface,
             [seen.contour for seen in observed],
             [beam.poses[k] for beam, k in zip(beams, chosen, strict=True)],
             np.array([seen.time_s for seen in observed]),
             [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
-            self.tracker.costs.floor.stood_on,
-            settings=settings if self.smooth else settings.quicker(),
+            self.tracker.costs.stood_on,
+            live=not self.smooth,
             before=self._decided,
         )
 

@@ -48,8 +48,6 @@ def reach_uncovered(
     """Poses with a limb where the given ones leave the silhouette uncovered, refined.
 
     Args:
-        surface: the body's.
-        observed: the frame.
         poses: K poses.
         priors: K priors of their joints' positions.
 

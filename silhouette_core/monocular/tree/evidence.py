@@ -57,8 +57,6 @@ class Evidence:
     Args:
         windows: The same silhouette through windows of different assumed distance, the expected one
             in the middle.
-        weighting: Of the disagreeing pixels.
-        backend: Scores the nodes.
         bounds_px: Rectangle of the library whose nodes they are, see `pixel_weights`; None: the
             window.
     """
@@ -80,7 +78,6 @@ class Evidence:
         """Best alignment of each node with the silhouette.
 
         Args:
-            spans: The level's representatives.
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
         """
@@ -97,9 +94,7 @@ class Evidence:
         """Distances of nodes that are not moved, a tenth of the work of `distances`.
 
         Args:
-            spans: The level's representatives.
             nodes: (K,) which of them.
-            reduction: See `distances`.
 
         Returns:
             Least distances (K,) float64 and the numbers of their windows (K,) int64.

@@ -31,11 +31,7 @@ class FilterFrame:
 
     Attributes:
         number: number of the frame in the recording.
-        time_s: time of the frame.
-        person: the observed silhouette.
         windows: virtual views of the silhouette, one for each assumed distance.
-        posterior: distribution over the library.
-        distance_m: estimated distance of the person.
         lost: no node fits about as well as the best nodes of earlier frames.
     """
 
@@ -52,10 +48,8 @@ class ForwardFilter:
     """Recursive filter over the frames of one camera.
 
     Args:
-        tree: the tree filter.
         camera: pinhole camera without distortion.
         facing: True: the initial prior prefers upright poses that face the camera; False: uniform.
-        weighting: pixel weights of the silhouette distance.
         distance_m: constant distance of the person, as in the paper; None: estimated frame by
             frame.
         interval_s: time between two frames, for which the tree filter's transitions were made.
@@ -70,7 +64,6 @@ class ForwardFilter:
         distance_m: float | None = None,
         interval_s: float = 1 / FPS,
     ):
-        """Starts without a posterior."""
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m, self._interval_s = distance_m, interval_s
@@ -83,8 +76,6 @@ class ForwardFilter:
 
         Args:
             number: number of the frame in the recording.
-            time_s: time of the frame.
-            person: the observed silhouette.
         """
         last, library = self._last, self.tree.library
         restarted = last is None or last.lost or time_s - last.time_s > DISTANCES.longest_gap_s
@@ -198,8 +189,6 @@ def candidates_of(
     """Samples of a posterior as poses in the world.
 
     Args:
-        tree: the tree filter.
-        filter_frame: the frame.
         rows: (M,) rows of the posterior.
     """
     library, posterior = tree.library, filter_frame.posterior

@@ -23,9 +23,6 @@ _LARGEST_PX = 10_000
 def check_library(library: PoseLibrary) -> None:
     """Checks counts, shapes, dtypes, ranges of indices and finiteness of all arrays.
 
-    Args:
-        library: as read from a file.
-
     Raises:
         TypeError: an array has another dtype than `PoseLibrary` states.
         ValueError: an array, which the message names, has another shape, or holds what it cannot.

@@ -110,12 +110,10 @@ class PoseLibrary:
 
     Attributes:
         model: the body, which faces -y at yaw 0.
-        settings: settings of the library.
         base_angles: (B, D) float32, joint angles, radians.
         base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
         base_source: (B, 2) int32, index of the clip and number of the frame.
         base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
-        clips: names of the clips.
         views: (V, 2) float64, yaw and pitch, radians, see `rendering.camera_from_body`.
         sample_base: (N,) int32, base pose of each sample.
         sample_view: (N,) int16, view of each sample.

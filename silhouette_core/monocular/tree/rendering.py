@@ -69,7 +69,6 @@ def pose_surfaces(
     """Surfaces of poses with the pelvis at the origin.
 
     Args:
-        model: the body.
         quaternions: (B, 4) w, x, y, z, world from body.
         angles_rad: (B, D), joint angles.
 
@@ -97,7 +96,6 @@ def render_views(
     """Part-number projections of posed bodies, centred in windows.
 
     Args:
-        model: the body.
         surfaces: (B, V, 3) float32, m, pelvis at the origin, heading removed.
         which: (N,), index of the surface of each view.
         views: (N, 2) yaw and pitch of each view, radians.

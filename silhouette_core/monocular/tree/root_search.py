@@ -22,8 +22,8 @@ from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
-from silhouette_core.refinement.still_root import still_root
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import REFINEMENT

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.beam import select_different
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, Proposer
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.tuning import ROOT_SEARCH
-from silhouette_core.monocular.window import Window
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose
@@ -30,12 +29,10 @@ _FROM_LIBRARY = RefineSettings(reaches_m=REFINEMENT.near_reaches_m)
 
 
 @dataclass(frozen=True, eq=False)
-class SampleProposal:
-    """Samples of one frame's posterior; see `frame_proposal.FrameProposal`.
+class SampleProposal(FrameProposal):
+    """Samples of one frame's posterior: nobody knows which poses such a body usually takes.
 
     Attributes:
-        tree: the filter.
-        frame: the frame and its posterior.
         root: place of a root that stands still, with any joint angles; None: it moves.
         different_m: mean distance of the joints within which two samples explain a silhouette
             alike.
@@ -51,11 +48,6 @@ class SampleProposal:
         """Distance of the body as the filter estimates it."""
         return self.frame.distance_m
 
-    @property
-    def window(self) -> Window | None:
-        """None: none is kept."""
-        return None
-
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """The likeliest samples, and those of the leaves that fit best, different from each
         other.
@@ -64,13 +56,6 @@ class SampleProposal:
         return [
             RefineStart(pose, _FROM_LIBRARY, PosePrior(pose, sigma)) for pose in self._seeds(model)
         ]
-
-    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """None: nobody knows which poses such a body usually takes."""
-        return np.zeros(len(landmarks_m))
-
-    def nearest(self, landmarks_m: NDArray[np.float64]) -> None:
-        """None: samples are refined with priors of their angles."""
 
     def _seeds(self, model: BodyModel) -> list[Pose]:
         posterior = self.frame.posterior
@@ -89,17 +74,10 @@ class SampleProposal:
         return [Pose(*root, samples.angles_rad[k]) for root, k in zip(roots, chosen, strict=True)]
 
 
-class SampleProposer:
-    """Proposes the poses of a body that is no person's; see `frame_proposal.Proposer`.
-
-    Args:
-        forward: the filter over frames.
-        root: see `SampleProposal`.
-        different_m: see `SampleProposal`.
-    """
+class SampleProposer(Proposer):
+    """Proposes the poses of a body that is no person's, which has no skin."""
 
     def __init__(self, forward: ForwardFilter, root: Pose | None, different_m: float):
-        """Keeps what it is given."""
         self.model = forward.tree.library.model
         self._forward, self._root, self._different_m = forward, root, different_m
 
@@ -110,15 +88,9 @@ class SampleProposer:
     def propose(
         self, notes: Sequence[FilterFrame], people: Sequence[Person], first: bool
     ) -> list[SampleProposal]:
-        """See `frame_proposal.Proposer.propose`."""
+        """See `observed_frame.Proposer.propose`."""
         tree = self._forward.tree
         return [SampleProposal(tree, frame, self._root, self._different_m) for frame in notes]
-
-    def skin(self, weights: SignedWeights, person: Person) -> None:
-        """None: such bodies have no skin."""
-
-    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
-        """Nothing is learned."""
 
 
 def _deviations(model: BodyModel, held: bool) -> NDArray[np.float64]:

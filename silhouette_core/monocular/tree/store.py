@@ -66,12 +66,7 @@ _MARKED = 100_000  # the format's name stands within so many bytes
 
 
 def write_library(library: PoseLibrary, path: Path) -> None:
-    """Writes a library atomically.
-
-    Args:
-        library: the library.
-        path: the file.
-    """
+    """Writes a library atomically."""
     arrays = {name: getattr(library, name) for name in _PLAIN}
     arrays["body_shape"], person = library.model.shape, library.model.person
     body: dict[str, object] = {} if person is None else {"sizes": asdict(person)}
@@ -131,9 +126,6 @@ def is_library(path: Path) -> bool:
 
 def read_library(path: Path) -> PoseLibrary:
     """Library of a file.
-
-    Args:
-        path: the file.
 
     Returns:
         The library; its arrays are views into the file and cannot be written to.

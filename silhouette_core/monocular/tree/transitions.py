@@ -97,9 +97,7 @@ def find_neighbours(
     angles. Only samples of the same pitch count, since the camera does not move.
 
     Args:
-        library: the library.
         kept: number of neighbours, including the sample itself.
-        reporter: informed of every sample and model.
 
     Returns:
         dm1.index and dm2.index (N, K) int32, dm1.square and dm2.square (N, K) float32: squared

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
 
 import numba
 import numpy as np
@@ -53,14 +52,8 @@ class PoseSpace:
         return int(samples[np.argmin(np.round(squares, 9))])
 
 
-class Distances(Protocol):
-    """Distances between a representative and samples."""
-
-    def __call__(
-        self, representative: int, samples: NDArray[np.int64], threads: bool
-    ) -> NDArray[np.float64]:
-        """Returns the distances (n,) from a representative to `samples` (n,)."""
-        ...
+Distances = Callable[[int, NDArray[np.int64], bool], NDArray[np.float64]]
+"""Distances (n,) of a representative from samples (n,), and whether all threads may work."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +114,6 @@ class Split:
 
         Args:
             samples: (n,) int64, increasing, the set :math:`S`.
-            poses: the pose space.
 
         Source: Okada and Stenger, section 3.
         """
@@ -224,7 +216,6 @@ class Nodes:
 
         Args:
             groups: for every parent the samples of its children.
-            poses: the pose space.
 
         Source: Okada and Stenger, section 3.
         """
@@ -251,10 +242,7 @@ def divide(
 
     Args:
         sets: the samples of every node of the level above, increasing.
-        poses: the pose space.
-        score: silhouette distances at this level.
         threshold: T_l.
-        reporter: informed of every set.
 
     Returns:
         For every set the samples of its new nodes.

@@ -44,7 +44,6 @@ class TreeFilter:
         library: poses and their tree; N samples.
         transitions: (N, N) sparse, row i is the distribution of the pose after sample i, see
             `silhouette_core.monocular.tree.transitions.transitions`.
-        settings: parameters of likelihood and pruning.
         backend: scores the nodes, and the poses of whoever follows what they lead to.
 
     Source: Okada and Stenger, section 6.
@@ -57,7 +56,6 @@ class TreeFilter:
         settings: FilterSettings = FILTER,
         backend: Backend = CPU,
     ):
-        """Keeps what it is given."""
         self.library, self.transitions = library, transitions
         self.settings, self.backend = settings, backend
 
@@ -86,7 +84,6 @@ class TreeFilter:
         floor of even probability is added, which the paper does not have.
 
         Args:
-            posterior: posterior of this frame.
             steps: frame intervals between the frames: the variance of the random walk grows with
                 every one.
 
@@ -145,7 +142,6 @@ class TreeFilter:
 
         Args:
             prior: (N,) float64, over the library's samples.
-            evidence: the frame's silhouette.
 
         Returns:
             The samples of the surviving leaves; all others have probability 0.
@@ -215,7 +211,6 @@ class TreeFilter:
             depth: 0 for the coarsest level.
             nodes: (K,) int64, indices of the nodes to be scored.
             node_prior: (K,) float64, prior of these nodes.
-            evidence: the frame's silhouette.
 
         Returns:
             Alignments of the K nodes, their log likelihoods (K,) float64 without the constant

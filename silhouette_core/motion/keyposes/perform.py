@@ -25,11 +25,6 @@ def keypose_motions(
 
     Variations are wider or narrower, slower or faster, and in another posture.
 
-    Args:
-        fps: frames per second.
-        variants: number of motions of each movement.
-        seed: seed of the variations.
-
     Returns:
         Motions by name, "squat 1", …; they begin at the origin facing -y, with the lower foot on
         the floor throughout.
@@ -49,7 +44,6 @@ def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
 
     Args:
         movement: key poses, joined by monotone cubic curves.
-        fps: frames per second.
     """
     times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)
     curves = dict(

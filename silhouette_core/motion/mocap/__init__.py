@@ -1,7 +1,6 @@
 """Recorded motion: readers of BVH and exponential maps, and retargeting to the body model."""
 
-from silhouette_core.motion.mocap.load import load_motions
-from silhouette_core.motion.mocap.read import read_clip
+from silhouette_core.motion.mocap.load import load_motions, read_clip
 from silhouette_core.motion.mocap.retarget import retarget
 from silhouette_core.motion.mocap.skeleton import MocapClip
 

@@ -3,12 +3,18 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import FPS
+from silhouette_core.motion.mocap.bvh import local_transforms, read_bvh
+from silhouette_core.motion.mocap.expmap import read_expmap
 from silhouette_core.motion.mocap.joint_frames import JointFrames, find_joint_frames
-from silhouette_core.motion.mocap.read import SUFFIXES, read_clip
+from silhouette_core.motion.mocap.names import find_roles
 from silhouette_core.motion.mocap.retarget import retarget
+from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.motion.motion import Motion
 
 
@@ -61,3 +67,63 @@ def load_motions(
         if clip.skeleton not in best or reference.doubt_deg < best[clip.skeleton].doubt_deg:
             best[clip.skeleton] = reference
     return [retarget(clip, model, best[clip.skeleton]) for clip in clips]
+
+
+SUFFIXES = (".bvh", ".csv")
+
+
+def read_clip(path: Path, names: Path | None = None) -> MocapClip:
+    """Recorded motion of a file.
+
+    Args:
+        path: a BVH file of any skeleton, or a CSV of exponential maps with skeleton.json beside it.
+        names: joint-name map in TOML; None: the shipped map (CMU, CC_Base, Mixamo, plain) that
+            covers the skeleton.
+
+    Returns:
+        The clip in the file's unit and axes: the joints that have a role, and their ancestors.
+
+    Raises:
+        InputError: the file cannot be read, contradicts itself, or has joints without a known name.
+    """
+    if path.suffix.lower() == ".bvh":
+        hierarchy, numbers, rate = read_bvh(path)
+        joints = tuple(joint.name for joint in hierarchy)
+        parents = np.array([joint.parent for joint in hierarchy], np.int64)
+        roles = find_roles(path.name, joints, names)
+        selected = _with_ancestors(roles, parents)
+        local, positions_in_parent = local_transforms(path, hierarchy, numbers, selected)
+        offsets = np.array([hierarchy[joint].offset for joint in selected])
+    elif path.suffix.lower() == ".csv":
+        joints, parents, positions_in_parent, local, rate = read_expmap(path)
+        roles = find_roles(path.name, joints, names)
+        selected = _with_ancestors(roles, parents)
+        local, positions_in_parent = local[:, selected], positions_in_parent[:, selected]
+        offsets = positions_in_parent[0]
+    elif path.suffix.lower() == ".fbx":
+        raise InputError(
+            f"{path} is no motion that is read here: turn FBX into BVH in Blender"
+            " (docs/exports.md#fbx-through-blender)"
+        )
+    else:
+        raise InputError(
+            f"{path} is no motion that is read here: give .bvh, or .csv with skeleton.json"
+            " beside it"
+        )
+    new = {-1: -1} | {int(joint): index for index, joint in enumerate(selected)}
+    parents = np.array([new[parent] for parent in parents[selected].tolist()], np.int64)
+    rotations, positions = place_joints(parents, positions_in_parent, local)
+    kept = tuple(joints[joint] for joint in selected)
+    roles = {role: new[joint] for role, joint in roles.items()}
+    return MocapClip(path.name, rate, kept, parents, offsets, rotations, positions, roles)
+
+
+def _with_ancestors(roles: dict[str, int], parents: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Indices of the joints with a role and of their ancestors, in the file's order."""
+    selected: set[int] = set()
+    for role in roles.values():
+        joint = role
+        while joint >= 0 and joint not in selected:
+            selected.add(joint)
+            joint = int(parents[joint])
+    return np.array(sorted(selected), np.int64)

@@ -14,8 +14,6 @@ class MocapClip:
     """Motion of a recorded skeleton, in the file's unit and axes.
 
     Attributes:
-        name: name of the file.
-        fps: frames per second.
         joints: names of the J joints, parents first.
         parents: (J,) int64, -1 for the root.
         offsets: (J, 3) float64, each joint relative to its parent at zero rotation.

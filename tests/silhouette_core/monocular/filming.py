@@ -10,6 +10,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
+from silhouette_core.monocular.window import Window
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import landmarks, place, rotation_matrices
@@ -98,3 +99,9 @@ def proposed(
     return FrameModes(
         np.array(probability), [prior_of(pose, sigma_m) for pose in poses], distance_m
     )
+
+
+def window_pixels(window: Window, points_m: np.ndarray) -> np.ndarray:
+    """Pixels (N, 2) of world points (N, 3), m, in a window."""
+    in_camera = (np.atleast_2d(points_m) - window.center_m) @ window.world_from_virtual
+    return window.axis_px + window.focal_px * in_camera[:, :2] / in_camera[:, 2:]

@@ -10,7 +10,6 @@ from calib.errors import InputError
 from examples.bodies.example_bodies import desk_lamp, robot_arm
 from examples.bodies.example_motions import example_motion
 from silhouette_core.monocular.body_library import (
-    SomeSilhouettes,
     _from_one_side,
     body_of_track,
     library_of_body,
@@ -117,6 +116,6 @@ def test_a_library_of_another_body_is_refused(library, filmed, tmp_path):
     assert body_of_track("", "", SilentReporter()) is None
     model = body_of_track("", str(path), SilentReporter())
     assert model is not None and model.names == desk_lamp().names
-    shown = SomeSilhouettes(CAMERA, filmed[1][:1])
+    shown = CAMERA, filmed[1][:1]
     with pytest.raises(InputError, match=r"lamp\.vplib is the library of a body with other parts"):
         library_of_body(robot_arm(), str(path), shown, CPU, SilentReporter())

@@ -78,8 +78,8 @@ def test_the_normal_equations_are_those_of_the_residuals(seen):
     matrix, gradient, reach = np.zeros((1, SIZE, SIZE)), np.zeros((1, SIZE)), np.array([0.2])
     weights = contour_weights([SETTINGS], reach)
     add_silhouettes(SURFACE, posed, seen, reach, weights, matrix, gradient)
-    rows = residuals(SURFACE, posed.one(0), seen, 0.2, SETTINGS)
-    jacobian = SURFACE.jacobian(posed.one(0), rows.index, rows.direction)
+    rows = residuals(SURFACE, posed[0], seen, 0.2, SETTINGS)
+    jacobian = SURFACE.jacobian(posed[0], rows.index, rows.direction)
     weighed = rows.weight[:, None] * jacobian
     np.testing.assert_allclose(matrix[0], weighed.T @ jacobian, rtol=1e-6, atol=1e-3)
     np.testing.assert_allclose(gradient[0], weighed.T @ rows.gap_m, rtol=1e-6, atol=1e-3)

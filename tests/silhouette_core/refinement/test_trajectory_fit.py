@@ -1,16 +1,19 @@
 """Poses of consecutive frames, refined together."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from calib.camera import Rig
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement import trajectory_fit
 from silhouette_core.refinement.landmark_prior import LandmarkPrior, posed_landmarks
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.refinement.trajectory_fit import TrajectorySettings, _Banded, fit_trajectory
+from silhouette_core.refinement.trajectory_fit import _Banded, fit_trajectory
+from silhouette_core.tuning import TRAJECTORY
 from tests.silhouette_core.monocular.filming import body, camera_at, performed, poses_of, silhouette
 
 CAMERA = camera_at((0.8, -3.6, 2.6))
@@ -42,14 +45,18 @@ def joints_of(poses: list[Pose]) -> np.ndarray:
     return np.stack([posed_landmarks(MODEL, SURFACE.posed(pose)) for pose in poses])
 
 
-def fitted(walk, **settings) -> np.ndarray:
+def tuned(**numbers):
+    return patch.object(trajectory_fit, "TRAJECTORY", replace(TRAJECTORY, **numbers))
+
+
+def fitted(walk, **numbers) -> np.ndarray:
     observations, poses, priors = walk
     rng = np.random.default_rng(1)
     size = 6 + MODEL.dof_count
     starts = [pose.moved(0.03 * rng.standard_normal(size)).clipped() for pose in poses]
-    chosen = replace(TrajectorySettings(), **settings)
     times = np.arange(len(poses)) / 30
-    return joints_of(fit_trajectory(SURFACE, observations, starts, times, priors, True, chosen))
+    with tuned(**numbers):
+        return joints_of(fit_trajectory(SURFACE, observations, starts, times, priors, True))
 
 
 def error_m(walk, joints: np.ndarray) -> float:
@@ -61,7 +68,7 @@ def jitter_m(joints: np.ndarray) -> float:
 
 
 def test_frames_decide_together_what_one_leaves_open(walk):
-    alone = fitted(walk, acceleration=1e3, root_m=1e3, root_rad=1e3, slip_m=1e3)
+    alone = fitted(walk, acceleration=1e3, root_m=1e3, root_rad=1e3, foot_m=1e3)
     together = fitted(walk)
     assert error_m(walk, together) < 0.8 * error_m(walk, alone)
     assert jitter_m(together) < 0.4 * jitter_m(alone)
@@ -75,7 +82,7 @@ def test_a_standing_foot_stands(walk):
     def slip(joints):
         return np.linalg.norm(np.diff(joints[:, ankles], axis=0), axis=-1)[still].mean()
 
-    assert slip(fitted(walk)) < 0.8 * slip(fitted(walk, slip_m=1e3))
+    assert slip(fitted(walk)) < 0.8 * slip(fitted(walk, foot_m=1e3))
 
 
 def test_the_floor_decides_the_distance(walk):
@@ -92,10 +99,9 @@ def test_the_floor_decides_the_distance(walk):
     ]
 
     def distance_error(floor):
-        faint = replace(TrajectorySettings().contour, independence=0.01)
-        settings = TrajectorySettings(contour=faint)
         times = np.arange(len(poses)) / 30
-        found = fit_trajectory(SURFACE, observations, far, times, wrong, floor, settings)
+        with tuned(independence=0.01):
+            found = fit_trajectory(SURFACE, observations, far, times, wrong, floor)
         gap = joints_of(found)[:, 0] - joints_of(poses)[:, 0]
         return abs(float((gap * away).sum(axis=1).mean()))
 

@@ -9,7 +9,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.still_root import still_root
+from silhouette_core.refinement.posterior import still_root
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings

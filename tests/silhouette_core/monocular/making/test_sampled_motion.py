@@ -14,8 +14,7 @@ from silhouette_core.monocular.making.sampled_motion import sampled_motion
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.store import read_library, write_library
-from silhouette_core.monocular.tree.summary import summary
-from silhouette_core.monocular.tree.tree_sheet import write_sheet
+from silhouette_core.monocular.tree.summary import summary, write_sheet
 from silhouette_core.motion.motion_file import write_motion
 
 SETTINGS = LibrarySettings(60, yaw_step_deg=60, mirror=False, thresholds=(0.05, 0.03, 0.02))

@@ -14,7 +14,7 @@ from silhouette_core.monocular.making.encoder_training import (
 from silhouette_core.monocular.making.network_training import TrainingBatch, TrainingSettings
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+from silhouette_core.monocular.proposal.pose_proposal import SilhouetteEncoding
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
     GRID,

@@ -9,8 +9,7 @@ from calib.errors import InputError
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-from silhouette_core.monocular.proposal.silhouette_encoding import SilhouetteEncoding
+from silhouette_core.monocular.proposal.pose_proposal import PoseProposal, SilhouetteEncoding
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
     GRID,
@@ -70,7 +69,7 @@ def proposal(rng):
 def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
     modes = proposal.modes(features(rng))
     assert modes.joints.shape == (40, 4, 15, 3) and modes.sigma.shape == (40, 4, 15, 2)
-    assert modes.offset.shape == modes.offset_sigma.shape == (40, 3) and len(modes) == 40
+    assert modes.offset.shape == modes.offset_sigma.shape == (40, 3) and len(modes.joints) == 40
     assert not modes.joints[:, :, 0].any() and not modes.sigma[:, :, 0].any()
     assert (modes.sigma[:, :, 1:] > 0).all() and (modes.offset_sigma > 0).all()
     np.testing.assert_allclose(modes.probability.sum(axis=1), 1, rtol=1e-5)

@@ -15,7 +15,7 @@ from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at
+from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, window_pixels
 
 CAMERA = camera_at((0.0, -4.0, 1.2))
 SKIN, SHIRT, WALL = (130, 160, 215), (60, 90, 40), (120, 118, 125)
@@ -72,9 +72,9 @@ def test_arms_before_the_trunk_have_the_colours_of_the_head(scene):
     truth = true.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) / 4
     assert np.abs(found - truth).mean() < 0.02 * 4
     for name in ("left_wrist", "right_wrist"):
-        u, v = window.pixels(joints[LANDMARK_NAMES.index(name)])[0] / 4
+        u, v = window_pixels(window, joints[LANDMARK_NAMES.index(name)])[0] / 4
         assert found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].max() >= 3
-    u, v = window.pixels(joints[LANDMARK_NAMES.index("left_knee")])[0] / 4
+    u, v = window_pixels(window, joints[LANDMARK_NAMES.index("left_knee")])[0] / 4
     assert not found[int(v) - 1 : int(v) + 2, int(u) - 1 : int(u) + 2].any()
 
 

@@ -180,17 +180,17 @@ def test_who_sinks_pays_more_than_who_hovers_up_to_a_jump(alike):
 def test_the_floor_is_decided_over_time(alike):
     costs = FrameCosts(True, SETTINGS)
     high = moved(LEVEL, 0, 0, 0.4)
-    assert not costs.floor.stood_on
+    assert not costs.stood_on
     assert costs_of("floor", alike(high), costs) == pytest.approx(0)  # is there a floor at all?
-    assert not costs.floor.stood_on
+    assert not costs.stood_on
     low, up = alike(LEVEL), alike(high)
     for _ in range(2 * SETTINGS.floor_frames // 3):
         costs_of("floor", low, costs)
-    assert costs.floor.stood_on
+    assert costs.stood_on
     assert costs_of("floor", alike(high, LEVEL), costs)[0] > 2
     for _ in range(SETTINGS.floor_frames // 2 + 1):  # the first frames are forgotten by then
         costs_of("floor", up, costs)
-    assert not costs.floor.stood_on
+    assert not costs.stood_on
     assert not costs_of("floor", alike(high, LEVEL), costs).any()
 
 

@@ -90,7 +90,7 @@ def test_the_first_distance_is_corrected_three_times(monkeypatch):
     off = np.log(first / TRUE_M)
     assert off > 0.2
     assert np.log(np.array(network.read_m) / TRUE_M) == pytest.approx(off / 2 ** np.arange(4))
-    assert note.view.window.distance_m == network.read_m[-1] and note.window is None
+    assert note[0].window.distance_m == network.read_m[-1] and note[1] is None
 
 
 def test_a_frame_is_read_at_the_distance_that_the_last_ones_tell(monkeypatch):
@@ -148,7 +148,7 @@ def test_frame_by_frame_the_newest_is_asked_for(monkeypatch):
     for frame in range(7):
         note = proposer.note(frame, frame / 30, PERSON)
         (modes,) = proposer.propose([note], [PERSON], frame == 0)
-        assert modes.window is note.window and note.window.mask.any()
+        assert modes.window is note[1] and note[1].mask.any()
         proposer.learn(frame, PERSON, np.zeros((15, 3)))
     assert network.read_m[4:] == [TRUE_M] * 6
     assert network.coloured[-1] == [False] + [True] * 6  # from the first frame on
@@ -165,4 +165,4 @@ def test_who_crouches_at_first_is_not_far_away():
     assert upright_distance(camera, crouching.mask, STATURE_M) > 1.1 * true_m
     proposer = ModeProposer(shipped_proposal(), camera, body(), (), False, True, StageClock())
     note = proposer.note(0, 0.0, crouching)
-    assert note.view.window.distance_m == pytest.approx(true_m, rel=0.05)
+    assert note[0].window.distance_m == pytest.approx(true_m, rel=0.05)

@@ -14,13 +14,13 @@ from silhouette_core.body.rigid_parts import Box, Capsule, body_of_parts
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
+from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import (
     PosePrior,
     RefinedPose,
     RefineSettings,
     RefineStart,
 )
-from silhouette_core.refinement.still_root import still_root
 from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.multiview.carving.observe import FrameObservation
@@ -134,7 +134,7 @@ def test_roots_count_by_what_is_known_of_them_when_the_joints_may_turn(monkeypat
         for place, matrix in zip(places, known, strict=True)
     ]
     monkeypatch.setattr(
-        "silhouette_core.refinement.still_root.refine", lambda surface, k, *_: refined[k]
+        "silhouette_core.refinement.posterior.refine", lambda surface, k, *_: refined[k]
     )
     root = still_root(body.surface, range(3), [one.pose for one in refined], SEARCHED)
     np.testing.assert_allclose(root.root_m, [0.05 * 10 / 11, 0, 0.05 * 1.9 / 2.9], atol=1e-9)
