@@ -69,7 +69,7 @@ summary.json, and the mannequin's recording/.
 
     def run(self) -> int:
         """Runs the experiment; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter
 
         with (
@@ -140,7 +140,7 @@ recordings/ with the mannequin's sequences.
 
     def run(self) -> int:
         """Runs the experiment; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter
 
         with (

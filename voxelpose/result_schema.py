@@ -134,9 +134,6 @@ class _Settings(msgspec.Struct):
 def load_summary(path: Path) -> dict[str, Any]:
     """Contents of summary.json, with `facts` in any case.
 
-    Args:
-        path: the file.
-
     Raises:
         InputError: it is no JSON, lacks an entry, or has one of another type or an impossible
             value; the message names the entry.
@@ -162,9 +159,6 @@ def load_summary(path: Path) -> dict[str, Any]:
 
 def load_settings(path: Path) -> dict[str, Any]:
     """Contents of settings.toml.
-
-    Args:
-        path: the file.
 
     Raises:
         InputError: it is no TOML, or has an entry of another type or an impossible value; the

@@ -101,7 +101,6 @@ class ResultWriter(FolderWriter):
         """Checks where the results are to be written, before any work is done.
 
         Args:
-            out: the folder to be written.
             overwrite: whether an earlier result of this name is replaced, once the new one is
                 complete.
             keep_out_of: a folder in which the results must not lie: the recording.

@@ -14,7 +14,6 @@ from silhouette_core.motion.motion import Motion
 from voxelpose.batch.jobs import Job
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.results import Result
-from voxelpose.tuning import LONG_RECORDING
 
 PIECES = "pieces"
 """Folder beside the results in which those of the pieces are until they are joined."""
@@ -25,10 +24,6 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
 
     Those after the first keep the body that the first one finds.
 
-    Args:
-        piece_s: length of a piece, s.
-        out: folder of the results.
-
     Raises:
         InputError: the recording cannot be used.
     """
@@ -36,10 +31,11 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
         return []
     recording = job.open()
     total, length = recording.frame_count, max(round(piece_s * recording.fps), 1)
-    if total <= LONG_RECORDING.longer * length:
+    count = round(total / length)
+    if count < 2:  # the whole is nearer to a piece than two halves are
         return []
-    bounds = np.linspace(0, total, round(total / length) + 1).round().astype(int)
-    overlap = max(round(0.5 * LONG_RECORDING.overlap_s * recording.fps), 1)
+    bounds = np.linspace(0, total, count + 1).round().astype(int)
+    overlap = max(round(recording.fps / 2), 1)  # of either piece: they share a second
     pieces = []
     for number, (start, stop) in enumerate(pairwise(bounds.tolist())):
         first, end = (
@@ -58,7 +54,6 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
 
     Args:
         folders: results of its pieces, in their order.
-        output: destination.
 
     Raises:
         InputError: a result is damaged, or the output cannot be used.

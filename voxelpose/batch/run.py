@@ -34,8 +34,6 @@ class BatchSettings:
     Attributes:
         processes: jobs at a time on this machine.
         cluster: address of a Dask scheduler whose machines work instead; None: this machine.
-        pictures: whether overlays and contact sheets are drawn.
-        report: whether report.html is written for each.
         piece_s: length of the pieces into which long recordings are divided, s; None: they are not.
     """
 
@@ -122,7 +120,6 @@ def run_batch(
     has other settings now.
 
     Args:
-        settings: where, and by whom.
         told: told every outcome, and how many there are so far; None for a piece of a long
             recording.
 

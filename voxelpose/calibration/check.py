@@ -70,11 +70,7 @@ class Check:
     """Result of a check.
 
     Attributes:
-        rig: the cameras as calibrated.
-        tracks: their outlines at the moments.
         moments: numbers of the frames compared.
-        times_s: times of these frames.
-        repairs: explanations for the cameras that do not agree.
         repaired: the rig with these cameras corrected; None if none could be.
         after: agreement of `repaired`.
         checked_frames: moment -> camera name -> image, for some of the moments.
@@ -204,7 +200,6 @@ def outline_track(
         frames: its T frames.
         time_s: (T,) float64, their times, s.
         silhouettes: of a recording with this camera.
-        reporter: receives a step for each frame.
     """
     outlines, unknown = [], silhouettes.unknown.get(camera.name)
     for frame in frames:
@@ -309,11 +304,6 @@ def remedy(check: Check, camera: str) -> str:
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
     """Writes the repaired calibration, and timestamps.csv where a camera is out of step, into a
     folder.
-
-    Args:
-        check: a check with something to repair.
-        recording: the checked recording.
-        out: a folder to be created.
 
     Raises:
         InputError: nothing can be repaired, or the folder exists or cannot be made.

@@ -18,7 +18,6 @@ class Lens:
     """A camera's lens and the views from which it was calibrated.
 
     Attributes:
-        camera: Name of the camera.
         views: Detections by picture name.
     """
 
@@ -47,8 +46,6 @@ def calibrate_lenses(
 
     Args:
         cameras: Pictures by camera.
-        kind: Lens model.
-        max_views: Maximum number of frames of a video.
     """
     lenses, failures = [], {}
     for name, pictures in cameras.items():

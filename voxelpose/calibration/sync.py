@@ -84,10 +84,8 @@ class Sync:
     """Synchronisation of a recording.
 
     Attributes:
-        by: what they were found from.
         times: times of every camera's frames by its own clock, s, from the files' rates and a
             common start.
-        fps: rate of each camera.
     """
 
     result: Synchronisation | SignalOffsets

@@ -16,9 +16,9 @@ from voxelpose.calibration.board_views import BoardFinder, check_lens_size
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import has_sound, onsets
 from voxelpose.recording.timestamps import Times
-from voxelpose.tuning import SYNCHRONISATION
 
 _LEAST_VIEWS = 20
+_BOARD_HZ = 12  # how often the board is looked for: enough on the boards of docs/results.md
 
 
 def board_signals(
@@ -45,7 +45,7 @@ def board_signals(
         camera = _lens(lenses, name, reader)
         inside = np.flatnonzero((times[name] >= window_s[0]) & (times[name] <= window_s[1]))
         rate = 1 / max(float(np.median(np.diff(times[name]))), 1e-9)
-        numbers = inside[:: max(1, int(rate / SYNCHRONISATION.board_hz))]
+        numbers = inside[:: max(1, int(rate / _BOARD_HZ))]
         reporter.stage(f"looking for the board in {name}", len(numbers))
         find, views = BoardFinder(board, stills=False), []
         for picture in reader.select(numbers.tolist()):
@@ -78,7 +78,7 @@ def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Sig
     seen = np.flatnonzero(np.isfinite(places).all(axis=1))
     way, passed = np.diff(places[seen], axis=0), np.diff(time_s[seen])
     speed = np.linalg.norm(way, axis=1) / passed
-    speed[passed > 3 / SYNCHRONISATION.board_hz] = np.nan
+    speed[passed > 3 / _BOARD_HZ] = np.nan
     middle_s = 0.5 * (time_s[seen][1:] + time_s[seen][:-1])
     return Signal(camera.name, middle_s, speed[:, None])
 

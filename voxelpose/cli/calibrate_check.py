@@ -58,7 +58,7 @@ Exit code 0: all cameras agree; 1: one does not.
 
     def run(self) -> int:
         """Checks the recording; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
@@ -74,8 +74,8 @@ Exit code 0: all cameras agree; 1: one does not.
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:
-            from voxelpose.calibration.check_picture import draw_check
             from voxelpose.calibration.files import write_png
+            from voxelpose.calibration.pictures import draw_check
 
             write_png(draw_check(check), self.png)
             print(f"{self.png}: every camera with the outlines that the others predict")

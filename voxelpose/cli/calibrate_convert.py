@@ -78,7 +78,7 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
             print(f"z is now up, which was {axis_name(frame.up)}{floor}")
         if self.picture is not None:
             from voxelpose.calibration.files import write_png
-            from voxelpose.calibration.rig_picture import rig_picture
+            from voxelpose.calibration.pictures import rig_picture
 
             write_png(rig_picture(rig), self.picture)
             print(f"{self.picture}: the cameras from above and from the side")

@@ -25,7 +25,7 @@ from voxelpose.cli.calibrate_board import BoardArguments
 if TYPE_CHECKING:
     from calib.camera import Rig
     from calib.extrinsics import Extrinsics
-    from voxelpose.cli.progress import Progress
+    from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
     def run(self) -> int:
         """Calibrates positions and directions; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.stage("opening")
@@ -85,7 +85,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             from calib.files.notes import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
             from voxelpose.calibration.files import beside, write_calibration
-            from voxelpose.calibration.rig_picture import rig_picture
+            from voxelpose.calibration.pictures import rig_picture
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)

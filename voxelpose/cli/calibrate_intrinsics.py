@@ -37,12 +37,11 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
 
     def run(self) -> int:
         """Calibrates the lenses; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in
-            from voxelpose.calibration.coverage import coverage_picture
             from voxelpose.calibration.files import beside, write_calibration
             from voxelpose.calibration.lenses import (
                 calibrate_lenses,
@@ -50,6 +49,7 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
                 lens_report,
                 lens_rig,
             )
+            from voxelpose.calibration.pictures import coverage_picture
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)

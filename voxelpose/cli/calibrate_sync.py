@@ -94,7 +94,7 @@ match in time.
 
     def run(self) -> int:
         """Estimates the offsets; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         refuse_existing([self.out], self.overwrite)
         with Progress() as progress:

@@ -56,7 +56,6 @@ def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
     """Prints the cameras, the number of boards (or points) that pairs share, and advice.
 
     Args:
-        extrinsics: the calibration.
         unit: "boards" or "points".
     """
     console = rich_console(soft_wrap=True)

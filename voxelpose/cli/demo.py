@@ -48,7 +48,7 @@ browser shows what `voxelpose live` finds.
 
     def run(self) -> int:
         """Renders, fits and scores the recording; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import Result, ResultWriter, as_json
 
         if not 1 <= self.frames <= 600:
@@ -106,7 +106,7 @@ browser shows what `voxelpose live` finds.
     def _run_live(self) -> int:
         """Plays the recording to the live estimation until Ctrl-C; returns the exit code."""
         from voxelpose.cli.live import Live
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter, as_json, is_result
         from voxelpose.version import __version__
 

@@ -76,9 +76,8 @@ class EstimationArguments:
         Args:
             cameras: names of the cameras to use; None for all.
             options: settings of the estimator alone.
-            estimator: name under which the estimator is registered.
         """
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.note_compilation()

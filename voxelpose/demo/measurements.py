@@ -66,9 +66,6 @@ def tailor(measurements: Measurements) -> Mannequin:
     Lengths are scaled along the bones. Girths at hip, waist and chest are met, and the limbs become
     thicker or thinner with them; arms hang farther out where the trunk is wide.
 
-    Args:
-        measurements: of the person.
-
     Returns:
         The actor. Its joints move with the flesh around them, so that its truth stays exact.
     """

@@ -69,7 +69,6 @@ class FilmCamera:
 
         Args:
             camera: as calibrated; pictures are drawn without distortion and then distorted.
-            rng: source of the noise.
             colours_bgr: (5, 3) of skin, hair, shirt, trousers, shoes.
             shadow: share of the light that the actor keeps from the floor.
         """

@@ -12,7 +12,7 @@ from calib.documents import csv_rows
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
-from voxelpose.export.joints import FARTHEST_M
+from voxelpose.export.tables import FARTHEST_M
 
 HYPOTHESES = "hypotheses.csv"
 _COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader, size_text
-from voxelpose.tuning import LIVE
 
 Frame = NDArray[np.uint8]
 Deliver = Callable[[str, float, Frame], None]
@@ -69,20 +68,24 @@ class CameraSource:
         return "stream" if self.address.lower().startswith(_SCHEMES) else "file"
 
 
+def retry_waits_s() -> Iterator[float]:
+    """Yields waits before a camera or receiver that failed is tried again and again, s."""
+    wait_s = 0.5
+    while True:
+        yield wait_s
+        wait_s = min(2 * wait_s, 8.0)
+
+
 class CameraReader:
     """Reads one camera in a thread of its own, and tries again for ever where it fails.
 
     Args:
-        source: where the pictures come from.
         size: (width, height) px for which the camera is calibrated.
-        deliver: receives every picture.
         now: seconds since the session's start.
         fps: rate at which a file is played; None: the file's own.
-        loop: whether a file begins again at its end.
 
     Attributes:
         state: "ok", "ended", or one line that says what is wrong.
-        pictures: number of pictures delivered.
     """
 
     def __init__(
@@ -120,7 +123,7 @@ class CameraReader:
         return self.state == "ended"
 
     def _run(self) -> None:
-        wait_s = LIVE.first_wait_s
+        waits_s = retry_waits_s()
         while not self._stop.is_set():
             before = self.pictures
             try:
@@ -131,9 +134,9 @@ class CameraReader:
                 self._capture()
             except InputError as error:
                 self.state = str(error)
-            wait_s = min(2 * wait_s, LIVE.longest_wait_s)
             if self.pictures > before:
-                wait_s = LIVE.first_wait_s
+                waits_s = retry_waits_s()
+            wait_s = next(waits_s)
             if not self._stop.is_set():
                 self.state = f"no picture: trying again every {wait_s:g} s"
             self._stop.wait(wait_s)

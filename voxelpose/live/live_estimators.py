@@ -36,8 +36,12 @@ from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
 from voxelpose.multiview.tracking.body_track import Moment
-from voxelpose.multiview.tracking.follower import PoseFollower
-from voxelpose.multiview.tracking.track_jobs import FollowSettings, adapt_body, search, search_limbs
+from voxelpose.multiview.tracking.follower import (
+    PoseFollower,
+    adapt_body,
+    search,
+    search_limbs,
+)
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.tuning import LIVE
 
@@ -54,8 +58,6 @@ class LiveMoment:
     """What is estimated from.
 
     Attributes:
-        number: of the frame.
-        time_s: time of capture.
         silhouettes: packed, as recorded.
         pictures: (H, W, 3) uint8 BGR by camera name; none where they are not needed.
     """
@@ -127,7 +129,6 @@ class EstimatorProcess(RemoteObject):
 
     Args:
         make: makes it there, with the methods `step` and `close`; a function or class of a module.
-        arguments: of `make`.
 
     Raises:
         InputError: as `make` raises it.
@@ -149,14 +150,9 @@ class EstimatorProcess(RemoteObject):
 
 
 class LiveMultiView(EstimatorProcess):
-    """Several cameras.
+    """Several cameras."""
 
-    Args:
-        rig: the cameras, as they take their pictures.
-        settings: what is known about the person.
-    """
-
-    def __init__(self, rig: Rig, settings: FollowSettings):
+    def __init__(self, rig: Rig, settings: Settings):
         """Begins the process, and waits until it is ready."""
         super().__init__(FollowedBody, rig, settings)
 
@@ -169,12 +165,10 @@ class FollowedBody:
     """A body before several cameras: see `PoseFollower`.
 
     Args:
-        rig: the cameras, as they take their pictures.
-        settings: what is known about the person.
         executor: does what takes longer than a frame; None: a process of its own.
     """
 
-    def __init__(self, rig: Rig, settings: FollowSettings, executor: Executor | None = None):
+    def __init__(self, rig: Rig, settings: Settings, executor: Executor | None = None):
         """Loads all kernels, which takes seconds."""
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
@@ -201,7 +195,7 @@ class FollowedBody:
         """Ends the searching process."""
         self._executor.shutdown(wait=True, cancel_futures=True)
 
-    def _warm_up(self, settings: FollowSettings) -> None:
+    def _warm_up(self, settings: Settings) -> None:
         """Follows a drawn body for a moment, so that all kernels are loaded before the first frame
         is: that takes seconds.
         """
@@ -235,10 +229,7 @@ class MonocularSetup:
     """What both stages of one camera are made from.
 
     Attributes:
-        rig: the camera, as it takes its pictures.
-        settings: what is known about the person, among others.
         options: of the monocular estimator; the library they name exists.
-        fps: rate of the camera.
         pictures: whether the pictures have colours, or are silhouettes.
     """
 
@@ -256,11 +247,7 @@ class MonocularSetup:
 
 
 class LiveMonocular(EstimatorProcess):
-    """One camera: the person here, poses in a process of their own.
-
-    Args:
-        reporter: told about the library.
-    """
+    """One camera: the person here, poses in a process of their own."""
 
     def __init__(self, setup: MonocularSetup, reporter: Reporter):
         """Checks what the setup names, and begins the process."""
@@ -318,7 +305,7 @@ def posed_body(found: FoundPose) -> PosedBody:
     )
 
 
-def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:
+def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
     """Runs once all that is done to follow a body."""
     track = search(rig, settings, None, moment, 1)
     if track is not None:

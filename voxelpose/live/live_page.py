@@ -11,7 +11,7 @@ from calib.camera import Camera
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_scene import LiveScene
 from voxelpose.live.page_panel import PagePanel
-from voxelpose.live.sender import ReceiverState
+from voxelpose.live.senders import ReceiverState
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
 
@@ -36,8 +36,6 @@ class Page:
         Args:
             session: whose controls are called from threads of the page.
             rig: the cameras, at least one.
-            address: where and to whom.
-            receivers: returns the receivers' states.
 
         Raises:
             InputError: see `Gate`.

@@ -38,7 +38,6 @@ class LiveRecorder:
     interruption costs nothing that was written before.
 
     Args:
-        folder: the recording folder to be made.
         empty: pictures of the empty view by camera name; left out where `private`.
         private: whether silhouettes are kept instead of pictures.
 

@@ -19,9 +19,8 @@ from voxelpose.live.camera_source import CameraReader, CameraSource
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
 from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.live_silhouettes import EmptyView, long_side_px
+from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
 from voxelpose.live.shots import Newest, Shot, ShotMatcher
-from voxelpose.live.silhouette_process import SilhouetteProcess
 from voxelpose.live.stage_times import StageTimes
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
@@ -45,13 +44,11 @@ class SessionSettings:
     """Settings of a session.
 
     Attributes:
-        rig: the cameras, as they take their pictures.
         sources: of the cameras' pictures, by camera name.
         empty: pictures of the empty view by camera name; cameras that are missing make the session
             begin with learning the background.
         regions: (H, W) bool, where the person may be, by camera name.
         silhouettes_given: whether the pictures are silhouettes already.
-        subject: what is known about the person.
         fps: rate at which files are played; None: their own.
         loop: whether files begin again at their end.
         countdown_s: from the button to the learning of the background.
@@ -87,13 +84,8 @@ class _Observed:
 class LiveSession:
     """Runs from `start` to `close`; the controls may be used by any thread.
 
-    Args:
-        settings: cameras, sources, person, recording.
-        estimator: finds the person.
-
     Attributes:
         receivers: each is called with every frame, by the stages' threads, and returns at once.
-        times: durations of the stages since the session's start.
     """
 
     def __init__(self, settings: SessionSettings, estimator: LiveEstimator):

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from voxelpose.tuning import LIVE
 
 _KEPT = 4  # pictures of each camera that wait for the others'
+_BEGINNING_S = 2  # in which every camera's first picture is waited for
+_SMOOTHED = 10  # intervals between pictures in their running mean
 
 _Item = TypeVar("_Item")
 
@@ -84,7 +86,7 @@ class _Stream:
         step = time_s - self.newest_s
         if np.isfinite(step):
             old = self.interval_s
-            self.interval_s = step if not old else old + LIVE.interval_smoothing * (step - old)
+            self.interval_s = step if not old else old + (step - old) / _SMOOTHED
         self.pictures.append((time_s, picture))
 
     def nearest(self, time_s: float) -> tuple[float, NDArray[np.uint8]]:
@@ -132,7 +134,7 @@ class ShotMatcher:
             for name, stream in self._streams.items()
             if now_s - stream.newest_s <= max(LIVE.silent_s, 3 * stream.interval_s)
         }
-        begins = now_s < LIVE.beginning_s
+        begins = now_s < _BEGINNING_S
         if begins and not all(one.pictures for one in self._streams.values()):
             return None
         if len(delivering) < min(2, len(self._streams)):

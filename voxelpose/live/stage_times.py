@@ -1,56 +1,15 @@
-"""Durations of the stages of a session: of recent frames, and since its start."""
+"""Durations of the stages of a session."""
 
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 _RECENT = 60  # frames
-_LONGEST_S = 10
-_BINS_PER_S = 5000  # from which quantiles are read
-
-
-@dataclass(frozen=True)
-class Durations:
-    """Durations of one stage, seconds.
-
-    Attributes:
-        least: the shortest.
-        most: the longest.
-        p95: 95 % are at most so long.
-        p99: 99 % are at most so long.
-    """
-
-    least: float
-    most: float
-    mean: float
-    median: float
-    p95: float
-    p99: float
-
-
-class _Stage:
-    """Histogram, extremes and sum of one stage; its memory does not grow."""
-
-    def __init__(self) -> None:
-        self.counts = np.zeros(_LONGEST_S * _BINS_PER_S + 1, np.int64)
-        self.least, self.most, self.sum = np.inf, -np.inf, 0.0
-        self.recent: deque[float] = deque(maxlen=_RECENT)
-
-    def add(self, seconds: float) -> None:
-        self.counts[int(np.clip(seconds * _BINS_PER_S, 0, len(self.counts) - 1))] += 1
-        self.least, self.most = min(self.least, seconds), max(self.most, seconds)
-        self.sum += seconds
-        self.recent.append(seconds)
-
-    def durations(self) -> Durations:
-        total = np.cumsum(self.counts)
-        bins = np.searchsorted(total, np.array([0.5, 0.95, 0.99]) * total[-1])
-        quantiles = (bins + 0.5) / _BINS_PER_S
-        return Durations(self.least, self.most, self.sum / total[-1], *quantiles.tolist())
+_KEPT = 20_000  # frames: a session may last for days
 
 
 class StageTimes:
@@ -58,10 +17,15 @@ class StageTimes:
 
     def __init__(self) -> None:
         """Starts without frames."""
-        self.frames = 0
-        self._stages: dict[str, _Stage] = {}
-        self._ends: deque[float] = deque(maxlen=_RECENT)
         self._lock = threading.Lock()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all frames, for example those of the first seconds."""
+        with self._lock:
+            self.frames = 0
+            self._stages: dict[str, deque[float]] = {}
+            self._ends: deque[float] = deque(maxlen=_RECENT)
 
     def add(self, stage_s: Mapping[str, float]) -> None:
         """Adds one frame's seconds by stage."""
@@ -69,7 +33,7 @@ class StageTimes:
             self.frames += 1
             self._ends.append(time.monotonic())
             for name, seconds in stage_s.items():
-                self._stages.setdefault(name, _Stage()).add(seconds)
+                self._stages.setdefault(name, deque(maxlen=_KEPT)).append(seconds)
 
     @property
     def fps(self) -> float:
@@ -80,17 +44,17 @@ class StageTimes:
 
     def medians(self) -> dict[str, float]:
         """Median seconds of every stage in the last frames."""
-        with self._lock:
-            return {name: float(np.median(stage.recent)) for name, stage in self._stages.items()}
+        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._spent().items()}
 
-    def reset(self) -> None:
-        """Forgets all frames, for example those of the first seconds."""
-        with self._lock:
-            self.frames = 0
-            self._stages.clear()
-            self._ends.clear()
+    def summary(self) -> dict[str, list[float]]:
+        """Shortest, longest, mean, median, 95 and 99 % quantile of every stage, s, since the start;
+        of a long session in the last 20 000 frames.
+        """
+        return {
+            name: [s.min(), s.max(), s.mean(), *np.quantile(s, (0.5, 0.95, 0.99))]
+            for name, s in self._spent().items()
+        }
 
-    def summary(self) -> dict[str, Durations]:
-        """Durations of every stage since the session's start."""
+    def _spent(self) -> dict[str, NDArray[np.float64]]:
         with self._lock:
-            return {name: stage.durations() for name, stage in self._stages.items()}
+            return {name: np.array(seconds) for name, seconds in self._stages.items()}

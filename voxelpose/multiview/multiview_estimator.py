@@ -20,7 +20,7 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.quality.motion_quality import motion_quality
+from voxelpose.multiview.quality.quality import motion_quality
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
     prepare_silhouettes,
@@ -148,6 +148,5 @@ def _motion(
     motion = conditioned(motion, settings.applied_conditioning)
     reporter.stage("quality", len(posed))
     own = motion.select(np.flatnonzero(~motion.filled))
-    found = motion_quality(tracker, own, posed, clock, reporter)
-    quality = quality_with_filled(motion.filled, found.arrays)
-    return replace(motion, quality=quality), found.half_turn_ratio
+    arrays, ratio = motion_quality(tracker, own, posed, clock, reporter)
+    return replace(motion, quality=quality_with_filled(motion.filled, arrays)), ratio

@@ -140,8 +140,6 @@ def read_together(
 
     Args:
         readers: frame readers by camera name.
-        start: first frame.
-        stop: one past the last frame.
 
     Yields:
         Frames by camera name.

@@ -69,7 +69,6 @@ def write_timestamps(path: Path, times: Mapping[str, Times]) -> None:
     """Writes timestamps.csv.
 
     Args:
-        path: the file; it is written whole or not at all.
         times: (frames,) s, by camera name.
 
     Raises:

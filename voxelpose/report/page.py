@@ -17,10 +17,9 @@ from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
-from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import findings, noun_of, overall
+from voxelpose.report.verdict import check_cameras, findings, noun_of, overall
 from voxelpose.results import Result
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
@@ -109,7 +108,6 @@ def render_page(package: str, template: str, contents: Mapping[str, object]) -> 
     """A page whose texts are escaped.
 
     Args:
-        template: name of its file.
         contents: the template's variables, all of them.
     """
     environment = jinja2.Environment(

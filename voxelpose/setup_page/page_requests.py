@@ -46,7 +46,6 @@ class PlacesDrawn(Struct, forbid_unknown_fields=True):
     """Regions and unknown places, by camera name; cameras that are not named stay as in the files.
 
     Attributes:
-        regions: where the person may be.
         unknown: polygons in px where nothing is known.
     """
 
@@ -75,7 +74,6 @@ class FitChosen(Struct, forbid_unknown_fields=True):
     """Settings of `fit`; None: the usual value, absent: as it is.
 
     Attributes:
-        background: method of the silhouettes.
         tolerance: cameras that may see background where the body is.
         voxel: edge of a voxel, metres.
         repair: what is done about cameras that do not agree.
@@ -97,8 +95,6 @@ class SilhouetteRequest(Struct, forbid_unknown_fields=True):
 
     Attributes:
         moment: time step, from 0.
-        background: method.
-        places: what is drawn.
     """
 
     moment: Annotated[int, Meta(ge=0, le=10_000_000)]
@@ -110,7 +106,6 @@ class StageRequest(SilhouetteRequest, forbid_unknown_fields=True, kw_only=True):
     """A stage of a camera's silhouette, or what one of its pixels is taken for.
 
     Attributes:
-        camera: its name.
         stage: what is to be drawn; None: nothing is.
         pixel: px of the camera's picture; None: none is asked about.
     """
@@ -139,13 +134,7 @@ class GroundRequest(Struct, forbid_unknown_fields=True):
 
 
 class SaveRequest(Struct, forbid_unknown_fields=True):
-    """What is to be written; what is absent stays as it is.
-
-    Attributes:
-        places: regions and unknown places.
-        points: all points of the scene.
-        fit: settings.
-    """
+    """What is to be written; what is absent stays as it is."""
 
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
     points: Points | UnsetType = UNSET

@@ -22,8 +22,12 @@ from voxelpose.setup_page.clicked_points import (
     read_clicked,
     save_clicked,
 )
-from voxelpose.setup_page.drawn_places import DrawnRecording, PlaceFiles
-from voxelpose.setup_page.fit_choices import check_choices, save_choices
+from voxelpose.setup_page.drawn_places import (
+    DrawnRecording,
+    PlaceFiles,
+    check_choices,
+    save_choices,
+)
 from voxelpose.setup_page.ground import ground_lines, up_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
@@ -36,12 +40,14 @@ from voxelpose.setup_page.page_requests import (
     check_camera_names,
 )
 from voxelpose.setup_page.previews import (
+    SILHOUETTE,
     BackgroundModels,
     MomentFrames,
     SettingValues,
+    draw_stage,
+    explain_pixel,
     overlay_png,
 )
-from voxelpose.setup_page.stage_pictures import SILHOUETTE, draw_stage, explain_pixel
 from voxelpose.view.images.canvas import encoded
 
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)

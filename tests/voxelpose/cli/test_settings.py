@@ -7,8 +7,7 @@ import pytest
 
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, _parse, run
-from voxelpose.cli.folder_settings import load_command
-from voxelpose.cli.options import options_of
+from voxelpose.cli.options import load_command, options_of
 from voxelpose.cli.settings import _all_sections
 from voxelpose.recording.settings_files import SETTINGS_FILE, settings_files
 

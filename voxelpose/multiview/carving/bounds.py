@@ -87,7 +87,6 @@ def grid_within(
     Args:
         low_m: (3,) float64, low corner, world.
         high_m: (3,) float64, high corner, world.
-        voxel_size_m: Edge of a voxel.
 
     Raises:
         InputError: The box is empty, or the grid would not fit into memory.
@@ -288,7 +287,7 @@ def _shrink(
         volume = (high - low).prod()
         low = np.maximum(low, cropped.origin_m)
         high = np.minimum(high, cropped.origin_m + cropped.size_m)
-        if (high - low).prod() / volume > CARVING.shrinkage:
+        if 10 * (high - low).prod() > 9 * volume:
             break
     return low, high
 

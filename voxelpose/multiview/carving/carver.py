@@ -85,7 +85,6 @@ def carve(
     Args:
         rig: C cameras.
         masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
-        grid: The volume.
         rule: Condition for a voxel; by default every camera that sees it agrees, and three quarters
             of all cameras do.
         unknown: Pixels about which nothing is known, (h, w) bool each, in the order of the rig: a

@@ -52,8 +52,6 @@ def observation_at(
     """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs.
 
     Args:
-        views: the cameras.
-        masks: their silhouettes.
         place_m: (3,) about where the body is.
     """
     distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
@@ -126,7 +124,6 @@ def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRul
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
 
     Args:
-        cameras: number of cameras.
         tolerance: number of them that may be wrong about a voxel.
         partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
 
@@ -151,7 +148,6 @@ class HullObserver:
     """Turns a frame's raw silhouettes into one body's hull and silhouettes.
 
     Args:
-        views: the cameras.
         volume: where the body may be.
         voxel_size_m: of the fine window.
         rule: how many cameras may object to a voxel.
@@ -221,7 +217,6 @@ class HullObserver:
 
         Args:
             masks: a raw silhouette (h, w) bool per camera.
-            grid: the window.
         """
         masks = self._confirmed_by_others(masks, self._surroundings(grid))
         wide, unknown = self._dilated(masks, grid), self.views.unknown
@@ -233,7 +228,8 @@ class HullObserver:
         """
         if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
             return grid
-        low, high = grid.origin_m - CARVING.limb_m, grid.origin_m + grid.size_m + CARVING.limb_m
+        leg_m = 1.0  # with the foot
+        low, high = grid.origin_m - leg_m, grid.origin_m + grid.size_m + leg_m
         return VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
 
     def select(

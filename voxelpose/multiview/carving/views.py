@@ -221,7 +221,6 @@ def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.fl
     """Bounds of a lens's Jacobian J over discs around the axis.
 
     Args:
-        lens: The lens.
         reach: Radius of the largest disc, ideal coordinates.
 
     Returns:

@@ -13,8 +13,61 @@ from silhouette_core.motion.kernels.kinematics import place_one_part, place_part
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.limbs import Limb
 from voxelpose.multiview.matching.tree_limbs import chains_of, has_person_limbs, limbs_of
+
+FREE_FROM_BODY, TAKEN = -1, -2
+
+
+class VoxelSet:
+    """The voxels of one frame's hull, numbered, so that sets of them are bits.
+
+    Args:
+        occupancy: (nx, ny, nz) bool.
+    """
+
+    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend = CPU):
+        """Numbers the occupied voxels."""
+        self.grid, self.backend = grid, backend
+        self.occupied = np.argwhere(occupancy)
+        self.ids = np.full(occupancy.shape, FREE_FROM_BODY, np.int32)
+        self.ids[tuple(self.occupied.T)] = np.arange(len(self.occupied), dtype=np.int32)
+        self.words = max((len(self.occupied) + 63) // 64, 1)
+
+    def __len__(self) -> int:
+        """Returns the number of occupied voxels."""
+        return len(self.occupied)
+
+    def cover(
+        self, points: np.ndarray, rotations: np.ndarray, translations_m: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Voxels that placed points cover.
+
+        Args:
+            points: (n, 3) in the frame that is placed, m.
+            rotations: (K, 3, 3), world from that frame.
+            translations_m: (K, 3), world from that frame.
+
+        Returns:
+            Bits (K, words) uint64, a set of free occupied voxels each; (K,) int64, how many points
+            lie in empty space; (K,) int64, how many lie in voxels that were taken.
+        """
+        return self.backend.voxel_cover(
+            self.grid, self.ids, self.words, points, rotations, translations_m
+        )
+
+    def take(self, bits: np.ndarray) -> None:
+        """Gives the voxels of one set (words,) to a part: nothing placed later can claim them."""
+        self.ids[tuple(self.voxels(bits).T)] = TAKEN
+
+    def voxels(self, bits: np.ndarray) -> np.ndarray:
+        """Returns the indices (n, 3) int64 of the voxels of one set (words,)."""
+        return self.occupied[
+            np.flatnonzero(
+                np.unpackbits(bits.view(np.uint8), bitorder="little")[: len(self.occupied)]
+            )
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +75,9 @@ class BodyVolume:
     """A body filled with points, about one per voxel.
 
     Attributes:
-        model: The body.
         points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
             limb's first part.
         part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
-        backend: Scores many placements at once.
         limbs: What is placed, the root limb first.
     """
 
@@ -68,7 +119,6 @@ class BodyVolume:
         """Placements of a limb for K choices of angles.
 
         Args:
-            limb: The limb.
             root: Gives root position and rotation.
             angles_rad: (K, D).
 

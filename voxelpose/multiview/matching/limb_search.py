@@ -42,8 +42,6 @@ def place_limb(
     """Pose with one arm, leg or other chain where it explains most of what the rest does not.
 
     Args:
-        body_volume: The body.
-        observation: The frame.
         pose: Everything but the limb is taken from it.
         chain: Upper and lower part, or one that carries none.
     """
@@ -126,7 +124,6 @@ class _Covering:
 
         Args:
             images: (C, h, w) int8, values so far; outside of the silhouettes they stay.
-            pose: of the body.
             limbs: whose parts are drawn.
             rest: all parts but those are drawn instead.
         """

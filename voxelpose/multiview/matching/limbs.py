@@ -23,7 +23,6 @@ class Limb:
 
     Attributes:
         name: also that of its first part, at whose joint it is attached.
-        parts: names of its parts.
         parent: the limb that must be placed before it is selectable; None for the root.
         swing: the two angles that point it; empty for a hinge.
         hinge: the angle of its own hinge joint; None for a ball joint.
@@ -131,10 +130,7 @@ def sample_angles(
     """Samples of a limb's joint angles within their limits.
 
     Args:
-        limb: the limb.
         angles_rad: (D,) the angles decided so far.
-        step_rad: distance between samples.
-        tree: of the body.
 
     Returns:
         (K, D) angles: `angles_rad` with the limb's own replaced. The present angles come first.
@@ -171,8 +167,6 @@ def sample_grid(
     Args:
         limb: one with `angles`.
         angles_rad: (M, D), M placements of what carries it, with equal angles of the limb.
-        step_rad: distance between samples.
-        tree: of the body.
 
     Returns:
         (M, K, D).
@@ -216,7 +210,6 @@ def sample_hinge(
         angles_rad: (M, D), M placements of the bone above, with equal angles of the hinge.
         step_rad: distance between samples of the bend; the twist, which moves less, takes half as
             many.
-        tree: of the body.
 
     Returns:
         (M, K, D); not all within the limits of the bone above (see `within_limits`).

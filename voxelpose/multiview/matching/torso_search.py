@@ -60,10 +60,7 @@ def find_torso(
     stands still is upright.
 
     Args:
-        body_volume: The body.
-        grid: The grid of the hull.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
-        count: Number of placements, at most.
 
     Returns:
         Poses with the relaxed stance's angles, best first, clearly different from one another.

@@ -25,7 +25,6 @@ def limbs_of(model: BodyModel, part_points: list[np.ndarray], spacing_m: float) 
     that carries them.
 
     Args:
-        model: the body.
         part_points: P arrays (n_p, 3), the volume of each part relative to its joint.
         spacing_m: distance between those points.
     """

@@ -29,13 +29,20 @@ from voxelpose.multiview.matching.pose_search import (
     find_pose,
     refine_fits,
 )
-from voxelpose.multiview.person.candidates import POSTURES, Candidate, StatureEvidence
-from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
+from voxelpose.multiview.person.candidates import (
+    GIRTH_CAMERAS,
+    POSTURES,
+    Candidate,
+    StatureEvidence,
+    chest_from_hull,
+    hull_volume_m3,
+)
 from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
 from voxelpose.multiview.person.sitting import find_sitting_pose
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
+_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
 _STARTS = 3  # poses of a frame from which candidates are refined
 _ROUNDS = 2  # of adaptation about the stature that was found
 
@@ -45,10 +52,8 @@ class Start:
     """What tracking starts from.
 
     Attributes:
-        candidate: who it is.
         body: with adapted proportions.
         prior: of these.
-        evidence: what tells the stature.
         poses: frame -> pose, for the anchor frames that are clear.
         errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
     """
@@ -86,10 +91,7 @@ def choose_body(
     best candidate is improbable, see `is_improbable`.
 
     Args:
-        observations: of every frame.
         settings: for stature, chest girth and sex, as far as known.
-        matching: settings of the full search.
-        reporter: receives the progress.
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
         objects: whether something beside the person was left out of the silhouettes.
@@ -125,7 +127,7 @@ def choose_body(
 def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]:
     """Some frames of a recording in which a body is seen, by number."""
     total = len(observations)
-    most = max(PERSON_SEARCH.fewest_anchors, total // PERSON_SEARCH.frames_per_anchor)
+    most = max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR)
     chosen = even_moments(total, most).tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
 

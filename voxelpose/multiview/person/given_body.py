@@ -29,13 +29,6 @@ def start_given(
 
     A root that stands still is placed once, by all anchor frames together.
 
-    Args:
-        observations: of every frame.
-        settings: for the backend.
-        matching: settings of the full search.
-        reporter: receives the progress.
-        model: the body.
-
     Returns:
         The body, and the fits of the frames in which it explains the silhouettes nearly as well as
         in the best.

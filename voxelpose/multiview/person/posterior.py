@@ -30,7 +30,6 @@ class ShapePrior:
     """Prior of a body's proportions.
 
     Attributes:
-        stature: its height.
         expected: (K,) the shape that its measurements alone suggest.
         covariance: (K, K); None: the body stays as it is.
     """
@@ -50,11 +49,8 @@ def posterior_cost(
     """Negative logarithm of a candidate's posterior probability, up to a constant.
 
     Args:
-        candidate: it.
         model: its body, adapted or not.
-        prior: of the body's proportions.
         errors: silhouette errors of frames that are independent of each other.
-        evidence: what tells the stature.
     """
     return sum(cost_terms(candidate, model, prior, errors, evidence).values())
 

@@ -13,6 +13,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.refine import RefineStart
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.pose_search import (
+    MORE_PLACEMENTS,
     SEARCHED,
     BodyGeometry,
     PoseFit,
@@ -20,7 +21,6 @@ from voxelpose.multiview.matching.pose_search import (
     refine_fits,
 )
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import OFF_LINE, SITTING_SEARCH
 
 _HEADINGS, _BEST = 12, 5
 
@@ -28,10 +28,6 @@ _HEADINGS, _BEST = 12, 5
 def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
     """Poses near an upright chair's, best first: the legs begin as a sitting person's and are not
     searched in the hull, where they would be found in a chair's.
-
-    Args:
-        body: a person's.
-        frame: silhouettes and hull.
     """
     model, points = body.model, frame.grid.occupied_points(frame.occupancy)
     angles = relaxed_rad(model.tree).copy()
@@ -43,7 +39,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     root = _below_head(model, points)
     headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
     places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
-    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, OFF_LINE.again_placements)
+    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
     places += [(torso.root_m, torso.root_rotation) for torso in torsos]
     starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
     fits = sorted(refine_fits(body, frame.observation, starts), key=_error)
@@ -54,7 +50,8 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
 def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
     top_m = points_m[:, 2].max()
-    head = points_m[points_m[:, 2] > top_m - SITTING_SEARCH.head_m]
+    half_head_m = 0.12
+    head = points_m[points_m[:, 2] > top_m - half_head_m]
     trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
 

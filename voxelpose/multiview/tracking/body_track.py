@@ -32,6 +32,8 @@ from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
+RECENT = 12
+"""Frames whose median error is the usual one: 0.4 s."""
 _REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 
@@ -40,7 +42,6 @@ class Moment:
     """Silhouettes of one moment, packed.
 
     Attributes:
-        time_s: of the moment.
         bits: by camera name, (h, ceil(w / 8)) uint8 and the width w.
     """
 
@@ -66,8 +67,6 @@ class BodyTrack:
     """A body and its latest poses, in the order in which they were tracked.
 
     Attributes:
-        body: the body.
-        time_s: of the latest frame.
         fit: its pose and error.
         before: time and pose of the frame before it.
         errors: of recent frames, the latest included.
@@ -96,9 +95,6 @@ class BodyTrack:
 
         with the standard deviations :math:`\sigma_1` (6 + D,) of a step within :math:`1 / f`
         (`pose_step_sigma`). Time may run backward.
-
-        Args:
-            time_s: of the frame that is expected.
         """
         model, pose = self.body.model, self.fit.pose
         elapsed = elapsed_steps(self.time_s, time_s)
@@ -111,12 +107,7 @@ class BodyTrack:
         return PosePrior(pose, sigma)
 
     def step(self, observation: Observation, time_s: float) -> BodyTrack:
-        """Track with the next frame.
-
-        Args:
-            observation: the frame.
-            time_s: its time.
-        """
+        """Track with the next frame."""
         prior = self.predict(time_s)
         sudden = elapsed_steps(self.time_s, time_s) > TRACKING.long_steps or self.before is None
         settings = SEARCHED if sudden else STEP
@@ -126,7 +117,7 @@ class BodyTrack:
             prior = PosePrior(self.fit.pose, TRACKING.unexpected * prior.sigma)
             again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
             fit = min(fit, again, key=lambda one: one.error)
-        errors = (*self.errors[1 - TRACKING.recent :], fit.error)
+        errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 
     def with_limbs(self, observation: Observation) -> BodyTrack:
@@ -143,7 +134,6 @@ class BodyTrack:
 
         Args:
             rig: pinhole cameras.
-            time_s: time of the frame.
             masks: silhouettes (h, w) bool by camera name.
         """
         return self.step(observed_near(self.body, rig, masks, self.predict(time_s).pose), time_s)
@@ -164,7 +154,6 @@ def observed_near(body: BodyGeometry, rig: Rig, masks: Masks, pose: Pose) -> Obs
     """Silhouettes without what is farther from a pose than a limb moves in a few frames.
 
     Args:
-        body: the body.
         rig: pinhole cameras.
         masks: silhouettes (h, w) bool by camera name.
         pose: near which the silhouettes count.

@@ -20,6 +20,7 @@ from silhouette_core.refinement.refine import PosePrior
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    PLACEMENTS,
     BodyGeometry,
     PoseFit,
     find_pose,
@@ -27,9 +28,10 @@ from voxelpose.multiview.matching.pose_search import (
     refinement,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_track import BodyTrack, process_noise
-from voxelpose.multiview.tuning import MATCHING, OFF_LINE, REFINING, TRACKING
+from voxelpose.multiview.tracking.body_track import RECENT, BodyTrack, process_noise
+from voxelpose.multiview.tuning import OFF_LINE, REFINING, TRACKING
 
+_BESIDE = 3  # frames beside a searched one that are not searched as well
 _SMOOTH = refinement(REFINING.smooth_reach_m)
 
 Clock = Callable[[str], AbstractContextManager[None]]
@@ -53,10 +55,6 @@ class PoseTracker:
     """Poses of a recording's frames, improved step by step.
 
     Args:
-        body: the body that is fitted.
-        observations: of every frame.
-        settings: see PoseTrackerSettings.
-        clock: times every step.
         advance: called once for every frame whose pose was worked on.
     """
 
@@ -91,22 +89,16 @@ class PoseTracker:
         return self.observations.observe(t, near)
 
     def begin(self, poses: dict[int, Pose], errors: dict[int, float]) -> None:
-        """Tracks from frames fitted on their own to their neighbours, smallest error first.
-
-        Args:
-            poses: frame -> pose.
-            errors: frame -> its silhouette error.
-        """
+        """Tracks from frames fitted on their own to their neighbours, smallest error first."""
         for t, pose in poses.items():
             self._keep(t, PoseFit(pose, errors[t]))
         for t in sorted(poses, key=lambda k: errors[k]):
             self.carry(t)
 
-    def anchor(self, t: int, count: int = MATCHING.placements) -> bool:
+    def anchor(self, t: int, count: int = PLACEMENTS) -> bool:
         """Searches one frame without a prior; whether that gave a better pose than before.
 
         Args:
-            t: the frame.
             count: torso placements to try.
         """
         frame = self.observe(t)
@@ -144,7 +136,7 @@ class PoseTracker:
             return None
         past = [
             k
-            for k in range(t, t - TRACKING.recent * direction, -direction)
+            for k in range(t, t - RECENT * direction, -direction)
             if 0 <= k < len(self.poses) and np.isfinite(self.error[k])
         ]
         before = None
@@ -177,7 +169,7 @@ class PoseTracker:
             t = int(bad.argmax())
             if bad[t] < TRACKING.bad * self._usual():
                 return
-            tried[max(t - OFF_LINE.beside, 0) : t + OFF_LINE.beside + 1] = True
+            tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
             if self.anchor(t):
                 self.carry(t)
 
@@ -229,7 +221,7 @@ class PoseTracker:
         joints = joints - joints[:, :1]
         steps = np.full(len(self.poses) - 1, np.nan)
         steps[both] = np.linalg.norm(joints[index[both + 1]] - joints[index[both]], axis=2).mean(1)
-        half = TRACKING.recent // 2
+        half = RECENT // 2
         around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
         farthest = OFF_LINE.jump_m * FPS / self.settings.fps
         return both[steps[both] > np.maximum(farthest, OFF_LINE.jump_ratio * np.array(around))]

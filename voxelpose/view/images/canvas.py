@@ -116,7 +116,6 @@ def hatched(image: Image, unknown: NDArray[np.bool_]) -> Image:
     """Image (h, w, 3) uint8 with stripes where nothing is known.
 
     Args:
-        image: of any size.
         unknown: (H, W) bool, of the same view.
     """
     height, width = image.shape[:2]

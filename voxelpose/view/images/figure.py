@@ -82,7 +82,6 @@ def body_parts(
     Args:
         vertices_m: (V, 3) its skin in the world.
         camera: without distortion.
-        cull_back: whether triangles that face away are left out.
     """
     in_camera = vertices_m @ camera.rotation.T + camera.translation
     mesh = in_camera, model.faces, model.face_part

@@ -31,9 +31,7 @@ def draw_pictures(
     next ones are painted.
 
     Args:
-        source: the frames that the motion was estimated from.
         motion: the poses; frames without one are shown unchanged and marked.
-        folder: where the files go.
         title: first line of the contact sheet.
 
     Raises:

@@ -20,18 +20,13 @@ _NO_PART = "none"
 
 
 class Browser:
-    """Serves scenes to browsers.
-
-    Attributes:
-        scenes: what is shown.
-    """
+    """Serves scenes to browsers."""
 
     def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
         """Starts the server; nothing is drawn before the first `step`.
 
         Args:
             scenes: what is shown; closed with the server.
-            address: where, and to whom.
             frame: number of the frame shown first.
 
         Raises:

@@ -36,8 +36,6 @@ class CameraFrames:
         """Prepares; nothing is read before the first frame.
 
         Args:
-            recording: the frames.
-            method: of finding silhouettes.
             views: undistorted view of every camera by name.
             segmenter: that told where people are; without it where it cannot be used any more.
         """

@@ -80,7 +80,6 @@ class Scene:
 
     Attributes:
         time_s: its time, seconds.
-        camera_frames: one per camera.
         hull: None without silhouettes of two cameras.
         body: None where no pose was found.
         hypotheses: other poses that one camera leaves open, the likeliest first.

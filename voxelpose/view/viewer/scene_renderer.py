@@ -165,12 +165,7 @@ class SceneRenderer:
 def add_camera(
     scene: viser.SceneApi, camera: Camera, **look: Any
 ) -> tuple[viser.CameraFrustumHandle, viser.LabelHandle]:
-    """Draws a camera where it stands, with its name.
-
-    Args:
-        camera: of the rig.
-        look: further arguments of viser's frustum.
-    """
+    """Draws a camera where it stands, with its name."""
     width, height = camera.size
     frustum = scene.add_camera_frustum(
         f"/cameras/{camera.name}",

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.matching.body_volume import FREE_FROM_BODY, TAKEN, VoxelSet
 from voxelpose.multiview.matching.joint_search import best_together
 from voxelpose.multiview.matching.kernels.bits import (
     count_common,
@@ -15,7 +16,6 @@ from voxelpose.multiview.matching.kernels.bits import (
     find_dominated,
     popcount,
 )
-from voxelpose.multiview.matching.voxel_set import FREE_FROM_BODY, TAKEN, VoxelSet
 
 
 @st.composite

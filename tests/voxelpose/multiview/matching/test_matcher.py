@@ -14,7 +14,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.joint_search import interference_groups
 from voxelpose.multiview.matching.kernels.bits import count_common
 from voxelpose.multiview.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
@@ -25,7 +25,6 @@ from voxelpose.multiview.matching.matcher import (
     match,
     movable_areas,
 )
-from voxelpose.multiview.matching.voxel_set import VoxelSet
 
 LIMB = {limb.name: limb for limb in LIMBS}
 LOW, HIGH = HUMAN.dof_limits_rad.T

@@ -25,7 +25,7 @@ from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
 from voxelpose.multiview.person.candidates import StatureEvidence, hull_height_m
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_refit import refit
+from voxelpose.multiview.tracking.recording_track import refit
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)

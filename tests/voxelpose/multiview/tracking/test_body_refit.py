@@ -28,7 +28,7 @@ from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.person.posterior import ShapePrior
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_refit import refit
+from voxelpose.multiview.tracking.recording_track import refit
 from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
 
 VOXEL_M = 0.04
