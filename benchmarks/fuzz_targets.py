@@ -307,7 +307,7 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
 
 
 def _make_hypotheses(folder: Path) -> None:
-    from voxelpose.export.hypotheses import write_hypotheses
+    from voxelpose.export.tables import write_hypotheses
 
     joints = _motion().landmarks()
     poses = [(k, np.array([0.7, 0.3]), joints[[k, 0]]) for k in range(_FRAMES)]
@@ -315,7 +315,7 @@ def _make_hypotheses(folder: Path) -> None:
 
 
 def _use_hypotheses(folder: Path, thorough: bool) -> None:
-    from voxelpose.export.hypotheses import read_hypotheses
+    from voxelpose.export.tables import read_hypotheses
 
     read_hypotheses(folder / "hypotheses.csv")
 

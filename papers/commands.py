@@ -86,7 +86,7 @@ summary.json, and the mannequin's recording/.
             from papers.swing_report import swing_table
             from papers.swing_study import Study, run_study
             from silhouette_core.jit import set_threads
-            from voxelpose.demo.filming import make_recording
+            from voxelpose.demo.room import make_recording
             from voxelpose.recording.folder import Recording, frame_range
             from voxelpose.recording.truth import TRUTH
 

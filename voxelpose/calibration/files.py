@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import replacing, write_whole
+from calib.atomic import replacing
 from calib.camera import Rig
 from calib.files import write_rig
 from voxelpose.results import as_json
@@ -15,15 +15,6 @@ from voxelpose.view.images.canvas import Image, png
 def beside(out: Path, suffix: str) -> Path:
     """Path of an accompanying file, such as calibration_rig.png for calibration.toml."""
     return out.with_name(f"{out.stem}_{suffix}")
-
-
-def write_png(picture: Image, path: Path) -> None:
-    """Writes a picture as PNG. A failure leaves no partial file.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-    write_whole(path, png(picture))
 
 
 def write_calibration(

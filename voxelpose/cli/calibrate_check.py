@@ -74,10 +74,11 @@ Exit code 0: all cameras agree; 1: one does not.
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:
-            from voxelpose.calibration.files import write_png
+            from calib.atomic import write_whole
             from voxelpose.calibration.pictures import draw_check
+            from voxelpose.view.images.canvas import png
 
-            write_png(draw_check(check), self.png)
+            write_whole(self.png, png(draw_check(check)))
             print(f"{self.png}: every camera with the outlines that the others predict")
         if self.repair is not None:
             if check.agreement.agrees:

@@ -77,10 +77,11 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
             floor = f", the floor at {frame.floor_m:.2f} m along it" if frame.floor_m else ""
             print(f"z is now up, which was {axis_name(frame.up)}{floor}")
         if self.picture is not None:
-            from voxelpose.calibration.files import write_png
+            from calib.atomic import write_whole
             from voxelpose.calibration.pictures import rig_picture
+            from voxelpose.view.images.canvas import png
 
-            write_png(rig_picture(rig), self.picture)
+            write_whole(self.picture, png(rig_picture(rig)))
             print(f"{self.picture}: the cameras from above and from the side")
         return 0
 

@@ -21,6 +21,7 @@ from voxelpose.cli.arguments import (
     refuse_existing,
 )
 from voxelpose.cli.calibrate_board import BoardArguments
+from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -91,7 +92,6 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             refuse_existing([self.out, picture, report], self.overwrite)
             extrinsics = self._extrinsics(read_rig(self.intrinsics, self.unit), progress)
         from calib.upright import axis_name, other_up
-        from voxelpose.cli.calibrate_tables import print_extrinsics
 
         grounded = self.points is not None or self.floor is not None
         print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
@@ -146,3 +146,33 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             self.floor, self.moments, camera_names(self.cameras), self.refine_lenses
         )
         return extrinsics_from_recording(board, lenses, self.recording, settings, progress)
+
+
+def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
+    """Prints the cameras, the number of boards (or points) that pairs share, and advice.
+
+    Args:
+        unit: "boards" or "points".
+    """
+    console = rich_console(soft_wrap=True)
+    width = max(6, *(len(line.camera) for line in extrinsics.table))
+    console.print(
+        f"[dim]{'camera':<{width}}  {unit}  error px  position ± mm  rotation ± deg      x       y "
+        "      z  m[/dim]"
+    )
+    for camera, line in zip(extrinsics.rig, extrinsics.table, strict=True):
+        errors = (
+            f"{line.position_mm:>13.2f}  {line.rotation_deg:>14.3f}"
+            if line.position_mm == line.position_mm
+            else f"{'reference':>13}  {'':>14}"
+        )
+        position = " ".join(f"{value:7.3f}" for value in camera.center_m)
+        console.print(
+            f"{plain(f'{line.camera:<{width}}')}  {line.seen:>{len(unit)}}  {line.rms_px:>8.2f} "
+            f" {errors}  {position}"
+        )
+    console.print(f"{extrinsics.rms_px:.3f} px overall")
+    pairs = ", ".join(f"{a}-{b} {count}" for (a, b), count in extrinsics.shared_boards.items())
+    console.print(f"{unit} that pairs of cameras share: {plain(pairs)}")
+    for advice in extrinsics.advice:
+        console.print(f"[yellow]{plain(advice)}[/yellow]")

@@ -17,9 +17,8 @@ from tests.sources import ring
 from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.live_page import Page
+from voxelpose.live.live_page import Page, links_html, status_html, timings_html
 from voxelpose.live.live_scene import small_picture
-from voxelpose.live.page_panel import links_html, status_html, timings_html
 from voxelpose.live.senders import ReceiverState
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.legend import SILHOUETTE

@@ -14,8 +14,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.matching.limbs import Limb
-from voxelpose.multiview.matching.tree_limbs import chains_of, has_person_limbs, limbs_of
+from voxelpose.multiview.matching.limbs import Limb, chains_of, has_person_limbs, limbs_of
 
 FREE_FROM_BODY, TAKEN = -1, -2
 

@@ -14,7 +14,7 @@ from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene_renderer import LAYERS, PICTURES, Choice, SceneRenderer
+from voxelpose.view.viewer.scene import LAYERS, PICTURES, Choice, SceneRenderer
 
 _NO_PART = "none"
 

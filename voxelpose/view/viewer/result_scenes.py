@@ -17,7 +17,7 @@ from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from voxelpose.export.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
+from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.multiview.carving.bounds import place_grid
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
