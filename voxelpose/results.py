@@ -250,11 +250,7 @@ def is_result(folder: Path) -> bool:
 
 
 def as_json(document: Mapping[str, object]) -> str:
-    """Returns a document as JSON text; numbers that are not finite become null.
-
-    Args:
-        document: mappings, sequences, NumPy arrays, numbers and text.
-    """
+    """Returns mappings, arrays, numbers and text as JSON; what is not finite becomes null."""
     return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
 
 

@@ -74,9 +74,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Task:
-    """A job as given to a worker; of a long recording, with the results of its pieces, which are to
-    be joined.
-    """
+    """A job for a worker; of a long recording, with the results of its pieces, to be joined."""
 
     job: Job
     settings: BatchSettings

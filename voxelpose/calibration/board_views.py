@@ -4,7 +4,6 @@ moments at which several cameras filmed it.
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -27,31 +26,16 @@ _KEPT_FAILURES = 5  # pictures without the board in which another board is searc
 NOT_NEW = "shows the board much as another frame does"
 
 
-@dataclass(frozen=True)
-class CameraPictures:
-    """Pictures of one camera: stills, or a video.
-
-    Attributes:
-        video: Reader of a video, or None.
-    """
-
-    stills: tuple[Path, ...] = ()
-    video: FrameReader | None = None
-
-    def __len__(self) -> int:
-        """Counts the pictures."""
-        return self.video.frame_count if self.video else len(self.stills)
-
-    def examined(self) -> Iterator[tuple[str, Frame]]:
-        """Yields names and pictures: all stills, or every n-th frame of a video."""
-        if self.video is None:
-            for still in self.stills:
-                yield still.name, read_still(still)
-            return
-        step = stride(self.video.frame_count)
-        for number, frame in enumerate(self.video):
-            if number % step == 0:
-                yield f"frame {number}", frame
+def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
+    """Yields names and pictures: all stills, of any sizes, or every n-th frame of a video."""
+    if pictures.stills:
+        for still in pictures.stills:
+            yield still.name, read_still(still)
+        return
+    step = stride(pictures.frame_count)
+    for number, frame in enumerate(pictures):
+        if number % step == 0:
+            yield f"frame {number}", frame
 
 
 def stride(frame_count: int) -> int:
@@ -73,7 +57,7 @@ def check_lens_size(lens: Camera, reader: FrameReader) -> None:
         )
 
 
-def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
+def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
     """Finds the cameras among files and folders.
 
     A video is a camera named after its file; stills are a camera named after their folder; a folder
@@ -82,7 +66,7 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
     Raises:
         InputError: A path is missing, there is no picture in it, or two cameras share a name.
     """
-    cameras: dict[str, CameraPictures] = {}
+    cameras: dict[str, FrameReader] = {}
     loose: dict[Path, list[Path]] = {}
     for path in paths:
         if not path.exists():
@@ -102,18 +86,15 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
                 " folder with one of these per camera"
             )
         for name, pictures in inside.items():
-            _add(cameras, name, _pictures(pictures))
+            _add(cameras, name, FrameReader.open(pictures))
     for folder, stills in loose.items():
-        _add(cameras, folder.name, CameraPictures(tuple(stills)))
+        # Their sizes may differ: none is stated.
+        reader = FrameReader(folder, tuple(stills), (0, 0), len(stills), None)
+        _add(cameras, folder.name, reader)
     return cameras
 
 
-def _pictures(path: Path) -> CameraPictures:
-    readers = FrameReader.open(path)
-    return CameraPictures(readers.stills) if readers.stills else CameraPictures(video=readers)
-
-
-def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures) -> None:
+def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> None:
     if name in cameras:
         raise InputError(
             f"two sets of pictures are named {name}: name each folder or video after its camera"
@@ -122,7 +103,7 @@ def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures
 
 
 def find_views(
-    board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
+    board: Board, pictures: FrameReader, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
     """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
     a view, or the reason why there is none.
@@ -132,13 +113,13 @@ def find_views(
             is described.
     """
     views: dict[str, BoardView | Refusal] = {}
-    find = BoardFinder(board, stills=pictures.video is None)
-    for name, picture in pictures.examined():
+    find = BoardFinder(board, stills=bool(pictures.stills))
+    for name, picture in _examined(pictures):
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
         raise InputError(f"the board was found in none of {len(views)} pictures: {find.failure()}")
-    if pictures.video is None:
+    if pictures.stills:
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     kept = select_views(board, seen, max_views)
@@ -231,19 +212,6 @@ def _outline(board: Board, view: BoardView) -> FloatArray:
     return np.clip(cv2.perspectiveTransform(ends[None], homography).ravel() / view.size[0], -1, 2)
 
 
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Detections of a board by synchronous cameras.
-
-    Attributes:
-        views: Moment ("frame 120") -> camera -> view.
-        seen: Number of moments at which each camera saw the board.
-    """
-
-    views: dict[str, dict[str, BoardView]]
-    seen: dict[str, int]
-
-
 def board_moments(
     board: Board,
     readers: Mapping[str, FrameReader],
@@ -251,8 +219,9 @@ def board_moments(
     floor: int | None,
     max_moments: int,
     reporter: Reporter,
-) -> Moments:
-    """Detects the board in recordings of any rates, of which every frame's time is known.
+) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
+    """Detects the board in recordings of any rates, of which every frame's time is known: views by
+    moment ("frame 120") and camera, and the number of moments at which each saw the board.
 
     The moments are frames of the first camera. At these times, corners of the others are
     interpolated between the frames before and after.
@@ -335,8 +304,8 @@ def _moments(
     finders: Mapping[str, BoardFinder],
     max_moments: int,
     floor: int | None,
-) -> Moments:
-    """The moments that are kept.
+) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
+    """The moments that are kept, and how many each camera saw.
 
     Raises:
         InputError: A camera never saw the board.
@@ -348,7 +317,7 @@ def _moments(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return Moments(_thinned(views, max_moments, f"frame {floor}"), seen)
+    return _thinned(views, max_moments, f"frame {floor}"), seen
 
 
 def _thinned(

@@ -53,16 +53,18 @@ def extrinsics_from_recording(
     else:
         _check_rates(folder, readers, reporter)
         times = None
-    moments = board_moments(board, readers, times, settings.floor, settings.max_moments, reporter)
-    if not moments.views:
-        seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
+    views, seen = board_moments(
+        board, readers, times, settings.floor, settings.max_moments, reporter
+    )
+    if not views:
+        counts = ", ".join(f"{name} {count}" for name, count in seen.items())
         raise InputError(
-            f"no two cameras saw the board at the same moment (moments: {seen}): carry it where two"
-            " see it at once"
+            f"no two cameras saw the board at the same moment (moments: {counts}): carry it where"
+            " two see it at once"
         )
     reporter.stage("bundle adjustment")
     floor = None if settings.floor is None else f"frame {settings.floor}"
-    return calibrate_extrinsics(board, lenses, moments.views, floor, settings.refine_lenses)
+    return calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
 
 
 def _readers(

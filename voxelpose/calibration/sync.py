@@ -74,12 +74,7 @@ def board_signals(
 
 
 def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Signal:
-    """Speed (T, 1), m/s, of a board's middle relative to a camera; NaN where it is not seen.
-
-    Args:
-        time_s: (T,) float64, s.
-        views: T views; what is no `BoardView` counts as not seen.
-    """
+    """Speed (T, 1), m/s, of a board's middle relative to a camera, of T views; NaN if unseen."""
     alone = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
     places = np.full((len(time_s), 3), np.nan)
     for row, view in enumerate(views):

@@ -149,11 +149,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
 
 def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
-    """Prints the cameras, the number of boards (or points) that pairs share, and advice.
-
-    Args:
-        unit: "boards" or "points".
-    """
+    """Prints the cameras, how many boards or points (`unit`) pairs of them share, and advice."""
     console = rich_console(soft_wrap=True)
     width = max(6, *(len(line.camera) for line in extrinsics.table))
     console.print(

@@ -71,12 +71,7 @@ class EstimationArguments:
         options: Mapping[str, bool | int | float | str],
         estimator: str,
     ) -> int:
-        """Estimates the motion, writes the result and prints a summary; returns the exit code.
-
-        Args:
-            cameras: names of the cameras to use; None for all.
-            options: settings of the estimator alone.
-        """
+        """Estimates the motion, writes the result, prints a summary; returns the exit code."""
         from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:

@@ -94,9 +94,7 @@ def options_of(command: type) -> dict[str, Option]:
 
 
 def folder_of(command: Any) -> Path:
-    """The folder that a command's instance works on: its argument without a name, else the
-    current folder.
-    """
+    """The folder that a command's instance works on: its nameless argument, else this one."""
     named = {option.field for option in options_of(type(command)).values()}
     for field in fields(command):
         value = getattr(command, field.name)
@@ -146,11 +144,7 @@ def _located(text: str, folder: Path) -> str:
 
 @dataclass(frozen=True)
 class FolderSetting:
-    """A value from a voxelpose.toml.
-
-    Attributes:
-        value: of the option's type; paths are absolute.
-    """
+    """A value of an option's type from a voxelpose.toml; paths are absolute."""
 
     value: Any
     file: Path

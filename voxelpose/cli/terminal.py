@@ -45,11 +45,7 @@ def plain(text: object) -> str:
 
 
 class VisibleStream:
-    """Stream that writes text to another one, control characters made visible.
-
-    Attributes:
-        stream: the other stream, which does all the rest.
-    """
+    """Stream that writes text to another one, control characters made visible."""
 
     def __init__(self, stream: TextIO):
         """Wraps a stream."""

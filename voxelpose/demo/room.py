@@ -39,14 +39,7 @@ _POSITIONS = (
 
 
 def demo_rig(count: int = 4) -> Rig:
-    """Cameras with a slight barrel distortion, at different heights.
-
-    Args:
-        count: at most 8; the first four stand on a half circle, the others behind the actor.
-
-    Returns:
-        The cameras, cam_1 and following.
-    """
+    """Cameras with a slight barrel distortion: four on a half circle, up to four behind."""
     cameras = []
     for k, (azimuth, distance_cm, height_cm) in enumerate(_POSITIONS[:count]):
         turn, distance = np.radians(azimuth), distance_cm / 100

@@ -39,13 +39,7 @@ def read_export_record(folder: Path) -> dict[str, object]:
 def write_export_record(
     motion: Motion, names: Iterable[str], earlier: dict[str, object], path: Path
 ) -> None:
-    """Writes for each file the frame rate, the frames, filter and filling of gaps.
-
-    Args:
-        motion: at least one pose.
-        names: files that were written now.
-        earlier: entries of other files of the folder, which are kept.
-    """
+    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter."""
     entry = {
         "fps": motion.fps,
         "frames": {

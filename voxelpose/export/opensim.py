@@ -113,11 +113,7 @@ def opensim_markers() -> tuple[OpenSimMarker, ...]:
 
 
 def write_marker_set(motion: Motion, path: Path) -> None:
-    """Writes the marker set: every marker on a body of the model, in that body's frame.
-
-    Args:
-        motion: not used; the marker set is that of a person 1.70 m tall, which scaling adapts.
-    """
+    """Writes the marker set, of a person 1.70 m tall, in the frames of the model's bodies."""
     root = ElementTree.Element("MarkerSet", name="voxelpose")
     objects = ElementTree.SubElement(root, "objects")
     for marker in opensim_markers():
@@ -153,9 +149,7 @@ def write_static(motion: Motion, path: Path) -> None:
 
 
 def write_seen(motion: Motion, path: Path) -> None:
-    """Writes the TRC without the frames that have no pose, at which inverse kinematics would stop;
-    there is at least one pose.
-    """
+    """Writes the TRC without the frames that have no pose: inverse kinematics would stop there."""
     write_trc(motion, path, lost_rows=False)
 
 
@@ -201,9 +195,7 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 
 
 def write_ik_setup(motion: Motion, path: Path) -> None:
-    """Writes the setup of OpenSim's inverse kinematics, from the first of one or more poses to the
-    last.
-    """
+    """Writes the setup of OpenSim's inverse kinematics, from the first pose to the last."""
     first, last = motion.frames[[0, -1]] / motion.fps
     tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")
     _add(

@@ -120,9 +120,7 @@ def read_joints(
 
 
 def beyond_rows(last: float, rows: int) -> bool:
-    """Whether a file's last frame is numbered so far beyond its rows that the number is a mistake:
-    frames that are left out are filled in, in memory.
-    """
+    """Whether a last frame's number is a mistake: missing frames are filled in, in memory."""
     return last > 100_000 + 10 * rows
 
 

@@ -26,12 +26,7 @@ _DARK, _GRID = 14, 16  # brightest value of a black picture, and px between the 
 
 @dataclass(frozen=True)
 class CameraSource:
-    """Address of one camera's pictures.
-
-    Attributes:
-        name: of the camera, as in the calibration; empty: the only one.
-        address: number of a webcam, address of a stream, or path of a video.
-    """
+    """Address of one camera's pictures: number of a webcam, address of a stream, or a video."""
 
     name: str
     address: str

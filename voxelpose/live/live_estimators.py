@@ -55,12 +55,7 @@ _HYPOTHESES = 5
 
 @dataclass(frozen=True, eq=False)
 class LiveMoment:
-    """What is estimated from.
-
-    Attributes:
-        silhouettes: packed, as recorded.
-        pictures: (H, W, 3) uint8 BGR by camera name; none where they are not needed.
-    """
+    """What is estimated from: silhouettes packed, pictures (H, W, 3) BGR by camera, if needed."""
 
     number: int
     time_s: float
@@ -88,10 +83,7 @@ class FoundPose:
 
 
 class LiveEstimator(Protocol):
-    """Finds the person in the silhouettes of one moment after the other.
-
-    Its two stages run in a thread each, and each takes its moments in order.
-    """
+    """Finds the person in one moment after the other; its two stages run in a thread each."""
 
     def prepare(self, moment: LiveMoment, /) -> Any:
         """What the second stage needs of a moment."""
@@ -162,11 +154,7 @@ class LiveMultiView(EstimatorProcess):
 
 
 class FollowedBody:
-    """A body before several cameras: see `PoseFollower`.
-
-    Args:
-        executor: does what takes longer than a frame; None: a process of its own.
-    """
+    """A body before several cameras: see `PoseFollower`; the executor is a process by default."""
 
     def __init__(self, rig: Rig, settings: Settings, executor: Executor | None = None):
         """Loads all kernels, which takes seconds."""
@@ -196,9 +184,7 @@ class FollowedBody:
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def _warm_up(self, settings: Settings) -> None:
-        """Follows a drawn body for a moment, so that all kernels are loaded before the first frame
-        is: that takes seconds.
-        """
+        """Follows a drawn body, so that all kernels are loaded before the first frame."""
         body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
         silhouettes = _drawn(self._pinholes, body)
         if sum(mask.any() for mask in silhouettes.values()) < 2:

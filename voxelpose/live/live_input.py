@@ -33,13 +33,7 @@ _USUAL_FPS = 30
 
 @dataclass(frozen=True)
 class LiveInput:
-    """What a session works on, opened.
-
-    Attributes:
-        recording: calibration, background, regions and subject; without frames where the pictures
-            come from elsewhere.
-        sources: by camera name.
-    """
+    """What a session works on, opened; its recording has no frames if these come from cameras."""
 
     recording: Recording
     sources: dict[str, CameraSource]

@@ -106,11 +106,7 @@ _RECORD, _END = "Record", "End recording"
 
 
 class PagePanel:
-    """Buttons that ask the session, and texts about it.
-
-    Attributes:
-        shown: names of the layers that the user has chosen to see.
-    """
+    """Buttons that ask the session, texts about it, and the layers chosen to be `shown`."""
 
     def __init__(
         self,

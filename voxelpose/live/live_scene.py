@@ -22,16 +22,10 @@ _PICTURE_PX = 320
 
 
 class CameraViews:
-    """Draws the cameras. Of each frame one camera's picture is sent, in turn: pictures cost the
-    most.
-    """
+    """Draws the cameras. Of each frame one camera's picture is sent, in turn: they cost most."""
 
     def __init__(self, scene: viser.SceneApi, rig: Sequence[Camera]) -> None:
-        """Places the cameras.
-
-        Args:
-            rig: at least one camera.
-        """
+        """Places the cameras."""
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _PICTURE_PX) for camera in rig]
         look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
@@ -47,11 +41,7 @@ class CameraViews:
             handle.visible = visible
 
     def draw(self, frame: LiveFrame, outlines: bool) -> None:
-        """Shows the next camera's picture.
-
-        Args:
-            frame: with pictures of any of the cameras.
-        """
+        """Shows the next camera's picture, with outlines of silhouettes or without."""
         for _ in self._cameras:
             k, self._next = self._next, (self._next + 1) % len(self._cameras)
             picture = frame.pictures.get(self._cameras[k].name)

@@ -122,11 +122,7 @@ SCHEMA_VERSION = 1
 
 
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
-    """One frame, sent at a Unix time, as a line of JSON that ends with a line feed.
-
-    Returns:
-        The object that docs/live.md describes; numbers that are not finite are null.
-    """
+    """One frame, sent at a Unix time, as a line of JSON: see docs/live.md; not finite is null."""
     message = {
         "format": "voxelpose live",
         "version": SCHEMA_VERSION,

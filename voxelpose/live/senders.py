@@ -32,12 +32,7 @@ _FORMS = "vmc://HOST:PORT or ws://HOST:PORT/PATH"
 
 @dataclass(frozen=True)
 class ReceiverAddress:
-    """Address of a receiver.
-
-    Attributes:
-        protocol: "vmc", OSC messages in UDP datagrams, or "ws", JSON over a WebSocket.
-        port: from 1 to 65535.
-    """
+    """Address of a receiver: VMC in UDP datagrams, or JSON over a WebSocket."""
 
     text: str
     protocol: Literal["vmc", "ws"]
@@ -325,10 +320,7 @@ class Senders:
         self._thread.start()
 
     def send(self, frame: LiveFrame) -> None:
-        """Hands a frame to all receivers; returns at once and never raises.
-
-        Pictures are not sent, and not kept.
-        """
+        """Hands a frame, but no pictures, to all receivers; returns at once and never raises."""
         slim = replace(frame, pictures={}, silhouettes={})
         with suppress(RuntimeError):  # closed
             self._loop.call_soon_threadsafe(self._offer, slim, time.perf_counter())

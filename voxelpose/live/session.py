@@ -82,11 +82,7 @@ class _Observed:
 
 
 class LiveSession:
-    """Runs from `start` to `close`; the controls may be used by any thread.
-
-    Attributes:
-        receivers: each is called with every frame, by the stages' threads, and returns at once.
-    """
+    """Runs from `start` to `close`; any thread may use the controls; tells its `receivers`."""
 
     def __init__(self, settings: SessionSettings, estimator: LiveEstimator):
         """Prepares the cameras, and begins the process of the silhouettes."""
@@ -125,9 +121,7 @@ class LiveSession:
         self._recordings, self._record_next = 0, False
 
     def start_cameras(self, record: bool = False) -> None:
-        """Starts all threads, and perhaps recording as soon as the empty view is known, which is
-        recorded too.
-        """
+        """Starts all threads, and recording, if wanted, as soon as the empty view is known."""
         self._record_next = record
         if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):
             self._subtract()

@@ -19,11 +19,7 @@ _Item = TypeVar("_Item")
 
 
 class Newest(Generic[_Item]):
-    """Place for one item between two threads: a newer one replaces it.
-
-    Attributes:
-        dropped: number of items that were replaced before they were taken.
-    """
+    """Place for one item between two threads: a newer one replaces it, and is `dropped`."""
 
     def __init__(self) -> None:
         """Starts empty."""
@@ -70,9 +66,7 @@ class Shot:
 
 @dataclass(eq=False)
 class _Stream:
-    """Latest pictures of one camera, oldest first, the usual time between two, and the time of
-    that in the last shot.
-    """
+    """Latest pictures of one camera, their interval, and the time of that in the last shot."""
 
     pictures: deque[tuple[float, NDArray[np.uint8]]]
     interval_s: float = 0.0

@@ -26,7 +26,7 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     prepare_silhouettes,
 )
 from voxelpose.multiview.tracking.recording_track import TrackWork
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
 _REPAIRS = "auto", "say", "off"
@@ -89,15 +89,15 @@ class MultiViewEstimator:
         given = None if known is None or known.person is not None else known
         set_threads(settings.threads)
         clock = StageClock()
-        tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
+        matching = MatchSettings(interference=options.interference)
         preparation = PreparationSettings(
             options.voxel_size_m,
             options.tolerance,
             options.repair,
-            tracking.match,
+            matching,
             *((0.0, True) if given is None else (CARVING.joined * given.extent_m, False)),
         )
-        work = TrackWork(settings, tracking, known, clock, reporter)
+        work = TrackWork(settings, source.fps, matching, known, clock, reporter)
         with (
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
             ExitStack() as kept,
@@ -140,7 +140,7 @@ def _motion(
             "no body was found in any frame: look at the hull with `voxelpose carve`, and check"
             " background and calibration"
         )
-    fps = tracker.settings.fps
+    fps = tracker.fps
     root = np.stack([pose.root_m for pose in poses])
     angles = np.stack([pose.angles_rad for pose in poses])
     rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))

@@ -105,11 +105,7 @@ def write_report(
 
 
 def render_page(package: str, template: str, contents: Mapping[str, object]) -> str:
-    """A page whose texts are escaped.
-
-    Args:
-        contents: the template's variables, all of them.
-    """
+    """A page whose texts are escaped, of a template with all its variables."""
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )

@@ -51,12 +51,7 @@ class CameraLine:
 
 @dataclass(frozen=True)
 class CameraCheck:
-    """Agreement of all cameras.
-
-    Attributes:
-        lines: one per camera that shows the body.
-        summary: result of comparing the outlines alone, as a sentence; empty where there is none.
-    """
+    """Agreement of all cameras that show the body, and of the outlines alone, as a sentence."""
 
     lines: tuple[CameraLine, ...] = ()
     summary: str = ""

@@ -46,12 +46,7 @@ _KEY = "voxelpose polygons"
 
 @dataclass(frozen=True, eq=False)
 class RegionFile:
-    """The region of a camera as its file has it.
-
-    Attributes:
-        mask: (H, W) bool, where the person may be.
-        polygons: what it was drawn from, px; empty where it was painted.
-    """
+    """A camera's region file: mask (H, W) bool, and polygons, px, unless it was painted."""
 
     path: Path
     mask: NDArray[np.bool_]
@@ -64,9 +59,7 @@ class RegionFile:
 
 
 def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:
-    """The region files of a recording, by camera name, as are the masks of `Recording.regions`, (H,
-    W) bool.
-    """
+    """Region files of a recording by camera name; masks as of `Recording.regions`."""
     paths, files = pictures_by_camera(folder / "regions", stills=True), {}
     for name, mask in masks.items():
         polygons = _stored_polygons(paths[name])
@@ -79,12 +72,7 @@ def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[s
 def drawn_region(
     drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
 ) -> NDArray[np.bool_] | None:
-    """Where the person may be, (H, W) bool, by a drawing; None: everywhere.
-
-    Args:
-        file: its present file.
-        size: width and height in px.
-    """
+    """Where the person may be, (H, W) bool, by a drawing over the present file; None: all."""
     mask = painted_mask(drawing.polygons, size) if drawing.polygons else None
     if drawing.painted and file is not None and file.painted:
         mask = file.mask if mask is None else mask | file.mask

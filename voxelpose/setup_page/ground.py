@@ -11,11 +11,7 @@ from calib.upright import AXES, UprightFrame, axis_name, cameras_worth, up_candi
 
 
 def up_choices(rig: Rig) -> list[dict[str, Any]]:
-    """Directions that may be up, the axes first and then what the cameras tell.
-
-    Returns:
-        Each `name` as for --up, and `worth`, how well it explains how the cameras stand, 0 to 1.
-    """
+    """Directions that may be up, by `name` as for --up and `worth`, 0 to 1; the axes first."""
     choices = [{"name": name, "worth": cameras_worth(rig, up)} for name, up in AXES.items()]
     for up in up_candidates(rig):
         if all(up @ axis < 0.9999 for axis in AXES.values()):

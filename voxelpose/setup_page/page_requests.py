@@ -43,11 +43,7 @@ class RegionDrawing(Struct, forbid_unknown_fields=True):
 
 
 class PlacesDrawn(Struct, forbid_unknown_fields=True):
-    """Regions and unknown places, by camera name; cameras that are not named stay as in the files.
-
-    Attributes:
-        unknown: polygons in px where nothing is known.
-    """
+    """Regions and unknown polygons, px, by camera name; cameras not named stay as in the files."""
 
     regions: dict[Name, RegionDrawing] = {}
     unknown: dict[Name, Polygons] = {}
@@ -91,11 +87,7 @@ class FitChosen(Struct, forbid_unknown_fields=True):
 
 
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):
-    """Silhouettes of a moment, with what is drawn but not saved.
-
-    Attributes:
-        moment: time step, from 0.
-    """
+    """Silhouettes of a moment, from 0, with what is drawn but not saved."""
 
     moment: Annotated[int, Meta(ge=0, le=10_000_000)]
     background: Literal["refined", "paper"] = "refined"

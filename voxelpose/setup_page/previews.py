@@ -140,12 +140,7 @@ def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
 
 
 def explain_pixel(stages: SilhouetteStages, row: int, column: int) -> dict[str, Any]:
-    """What a pixel is taken for, and why: colours (red, green, blue), measures and result in words.
-
-    Args:
-        row: of the stages' arrays.
-        column: likewise.
-    """
+    """What a pixel of the stages is taken for, and why: colours (RGB), measures and a word."""
     at = row, column
     measures, background = [], np.rint(stages.background[at][::-1].clip(0, 255)).astype(int)
     if stages.difference is not None:

@@ -36,12 +36,7 @@ _HEADERS = {
 
 
 class SetupServer:
-    """Serves the page until it is closed.
-
-    Attributes:
-        url: address for the browser, the token included.
-        port: of the gate.
-    """
+    """Serves the page until it is closed."""
 
     def __init__(self, session: SetupSession, address: Address) -> None:
         """Starts, in a thread of its own.

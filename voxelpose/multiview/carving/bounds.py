@@ -171,9 +171,7 @@ def _frame(camera: Camera) -> NDArray[np.float64]:
 
 
 def _box(planes: NDArray[np.float64]) -> _Box | None:
-    """Bounding box of the points inside all planes (N, 4), infinite where unbounded; None if there
-    are none.
-    """
+    """Bounding box of points inside all planes (N, 4), infinite if unbounded; None if empty."""
     corners = np.empty((2, 3))
     for axis in range(3):
         for side, sign in enumerate((1.0, -1.0)):
@@ -193,9 +191,7 @@ def _box(planes: NDArray[np.float64]) -> _Box | None:
 
 
 def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _Box:
-    """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
-    of them.
-    """
+    """Bounding box of the pyramids' intersection, or of all those without `rule.tolerance`."""
     sides: list[_Sides] = []
     for camera, mask in zip(rig, masks, strict=True):
         planes = _pyramid(camera, _outline(mask)) if mask.any() else None
@@ -219,9 +215,7 @@ def _pyramid_box(rig: Rig, masks: list[NDArray[np.uint8]], rule: CarveRule) -> _
 
 
 def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:
-    """Bounding box inside all planes that are not image borders, or inside all planes if those do
-    not bound it.
-    """
+    """Bounding box inside all planes but image borders; those count where it is unbounded."""
     box = _box(np.concatenate([planes[~cut] for planes, cut in sides]))
     if box is not None and not np.isfinite(box).all():
         box = _box(np.concatenate([planes for planes, _ in sides]))

@@ -49,11 +49,7 @@ class FrameObservation:
 def observation_at(
     views: PinholeViews, masks: list[np.ndarray], place_m: np.ndarray
 ) -> Observation:
-    """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs.
-
-    Args:
-        place_m: (3,) about where the body is.
-    """
+    """Silhouettes (h, w) bool of C views, with contour points for a body near a place (3,)."""
     distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
     spacing = REFINING.spacing_m, REFINING.margin
     return Observation.from_masks(views, masks, distance, *spacing)
@@ -213,11 +209,7 @@ class HullObserver:
     def carve(
         self, masks: list[np.ndarray], grid: VoxelGrid
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Silhouettes confirmed by the other cameras, and their hull (nx, ny, nz) bool in a window.
-
-        Args:
-            masks: a raw silhouette (h, w) bool per camera.
-        """
+        """Silhouettes (h, w) bool confirmed by others, and their hull (nx, ny, nz) in a window."""
         masks = self._confirmed_by_others(masks, self._surroundings(grid))
         wide, unknown = self._dilated(masks, grid), self.views.unknown
         return masks, carve(self.views.rig, wide, grid, self.rule, unknown)

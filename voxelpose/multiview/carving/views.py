@@ -200,10 +200,7 @@ def _make_view(camera: Camera) -> _View:
 
 
 def _seen_radius(camera: Camera) -> float:
-    """Radius of ideal coordinates outside of which no point is projected into the image.
-
-    Within its field a lens is one to one, so the image's border encloses all visible points.
-    """
+    """Radius of ideal coordinates, by the image's border, beyond which nothing is projected."""
     width, height = camera.size
     x, y = np.arange(-1.0, width + 1), np.arange(-1.0, height + 1)
     border = np.concatenate(

@@ -9,22 +9,19 @@ import numpy as np
 
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.matching.limbs import Limb, chains_of, has_person_limbs, limbs_of
+from voxelpose.multiview.matching.limbs import Limb, chains_of, limbs_of
 
 FREE_FROM_BODY, TAKEN = -1, -2
 
 
 class VoxelSet:
-    """The voxels of one frame's hull, numbered, so that sets of them are bits.
-
-    Args:
-        occupancy: (nx, ny, nz) bool.
-    """
+    """The occupied voxels (nx, ny, nz) of one hull, numbered, so that sets of them are bits."""
 
     def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend = CPU):
         """Numbers the occupied voxels."""
@@ -105,7 +102,7 @@ class BodyVolume:
     @property
     def is_person(self) -> bool:
         """Whether the body has all limbs of a person."""
-        return has_person_limbs(self.model)
+        return is_person_tree(self.model.tree)
 
     @cached_property
     def chains(self) -> tuple[tuple[Limb, ...], ...]:
@@ -167,9 +164,7 @@ class BodyVolume:
 
 @lru_cache(maxsize=512)
 def _chain(tree: KinematicTree, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the parts from the root to one part, their parents within that chain, the angles that
-    turn them, and the part of each.
-    """
+    """Parts from the root to one part, their parents therein, their angles, and whose each is."""
     chain = [part]
     while tree.parents[chain[0]] >= 0:
         chain.insert(0, int(tree.parents[chain[0]]))

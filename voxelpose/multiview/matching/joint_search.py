@@ -31,11 +31,7 @@ _ENTRY_BYTES = 400  # of a partial choice, beside its voxels
 
 
 class JointChoice(NamedTuple):
-    """Result of a joint search.
-
-    Attributes:
-        exact: whether no combination is better; False: the search stopped at a bound.
-    """
+    """Result of a joint search; not exact where it stopped at a bound."""
 
     choice: tuple[int, ...]
     score: float

@@ -46,18 +46,9 @@ class Limb:
     carrier: str | None = None
 
     @property
-    def part(self) -> int:
-        """Index of the part of a person whose frame carries the limb."""
-        return PART_NAMES.index(self.name)
-
-    @property
     def carried_by(self) -> str | None:
         """The limb to which it is joined; None for the root."""
         return self.carrier or self.parent
-
-    def with_parts(self, parts: tuple[str, ...]) -> Limb:
-        """The same limb of other parts."""
-        return replace(self, parts=parts)
 
 
 TORSO = Limb(
@@ -262,7 +253,7 @@ def limbs_of(model: BodyModel, part_points: list[np.ndarray], spacing_m: float) 
         part_points: P arrays (n_p, 3), the volume of each part relative to its joint.
         spacing_m: distance between those points.
     """
-    if has_person_limbs(model):
+    if is_person_tree(model.tree):
         return _with_added_parts(model)
     builder = _Builder(model, part_points, spacing_m)
     groups = builder.groups()
@@ -285,11 +276,6 @@ def chains_of(limbs: tuple[Limb, ...]) -> tuple[tuple[Limb, ...], ...]:
     return tuple(chains)
 
 
-def has_person_limbs(model: BodyModel) -> bool:
-    """Whether a body has all parts and joint angles of a person, and perhaps others."""
-    return is_person_tree(model.tree)
-
-
 def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
     parts = {limb.name: list(limb.parts) for limb in LIMBS}
     home = {part: name for name, own in parts.items() for part in own}
@@ -298,7 +284,9 @@ def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
             home[part] = home[model.names[parent]]
             parts[home[part]].append(part)
     return tuple(
-        limb if len(limb.parts) == len(parts[limb.name]) else limb.with_parts((*parts[limb.name],))
+        limb
+        if len(limb.parts) == len(parts[limb.name])
+        else replace(limb, parts=(*parts[limb.name],))
         for limb in LIMBS
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -42,11 +43,7 @@ _MATCHED_AGAIN, _SEARCHED = 3, 2
 
 
 def refinement(first_reach_m: float) -> RefineSettings:
-    """Settings of a refinement whose reaches shrink evenly from a first one to the last.
-
-    Args:
-        first_reach_m: how far off the surface may be, m.
-    """
+    """Settings of a refinement with reaches that shrink evenly from a first one, m."""
     last = 5 * REFINEMENT.contour_m
     steps = 1 + round(np.log(first_reach_m / last) / -np.log(REFINING.shrinkage))
     return RefineSettings(reaches_m=tuple(np.geomspace(first_reach_m, last, steps).tolist()))
@@ -117,12 +114,7 @@ def sampled_vertices(sex: str) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PoseFit:
-    """A pose and how well it explains the silhouettes.
-
-    Attributes:
-        error: XOR over OR of silhouettes and pose, mean of the cameras.
-        stopped: groups of limbs whose joint search stopped at a bound on the way to the pose.
-    """
+    """A pose, its XOR over OR in the mean camera, and groups whose joint search stopped."""
 
     pose: Pose
     error: float
@@ -147,14 +139,14 @@ def find_pose(
     placements = _placements(body, frame, settings or MatchSettings(), count)
     if not placements:
         return []
-    first = sorted(_matches(body, frame, placements, settings), key=_error)
+    first = sorted(_matches(body, frame, placements, settings), key=attrgetter("error"))
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
     again = _matches(body, frame, [fit.pose for fit in first[:_MATCHED_AGAIN]], settings)
-    ranked = sorted([*again, *first], key=_error)
+    ranked = sorted([*again, *first], key=attrgetter("error"))
     best, rest = ranked[:_SEARCHED], ranked[_SEARCHED:]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
-    return sorted([*moved, *rest], key=_error)
+    return sorted([*moved, *rest], key=attrgetter("error"))
 
 
 def _placements(
@@ -229,7 +221,3 @@ def _matches(
     starts = [RefineStart(found.pose, SEARCHED) for found in matched]
     fits = refine_fits(body, frame.observation, starts)
     return [replace(fit, stopped=found.stopped) for fit, found in zip(fits, matched, strict=True)]
-
-
-def _error(fit: PoseFit) -> float:
-    return fit.error

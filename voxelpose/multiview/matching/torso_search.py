@@ -33,9 +33,7 @@ class _Overlap:
     def ranked(
         self, positions: np.ndarray, rotations: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns positions, rotations and scores, best first: fraction of the points in the hull
-        less the fraction in empty space.
-        """
+        """Positions, rotations and scores, best first: share of points in the hull less outside."""
         inside, outside = self.backend.voxel_overlap(
             self.grid,
             self.occupancy,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -139,12 +140,7 @@ def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
 
 
 def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
-    """Start with its body adapted to its poses; one that stays as it is, is left so.
-
-    Args:
-        start: with poses, and the errors of other frames.
-        frames: those that are posed.
-    """
+    """Start, and errors, with its body adapted to its poses; one that stays is left so."""
     if start.prior.covariance is None:
         return start
     observed = [frames[t] for t in start.poses]
@@ -230,7 +226,7 @@ class _Search:
                 t: refine_fits(body, frame.observation, starts[t])
                 for t, frame in self.frames.items()
             }
-            fits = {t: min(poses, key=_error) for t, poses in found.items() if poses}
+            fits = {t: min(poses, key=attrgetter("error")) for t, poses in found.items() if poses}
             return self._start(candidate, body, self._prior(candidate, body), evidence, fits)
 
         return min(side_by_side(refined, candidates), key=Start.cost)
@@ -301,7 +297,3 @@ class _Search:
         sigma_m = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * candidate.stature
         stature = Stature(candidate.stature, sigma_m)
         return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
-
-
-def _error(fit: PoseFit) -> float:
-    return fit.error

@@ -24,12 +24,7 @@ def hull_volume_m3(frame: FrameObservation) -> float:
 
 
 def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
-    """Chest girth, m, at which a body fills its visual hull as usual, as far as people's go.
-
-    Args:
-        model: of usual girth.
-        hull_m3: volume of the hull.
-    """
+    """Chest girth, m, with which a usual body fills a hull, m³, as far as people's go."""
     usual_m3 = HULL_GIRTH.hull_over_body * model.part_volumes_m3(0.02).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), HULL_GIRTH.least, HULL_GIRTH.most))
     return float(np.clip(girth * HULL_GIRTH.usual_chest * model.sizes.stature_m, *CHESTS_M))
@@ -66,12 +61,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class StatureEvidence:
-    """What tells a person's stature, whichever body is fitted.
-
-    Attributes:
-        told_m: by the user, m; None: nobody told it.
-        hull_m: heights of the visual hull: the usual one, and the largest.
-    """
+    """Stature told by the user, m, if any, and the usual and largest height of the hull."""
 
     told_m: float | None
     hull_m: tuple[float, ...] = ()
@@ -85,9 +75,7 @@ class StatureEvidence:
         return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)))
 
     def statures_m(self, posture: str) -> tuple[tuple[float, ...], ...]:
-        """Statures from which searches in a posture begin, the likeliest first; those of one search
-        together.
-        """
+        """Statures from which searches in a posture begin, likeliest first; a tuple a search."""
         if self.told_m is not None:
             return ((self.told_m,),)
         usual, largest = self.hull_m

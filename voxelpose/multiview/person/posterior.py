@@ -46,12 +46,7 @@ def posterior_cost(
     errors: Sequence[float],
     evidence: StatureEvidence,
 ) -> float:
-    """Negative logarithm of a candidate's posterior probability, up to a constant.
-
-    Args:
-        model: its body, adapted or not.
-        errors: silhouette errors of frames that are independent of each other.
-    """
+    """Negative logarithm of a candidate's posterior, by independent silhouette errors."""
     return sum(cost_terms(candidate, model, prior, errors, evidence).values())
 
 

@@ -4,6 +4,8 @@ and its thin ones no legs.
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -42,9 +44,9 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
     torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
     places += [(torso.root_m, torso.root_rotation) for torso in torsos]
     starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
-    fits = sorted(refine_fits(body, frame.observation, starts), key=_error)
+    fits = sorted(refine_fits(body, frame.observation, starts), key=attrgetter("error"))
     moved = [move_limbs(body, frame.observation, fit) for fit in fits[:_BEST]]
-    return sorted(moved, key=_error)
+    return sorted(moved, key=attrgetter("error"))
 
 
 def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
@@ -54,7 +56,3 @@ def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     head = points_m[points_m[:, 2] > top_m - half_head_m]
     trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
-
-
-def _error(fit: PoseFit) -> float:
-    return fit.error

@@ -131,13 +131,7 @@ def frame_evidence(
 def half_turn_ratio(
     body: BodyGeometry, pose: Pose, frame: FrameObservation, settings: MatchSettings
 ) -> float:
-    """How much worse the body turned half round explains a frame.
-
-    Its limbs are matched and refined again, so that only the heading is another one.
-
-    Returns:
-        Silhouette error of the turned body over that of the pose itself, both refined.
-    """
+    """How much worse the body turned half round, its limbs matched again, explains a frame."""
     turned = Pose(
         pose.root_m,
         pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),

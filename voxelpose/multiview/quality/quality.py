@@ -158,7 +158,7 @@ def _half_turn(tracker: PoseTracker, pose_of: Callable[[int], Pose], steps: list
         frame = tracker.observe(steps[row])
         if frame is None:
             return np.nan
-        return half_turn_ratio(tracker.body, pose_of(row), frame, tracker.settings.match)
+        return half_turn_ratio(tracker.body, pose_of(row), frame, tracker.matching)
 
     ratios = np.array(side_by_side(ratio, np.unique(rows).tolist()))
     return float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else np.nan

@@ -39,11 +39,7 @@ _REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Silhouettes of one moment, packed.
-
-    Attributes:
-        bits: by camera name, (h, ceil(w / 8)) uint8 and the width w.
-    """
+    """Silhouettes of one moment by camera, packed as (h, ceil(w / 8)) uint8 with the width w."""
 
     time_s: float
     bits: dict[str, tuple[NDArray[np.uint8], int]]
@@ -121,9 +117,7 @@ class BodyTrack:
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 
     def with_limbs(self, observation: Observation) -> BodyTrack:
-        """Track whose arms and legs are searched again in its latest frame; itself where that is no
-        better.
-        """
+        """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
         if moved.error >= TRACKING.better * self.fit.error:
             return self

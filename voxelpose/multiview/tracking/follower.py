@@ -78,11 +78,7 @@ def adapt_body(
     track: BodyTrack,
     samples: Sequence[tuple[Moment, Pose]],
 ) -> BodyTrack:
-    """Track with a body whose proportions are adapted to some frames.
-
-    Args:
-        settings: which say whether the stature was given.
-    """
+    """Track with a body whose proportions are adapted to some frames."""
     model = track.body.model
     stature = model.sizes.stature_m
     told = settings.stature_m is not None
@@ -180,12 +176,7 @@ class _Followed:
 
 
 class PoseFollower:
-    """Follows one body.
-
-    Args:
-        rig: pinhole cameras, whose silhouettes are given.
-        executor: does what takes longer than a frame, one job at a time.
-    """
+    """Follows one body with pinhole cameras; the executor does one long job at a time."""
 
     def __init__(self, rig: Rig, settings: Settings, executor: Executor):
         """Starts without a body."""

@@ -19,6 +19,7 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import stature_of
 from silhouette_core.refinement.surface import Surface
 from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body
 from voxelpose.multiview.person.given_body import start_given
@@ -26,7 +27,7 @@ from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 REFIT_FRAMES = 12
 """Frames of a recording to which the body is adapted again, and by which tracks are compared."""
@@ -102,14 +103,11 @@ _Facts = dict[str, object]
 
 @dataclass(frozen=True, eq=False)
 class TrackWork:
-    """Tracking of one recording.
-
-    Attributes:
-        known: the body; None: it is estimated.
-    """
+    """Tracking of one recording, of a known body or one that is estimated."""
 
     settings: Settings
-    tracking: PoseTrackerSettings
+    fps: float
+    matching: MatchSettings
     known: BodyModel | None
     clock: StageClock
     reporter: Reporter
@@ -117,11 +115,7 @@ class TrackWork:
     def track(
         self, prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[PoseTracker, dict[str, object]]:
-        """Poses of all frames, and facts for the summary.
-
-        Args:
-            kept: closes what the tracker needs.
-        """
+        """Poses of all frames, and facts for the summary; `kept` closes what the tracker needs."""
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
         tracker, start, objects = self._person(prepared, kept)
@@ -146,9 +140,7 @@ class TrackWork:
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[PoseTracker, Start, StaticObjects | None]:
-        """Tracks a person; while that is improbable, again without what stands beside, and the more
-        probable is taken.
-        """
+        """Tracks a person; while improbable, again without what stands beside; keeps the best."""
         tracker, start = self._tracked(self._observations(prepared, kept))
         objects: StaticObjects | None = None
         for _ in range(_ROUNDS):
@@ -182,11 +174,9 @@ class TrackWork:
         settings, known = self.settings, self.known
         with self.clock("first poses"):
             keep = known is not None and names_result(str(settings.options["body"]))
-            given = self.tracking.match, self.reporter, known, keep, objects
+            given = self.matching, self.reporter, known, keep, objects
             start = choose_body(observations, settings, *given)
-        tracker = PoseTracker(
-            start.body, observations, self.tracking, self.clock, self.reporter.advance
-        )
+        tracker = self._tracker(start.body, observations)
         self._follow(tracker, start.poses, start.errors)
         return tracker, start
 
@@ -195,13 +185,17 @@ class TrackWork:
     ) -> tuple[PoseTracker, dict[str, object]]:
         """As `track`, with a body that no person's measurements make."""
         with self.clock("first poses"):
-            search = self.settings, self.tracking.match, self.reporter
+            search = self.settings, self.matching, self.reporter
             body, fits = start_given(observations, *search, model)
-        tracker = PoseTracker(body, observations, self.tracking, self.clock, self.reporter.advance)
+        tracker = self._tracker(body, observations)
         poses = {t: fit.pose for t, fit in fits.items()}
         self._follow(tracker, poses, {t: fit.error for t, fit in fits.items()})
         self._polish(tracker)
         return tracker, _found(tracker, poses)
+
+    def _tracker(self, body: BodyGeometry, observations: ObservationStore) -> PoseTracker:
+        told = self.clock, self.reporter.advance
+        return PoseTracker(body, observations, self.fps, self.matching, *told)
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
         work = self.clock, self.reporter

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from itertools import pairwise
 from threading import Lock
 
@@ -38,38 +37,22 @@ Clock = Callable[[str], AbstractContextManager[None]]
 """Times a block under a stage's name."""
 
 
-@dataclass(frozen=True)
-class PoseTrackerSettings:
-    """How poses are propagated from frame to frame.
-
-    Attributes:
-        fps: frames per second; the expected step of a joint shrinks with it.
-        match: settings of the matcher for a search over the whole range.
-    """
-
-    fps: float
-    match: MatchSettings
-
-
 class PoseTracker:
-    """Poses of a recording's frames, improved step by step.
-
-    Args:
-        advance: called once for every frame whose pose was worked on.
-    """
+    """Poses of a recording's frames, improved step by step; tells every frame."""
 
     def __init__(
         self,
         body: BodyGeometry,
         observations: ObservationStore,
-        settings: PoseTrackerSettings,
+        fps: float,
+        matching: MatchSettings,
         clock: Clock,
         advance: Callable[[], None],
     ):
         """Starts without poses."""
         self.body = body
         self.observations = observations
-        self.settings = settings
+        self.fps, self.matching = fps, matching
         self.poses: list[Pose | None] = [None] * len(observations)
         self.error = np.full(len(observations), np.inf)
         self._clock = clock
@@ -96,25 +79,18 @@ class PoseTracker:
             self.carry(t)
 
     def anchor(self, t: int, count: int = PLACEMENTS) -> bool:
-        """Searches one frame without a prior; whether that gave a better pose than before.
-
-        Args:
-            count: torso placements to try.
-        """
+        """Searches one frame without a prior, `count` torsos; whether that gave a better pose."""
         frame = self.observe(t)
         if frame is None:
             return False
-        fits = find_pose(self.body, frame, self.settings.match, count)
+        fits = find_pose(self.body, frame, self.matching, count)
         if not fits or fits[0].error > min(TRACKING.lost, TRACKING.better * self.error[t]):
             return False
         self._keep(t, fits[0])
         return True
 
     def carry(self, start: int) -> None:
-        """Tracks the body from a posed frame forward and backward, while poses improve.
-
-        Both ways at once: neither sees what the other changes.
-        """
+        """Tracks from a posed frame both ways at once, while poses improve."""
         ways = [(self._track_at(start, direction), direction) for direction in (+1, -1)]
         side_by_side(lambda way: self._carry(*way), ways)
 
@@ -147,9 +123,7 @@ class PoseTracker:
         return BodyTrack(self.body, self._time_s(t), fit, before, errors)
 
     def _step(self, track: BodyTrack, t: int) -> BodyTrack | None:
-        """Track with one more frame, whose arms and legs are searched where it stays poor; None
-        where no pose explains the silhouettes.
-        """
+        """Track with one more frame, its limbs searched if poor; None where no pose fits."""
         if not 0 <= t < len(self.poses):
             return None
         frame = self.observations.observe(t, track.fit.pose.root_m)
@@ -194,16 +168,14 @@ class PoseTracker:
             self._continue(range(end - 1, first - 1, -1), -1)
 
     def _continue(self, frames: range, direction: int) -> None:
-        """Tracks on into some frames, unless they explain the silhouettes clearly better as they
-        are.
-        """
+        """Tracks on into some frames, unless they explain the silhouettes clearly better now."""
         track, fits = self._track_at(frames[0] - direction, direction), {}
         for t in frames:
             track = track and self._step(track, t)
             if track is None:
                 return
             fits[t] = track.fit
-        short = len(fits) <= OFF_LINE.short_s * self.settings.fps
+        short = len(fits) <= OFF_LINE.short_s * self.fps
         most = OFF_LINE.continued_short if short else OFF_LINE.continued
         if np.mean([fit.error for fit in fits.values()]) < most * self.error[list(fits)].mean():
             for t, fit in fits.items():
@@ -223,7 +195,7 @@ class PoseTracker:
         steps[both] = np.linalg.norm(joints[index[both + 1]] - joints[index[both]], axis=2).mean(1)
         half = RECENT // 2
         around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
-        farthest = OFF_LINE.jump_m * FPS / self.settings.fps
+        farthest = OFF_LINE.jump_m * FPS / self.fps
         return both[steps[both] > np.maximum(farthest, OFF_LINE.jump_ratio * np.array(around))]
 
     def recheck(self) -> None:
@@ -232,7 +204,7 @@ class PoseTracker:
         A limb that is wrong in all frames of a stretch shows no rise of the error. Where the limb
         explains the silhouettes better, its neighbours are tracked from there.
         """
-        stride = max(round(self.settings.fps * OFF_LINE.limbs_again_s), 1)
+        stride = max(round(self.fps * OFF_LINE.limbs_again_s), 1)
         chosen = list(range(stride // 2, len(self.poses), stride))
         poses = list(self.poses)
         searched = dict(zip(chosen, side_by_side(self._searched, chosen), strict=True))
@@ -277,7 +249,7 @@ class PoseTracker:
         self.poses[t], self.error[t] = fit.pose, fit.error
 
     def _time_s(self, t: int) -> float:
-        return t / self.settings.fps
+        return t / self.fps
 
     def _frame_of(self, track: BodyTrack) -> int:
-        return round(track.time_s * self.settings.fps)
+        return round(track.time_s * self.fps)

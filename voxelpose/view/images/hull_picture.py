@@ -32,12 +32,7 @@ _BONE = (40, 60, 200)
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints and the bones between them.
-
-    Attributes:
-        joints_m: (J, 3) float64, world, m; rows with NaN are not drawn.
-        bones: (B, 2) int, joint numbers.
-    """
+    """Joints (J, 3) m, world, not drawn where NaN, and numbers (B, 2) of the bones' ends."""
 
     joints_m: NDArray[np.float64]
     bones: NDArray[np.integer]

@@ -161,10 +161,7 @@ def _box(
     camera: Camera,
     rows: Sequence[int],
 ) -> tuple[float, float, float, float]:
-    """Left, top, width and height, recorded pixels, around the body in some rows of the motion.
-
-    The whole picture where the body is not visible.
-    """
+    """Left, top, width, height, px, around the body in some rows; the picture if not visible."""
     visible = []
     for row in rows:
         pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))

@@ -56,9 +56,7 @@ class Browser:
             self.step(0.5)
 
     def step(self, timeout_s: float) -> bool:
-        """Waits for a new choice, at most so many seconds, or for the next frame while playing;
-        returns whether anything was drawn.
-        """
+        """Waits for a choice, at most so long, or the next frame while playing; whether it drew."""
         if self._play.value:
             self._advance()
         elif not self._wake.wait(timeout_s):

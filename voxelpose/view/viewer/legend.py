@@ -35,10 +35,7 @@ def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def faded(likelihood: float) -> NDArray[np.uint8]:
-    """Colour (3,) RGB of a hypothesis by its likelihood, relative to the likeliest one's.
-
-    Lines have no opacity: the less likely fade into the background instead.
-    """
+    """Colour (3,) RGB of a hypothesis by its relative likelihood: the less likely fade."""
     opacity = 0.15 + 0.85 * min(likelihood, 1.0)
     mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
     return mixed.round().astype(np.uint8)

@@ -20,9 +20,7 @@ def _any(line):
 
 @kernel
 def foreground_box(mask):
-    """Left, top, width and height of the box around all non-zero pixels of (h, w) uint8; zeros if
-    there are none.
-    """
+    """Left, top, width, height of the box of non-zero pixels of (h, w) uint8, or zeros."""
     height, width = mask.shape
     top, bottom = 0, height
     while top < height and not _any(mask[top]):
