@@ -1,6 +1,11 @@
-"""Pictures of a calibration: the rig from above and from the side, the corners of each lens, and of
-a check each camera's silhouette with the tangent planes of the others.
+"""Output files of a calibration: itself, a report, and pictures of the rig from above and from the
+side, the corners of each lens, and each camera's silhouette with the tangent planes of the others.
 """
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -9,12 +14,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from calib.atomic import replacing
 from calib.camera import Camera, FloatArray, Rig
+from calib.files import write_rig
 from calib.points import nearest_point
 from calib.tangency import OutlineTrack
 from calib.upright import UprightFrame, up_candidates
 from voxelpose.calibration.check import Check
 from voxelpose.calibration.lenses import Lens
+from voxelpose.results import as_json
 from voxelpose.view.images.canvas import (
     FAINT,
     INK,
@@ -25,6 +33,7 @@ from voxelpose.view.images.canvas import (
     WARNING,
     Colour,
     Image,
+    png,
 )
 
 _CELLS = 72  # along the longest edge
@@ -261,3 +270,33 @@ def touching_lines(camera: Camera, other: OutlineTrack, time_s: float) -> list[N
         pixels, _ = camera.project(camera.center_m + normal_ray + along[:, None] * baseline)
         lines.append(pixels)
     return lines
+
+
+def beside(out: Path, suffix: str) -> Path:
+    """Path of an accompanying file, such as calibration_rig.png for calibration.toml."""
+    return out.with_name(f"{out.stem}_{suffix}")
+
+
+def write_calibration(
+    rig: Rig,
+    out: Path,
+    notes: Mapping[str, Any],
+    picture: tuple[Path, Image],
+    report: tuple[Path, Mapping[str, object]],
+) -> None:
+    """Writes a calibration, a picture and a report. A failure leaves no partial file.
+
+    Args:
+        out: The calibration; its suffix selects the format.
+        notes: Stored in the calibration, if its format supports that.
+        picture: PNG file and what it shows.
+        report: JSON file and what it says.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    others = {picture[0]: png(picture[1]), report[0]: as_json(report[1]).encode()}
+    with ExitStack() as complete:
+        for path, content in others.items():
+            complete.enter_context(replacing(path)).write_bytes(content)
+        write_rig(rig, out, notes=notes)

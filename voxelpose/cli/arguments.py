@@ -12,7 +12,10 @@ from tyro.conf import Positional, arg
 from calib.errors import InputError
 
 if TYPE_CHECKING:
+    from calib.board import Board
     from voxelpose.view.serving.gate import Address
+
+_MAX_SQUARE_M = 2
 
 
 def _optional(metavar: str, words: str | None = None) -> Any:
@@ -194,3 +197,35 @@ def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str =
                 f"{path} cannot be written: there is no folder {path.parent}: make it, or give"
                 f" {option} another name"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardArguments:
+    """Arguments that describe a board."""
+
+    board: Annotated[str, arg(metavar="COLUMNSxROWS")]
+    """Number of inner corners, where four squares meet, along and down: one fewer than squares."""
+    square: Annotated[float, arg(metavar="M")]
+    """Side of a square in metres, measured on the print: 0.03 for 30 mm."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+
+    def to_board(self) -> Board:
+        """Returns the board.
+
+        Raises:
+            InputError: the arguments describe no board.
+        """
+        from calib.board import Board
+
+        if self.square > _MAX_SQUARE_M:
+            raise InputError(
+                f"--square {self.square:g} are squares of {self.square:g} m: give metres,"
+                f" {self.square / 1000:g} for millimetres"
+            )
+        return Board(*corner_counts(self.board), self.square, self.marker, self.dictionary)
+
+
+def corner_counts(text: str) -> tuple[int, int]:
+    """Reads the value of --board, such as 8x5."""
+    return two_numbers(text, "--board", "inner corners along and down, as in 8x5")

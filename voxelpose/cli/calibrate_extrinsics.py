@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
+    BoardArguments,
     Cameras,
     Dictionary,
     MarkerSide,
@@ -20,7 +21,6 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.calibrate_board import BoardArguments
 from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             from calib.files import read_rig
             from calib.files.notes import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
-            from voxelpose.calibration.files import beside, write_calibration
-            from voxelpose.calibration.pictures import rig_picture
+            from voxelpose.calibration.pictures import beside, rig_picture, write_calibration
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)

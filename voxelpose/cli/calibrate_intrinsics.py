@@ -10,8 +10,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import Cameras, OverwriteFile, camera_names, refuse_existing
-from voxelpose.cli.calibrate_board import BoardArguments
+from voxelpose.cli.arguments import (
+    BoardArguments,
+    Cameras,
+    OverwriteFile,
+    camera_names,
+    refuse_existing,
+)
 from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
@@ -51,14 +56,13 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in
-            from voxelpose.calibration.files import beside, write_calibration
             from voxelpose.calibration.lenses import (
                 calibrate_lenses,
                 lens_notes,
                 lens_report,
                 lens_rig,
             )
-            from voxelpose.calibration.pictures import coverage_picture
+            from voxelpose.calibration.pictures import beside, coverage_picture, write_calibration
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)

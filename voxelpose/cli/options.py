@@ -168,7 +168,7 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     Raises:
         InputError: a file cannot be read, or has an unknown section, option or value.
     """
-    from voxelpose.recording.settings_files import settings_files
+    from voxelpose.recording.subject import settings_files
 
     options = options_of(load_command(section))
     found: dict[str, FolderSetting] = {}
@@ -190,7 +190,7 @@ def sections_in(folder: Path) -> list[str]:
     Raises:
         InputError: a file cannot be read, or has an unknown section.
     """
-    from voxelpose.recording.settings_files import settings_files
+    from voxelpose.recording.subject import settings_files
 
     return list(dict.fromkeys(name for file in settings_files(folder) for name in _sections(file)))
 

@@ -58,7 +58,7 @@ def write_export_record(
 _WRITERS = {
     "bvh": {"motion.bvh": ("bvh", "write_bvh")},
     "glb": {"motion.glb": ("gltf", "write_glb")},
-    "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("mot", "write_mot")},
+    "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("opensim", "write_mot")},
     "c3d": {"motion.c3d": ("c3d", "write_c3d")},
     "csv": {
         "joints.csv": ("tables", "write_joints"),
@@ -71,7 +71,7 @@ FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
 
 _WRITERS["opensim"] = {
-    "motion.mot": ("mot", "write_mot"),
+    "motion.mot": ("opensim", "write_mot"),
     "opensim_motion.trc": ("opensim", "write_seen"),
     "opensim_static.trc": ("opensim", "write_static"),
     "opensim_markers.xml": ("opensim", "write_marker_set"),

@@ -193,9 +193,8 @@ class Page:
         except BaseException:
             self._served.close()
             raise
-        self._changed = threading.Condition()
         self._frame: LiveFrame | None = None
-        self._closing = False
+        self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
         self._thread.start()
 
@@ -206,31 +205,23 @@ class Page:
 
     def show(self, frame: LiveFrame) -> None:
         """Hands over a frame, which replaces one that is not drawn yet; returns at once."""
-        with self._changed:
-            self._frame = frame
-            self._changed.notify()
+        self._frame = frame
 
     def close(self) -> None:
         """Stops server and threads."""
-        with self._changed:
-            if self._closing:
-                return
-            self._closing = True
-            self._changed.notify()
+        if self._closing.is_set():
+            return
+        self._closing.set()
         self._thread.join()
         self._served.close()
 
     def _run(self) -> None:
         drawn: tuple[LiveFrame | None, frozenset[str]] | None = None
         texts_s, texts_due_s = 0.4, 0.0
-        while True:
-            with self._changed:
-                if self._frame is None or (drawn is not None and self._frame is drawn[0]):
-                    self._changed.wait(texts_s / 2)
-                if self._closing:
-                    return
-                frame = self._frame
+        begun_s = time.monotonic()
+        while not self._closing.wait(max(0.0, begun_s + 1 / _MOST_PER_S - time.monotonic())):
             begun_s = time.monotonic()
+            frame = self._frame
             if self._served.watched:
                 chosen = frame, self._panel.shown
                 with self._served.viser.atomic():
@@ -242,10 +233,3 @@ class Page:
                 drawn = chosen
             else:
                 drawn = None
-            self._wait(begun_s + 1 / _MOST_PER_S)
-
-    def _wait(self, until_s: float) -> None:
-        """Sleeps, but ends at once when the page is closed."""
-        with self._changed:
-            while not self._closing and (rest := until_s - time.monotonic()) > 0:
-                self._changed.wait(rest)

@@ -17,7 +17,7 @@ from calib.atomic import unwritable
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
-from voxelpose.live.shots import Shot
+from voxelpose.live.camera_source import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.view.images.canvas import encoded

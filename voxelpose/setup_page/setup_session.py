@@ -13,14 +13,16 @@ from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.recording.settings_files import SETTINGS_FILE
+from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
     check_points,
+    ground_lines,
     point_errors,
     read_clicked,
     save_clicked,
+    up_choices,
 )
 from voxelpose.setup_page.drawn_places import (
     DrawnRecording,
@@ -28,7 +30,6 @@ from voxelpose.setup_page.drawn_places import (
     check_choices,
     save_choices,
 )
-from voxelpose.setup_page.ground import ground_lines, up_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
     GroundRequest,

@@ -11,9 +11,8 @@ from scipy.optimize import linprog
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError
-from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.carver import CarveRule, Masks, carve, mask_list
 from voxelpose.multiview.carving.grid import LARGEST, VoxelGrid
-from voxelpose.multiview.carving.views import Masks, mask_list
 from voxelpose.multiview.tuning import CARVING
 
 _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks

@@ -61,14 +61,6 @@ class VoxelGrid:
         nx, ny, nz = (int(n) for n in np.maximum(high - low, 1))
         return cls(low * voxel_size_m, voxel_size_m, (nx, ny, nz))
 
-    @classmethod
-    def around(
-        cls, centre_m: ArrayLike, voxel_size_m: float, shape: tuple[int, int, int]
-    ) -> "VoxelGrid":
-        """Window of a shape whose middle is within half a voxel of `centre_m` (3,), world, m."""
-        centre = np.asarray(centre_m, dtype=np.float64)
-        return cls(centre - 0.5 * voxel_size_m * np.array(shape), voxel_size_m, shape)
-
     @property
     def lattice(self) -> NDArray[np.int64]:
         """(3,) int64: the lattice coordinates of voxel (0, 0, 0), in voxels."""
@@ -104,11 +96,6 @@ class VoxelGrid:
             np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64)
             - self.lattice
         )
-
-    def contains(self, indices: ArrayLike) -> NDArray[np.bool_]:
-        """Says which voxels (N, 3) int lie inside the grid, (N,) bool."""
-        indices = np.asarray(indices)
-        return np.logical_and.reduce((indices >= 0) & (indices < np.array(self.shape)), axis=-1)
 
     def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Centres (N, 3) float64, world, m, of the voxels in `occupancy` (nx, ny, nz) bool."""

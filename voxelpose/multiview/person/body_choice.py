@@ -8,40 +8,81 @@ from functools import partial
 from operator import attrgetter
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.refine import RefineStart
+from silhouette_core.refinement.still_root import still_root
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    MORE_PLACEMENTS,
     SEARCHED,
     BodyGeometry,
     PoseFit,
     find_pose,
+    move_limbs,
     refine_fits,
 )
-from voxelpose.multiview.person.candidates import (
+from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.person.posterior import (
     GIRTH_CAMERAS,
     POSTURES,
     Candidate,
+    ShapePrior,
     StatureEvidence,
     chest_from_hull,
     hull_volume_m3,
+    is_improbable,
+    posterior_cost,
 )
-from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
-from voxelpose.multiview.person.sitting import find_sitting_pose
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
+
+_HEADINGS, _BEST = 12, 5
+
+
+def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
+    """Poses near an upright chair's, best first: the legs begin as a sitting person's and are not
+    searched in the hull, where they would be found in a chair's.
+    """
+    model, points = body.model, frame.grid.occupied_points(frame.occupancy)
+    angles = relaxed_rad(model.tree).copy()
+    bent_deg = {"thigh.flexion": 80, "thigh.abduction": 8, "shin.flexion": 80}  # on a chair
+    for k, name in enumerate(model.tree.dof_names):
+        joint = name.partition("_")[2]
+        if joint in bent_deg:
+            angles[k] = np.radians(bent_deg[joint])
+    root = _below_head(model, points)
+    headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
+    places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
+    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
+    places += [(torso.root_m, torso.root_rotation) for torso in torsos]
+    starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
+    fits = sorted(refine_fits(body, frame.observation, starts), key=attrgetter("error"))
+    moved = [move_limbs(body, frame.observation, fit) for fit in fits[:_BEST]]
+    return sorted(moved, key=attrgetter("error"))
+
+
+def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
+    """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
+    top_m = points_m[:, 2].max()
+    half_head_m = 0.12
+    head = points_m[points_m[:, 2] > top_m - half_head_m]
+    trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
+    return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
+
 
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
 _STARTS = 3  # poses of a frame from which candidates are refined
@@ -297,3 +338,56 @@ class _Search:
         sigma_m = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * candidate.stature
         stature = Stature(candidate.stature, sigma_m)
         return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
+
+
+def start_given(
+    observations: ObservationStore,
+    settings: Settings,
+    matching: MatchSettings,
+    reporter: Reporter,
+    model: BodyModel,
+) -> tuple[BodyGeometry, dict[int, PoseFit]]:
+    """Searches anchor frames without a prior, with a body that stays as it is.
+
+    A root that stands still is placed once, by all anchor frames together.
+
+    Returns:
+        The body, and the fits of the frames in which it explains the silhouettes nearly as well as
+        in the best.
+
+    Raises:
+        InputError: no frame shows a body.
+    """
+    frames = anchor_frames(observations)
+    reporter.stage("first poses", max(len(frames), 1))
+    body = BodyGeometry.from_model(
+        model, observations.observer.voxel_size_m, load_backend(settings.backend)
+    )
+    fits = _searched(body, frames, matching)
+    if fits and model.tree.root_fixed:
+        best = min(fits.values(), key=lambda fit: fit.error)
+        fits = _searched(replace(body, root=best.pose), frames, matching)
+        seen, poses = [frames[t].observation for t in fits], [fit.pose for fit in fits.values()]
+        root = still_root(body.surface, seen, poses, SEARCHED)
+        body = replace(body, root=root)
+        fits = _searched(body, frames, matching)
+    reporter.advance(max(len(frames), 1))
+    if not fits:
+        raise InputError(
+            "the silhouettes leave no hull in which the body is found: look at it with `voxelpose"
+            " carve RECORDING --frame 0 --out hull.ply`, and check the background pictures, the"
+            " calibration and the body's size"
+        )
+    for group in sorted({group for fit in fits.values() for group in fit.stopped}):
+        reporter.note(
+            f"the joint search of {', '.join(group)} stopped at its bound of memory or work: the"
+            " best of what it had tried stands (larger voxels make it shorter)"
+        )
+    return body, clear_fits(fits)
+
+
+def _searched(
+    body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
+) -> dict[int, PoseFit]:
+    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    return {t: fit for t, best in zip(frames, found, strict=True) for fit in best}

@@ -31,7 +31,7 @@ from voxelpose.multiview.matching.pose_search import (
     PoseFit,
     find_pose,
 )
-from voxelpose.multiview.person.candidates import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
+from voxelpose.multiview.person.posterior import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
     Masks,

@@ -12,9 +12,9 @@ import numpy as np
 from calib.errors import InputError
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
-from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
+from voxelpose.view.viewer.legend import area_text, display_name, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import LAYERS, PICTURES, Choice, SceneRenderer
+from voxelpose.view.viewer.scene import LAYERS, PICTURES, Choice, SceneRenderer, frame_html
 
 _NO_PART = "none"
 

@@ -31,8 +31,7 @@ from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, is_result
 from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
-from voxelpose.view.viewer.camera_frames import CameraFrames
-from voxelpose.view.viewer.scene import BodyState, CameraFrame, CarvedHull, Scene
+from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
 
 class FittedBody:

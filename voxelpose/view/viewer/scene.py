@@ -1,31 +1,42 @@
-"""Contents of one frame of a result, and their drawing with viser: cameras, voxels, body,
-skeletons, movable areas.
-"""
+"""Contents of one frame of a result, its cameras' pictures, and their drawing with viser."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.image.segmenter import load_segmenter
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.frame_reader import Frame, read_together
+from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.viewer.legend import (
     AREA,
     DISPUTED,
+    FAR,
     HULL,
     OUTLYING_CM,
     SILHOUETTE,
     UNEXPLAINED,
+    display_name,
     faded,
     overlap_colours,
+    text_html,
 )
 
 
@@ -126,6 +137,36 @@ LAYERS = {
 """What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
 _PICTURE_PX = 480  # longest side of a picture sent to the browser
 _NOTHING = np.zeros((0, 3))
+
+
+def frame_html(scene: Scene) -> str:
+    """Description of a frame, as HTML; texts from files are escaped."""
+    lines = [f"Frame {scene.frame}, {scene.time_s:.2f} s"]
+    if scene.body is not None:
+        agreement = scene.body.outline_agreement
+        if agreement is not None and np.isfinite(agreement):
+            lines.append(
+                f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
+                " silhouettes."
+            )
+        weak = [
+            display_name(name)
+            for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
+            if overlap < REPORT.covered
+        ]
+        if weak:
+            lines.append(f"Little inside the hull: {', '.join(weak)}.")
+    if scene.hull is not None:
+        lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
+        if scene.body is not None:
+            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
+            lines.append(f"{far:.0f} litres of it are {FAR}.")
+    lines += [f"⚠ {note}" for note in scene.notes]
+    lines += [
+        f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
+        for hypothesis in scene.hypotheses
+    ]
+    return text_html(lines)
 
 
 @dataclass(frozen=True)
@@ -285,3 +326,90 @@ def _part_mesh(model: BodyModel, part: int) -> tuple[NDArray[np.int64], NDArray[
     """Vertex numbers of one part's triangles, and the triangles as indices into those."""
     inside, faces = np.unique(model.faces[model.face_part == part], return_inverse=True)
     return inside, faces.reshape(-1, 3).astype(np.uint32)
+
+
+_MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
+
+
+class CameraFrames:
+    """Reads frames in any order.
+
+    A frame shortly after the last one is reached by reading on: videos are decoded from their
+    start.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        method: Literal["paper", "refined"],
+        views: Mapping[str, UndistortedView],
+        segmenter: str | None = None,
+    ) -> None:
+        """Prepares; nothing is read before the first frame.
+
+        Args:
+            views: undistorted view of every camera by name.
+            segmenter: that told where people are; without it where it cannot be used any more.
+        """
+        self._recording = recording
+        self._method: Literal["paper", "refined"] = method
+        self._views, self._segmenter = views, segmenter
+        self._next, self._frames = 0, None
+
+    @cached_property
+    def _silhouettes(self) -> Silhouettes:
+        segmenter = self._segmenter
+        try:
+            if segmenter is not None:
+                load_segmenter(segmenter)
+        except InputError:
+            segmenter = None
+        return Silhouettes(self._recording, self._method, LONG_SIDE_PX, segmenter=segmenter)
+
+    @cached_property
+    def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
+        """Where nothing is known, (h, w) bool in every view; None: nowhere."""
+        found = scaled_unknown(self._recording, LONG_SIDE_PX)
+        return unknown_views(found, list(self._views.values()))
+
+    def read(self, frame: int) -> tuple[CameraFrame, ...]:
+        """Undistorted pictures and silhouettes of a frame, one per camera."""
+        pictures = self._read(frame)
+        masks = self._silhouettes.of(pictures)
+        given, unknown = self._recording.silhouettes_given, self.unknown or [None] * len(masks)
+        return tuple(
+            CameraFrame(
+                view.pinhole,
+                None if given else _undistorted(pictures[name], view),
+                view.undistort(masks[name]),
+                hidden,
+            )
+            for (name, view), hidden in zip(self._views.items(), unknown, strict=True)
+        )
+
+    def _read(self, frame: int) -> dict[str, Frame]:
+        if self._frames is None or not 0 <= frame - self._next <= _MOST_SKIPPED:
+            self.close()
+            stop = self._recording.first + self._recording.frame_count
+            self._next, self._frames = frame, read_together(self._recording.readers, frame, stop)
+        pictures: dict[str, Frame] = {}
+        while self._next <= frame:
+            pictures = next(self._frames)
+            self._next += 1
+        return pictures
+
+    def close(self) -> None:
+        """Stops reading."""
+        if self._frames is not None:
+            self._frames.close()  # type: ignore[attr-defined]
+        self._frames = None
+
+
+def _undistorted(picture: Frame, view: UndistortedView) -> NDArray[np.uint8]:
+    """Picture (H, W, 3) BGR as the view's pinhole camera sees it, RGB."""
+    image = picture
+    if picture.shape[1::-1] != view.pinhole.size:
+        image = cv2.resize(picture, view.pinhole.size, interpolation=cv2.INTER_AREA)
+    if view.maps is not None:
+        image = cv2.remap(image, *view.maps, cv2.INTER_LINEAR)
+    return np.ascontiguousarray(image[..., ::-1], np.uint8)

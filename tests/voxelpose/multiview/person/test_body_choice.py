@@ -22,7 +22,7 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.person import body_choice
 from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
-from voxelpose.multiview.person.candidates import StatureEvidence, hull_height_m
+from voxelpose.multiview.person.posterior import StatureEvidence, hull_height_m
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import refit

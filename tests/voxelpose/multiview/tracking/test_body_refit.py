@@ -24,8 +24,7 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.person.body_choice import Start
-from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
-from voxelpose.multiview.person.posterior import ShapePrior
+from voxelpose.multiview.person.posterior import Candidate, ShapePrior, StatureEvidence
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import refit
