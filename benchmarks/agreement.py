@@ -32,9 +32,9 @@ from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.calibration.check import LONG_SIDE_PX
 from voxelpose.calibration.sync import SyncSettings, sync_recording
-from voxelpose.demo.filming import make_recording
+from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import score_motion
-from voxelpose.export.joints import read_joints
+from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS

@@ -21,7 +21,7 @@ from benchmarks.accuracy import ROOT, SHARED
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.mot import mot_coordinates
+from voxelpose.export.opensim import mot_coordinates
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result

@@ -138,7 +138,7 @@ def against_every_voxel() -> Case:
 def one_bad_camera() -> Case:
     rig = ring(4)
     masks = silhouettes(rig)
-    grid = VoxelGrid.around((0, 0, 0.9), 0.02, (100, 100, 100))
+    grid = VoxelGrid(np.array([-1.0, -1.0, -0.1]), 0.02, (100, 100, 100))
     plain, tolerant = (
         Timed(lambda _, rule=rule: carve(rig, masks, grid, rule), repeats=50)
         for rule in (CarveRule(), CarveRule(1))

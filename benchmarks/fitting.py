@@ -24,7 +24,7 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 VIEWS, SHAPE_SEED = 4, 5
 VOXEL_M = 0.025
@@ -80,7 +80,8 @@ def against_one_carve() -> Case:
     track = PoseTracker(
         BodyGeometry.from_surface(surface, VOXEL_M),
         ObservationStore(observer, store),
-        PoseTrackerSettings(30.0, MatchSettings()),
+        30.0,
+        MatchSettings(),
         lambda stage: nullcontext(),
         lambda: None,
     )

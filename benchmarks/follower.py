@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
+from voxelpose.multiview.matching.pose_search import FEW_PLACEMENTS
 from voxelpose.multiview.tracking.body_track import Moment
-from voxelpose.multiview.tracking.follower import PoseFollower
-from voxelpose.multiview.tracking.track_jobs import FollowSettings, search
-from voxelpose.multiview.tuning import LIVE
+from voxelpose.multiview.tracking.follower import PoseFollower, search
 from voxelpose.recording.folder import Recording
 
 _PLAYED_S, _COUNTED_S = 18.0, 5.0
@@ -90,9 +90,9 @@ def off_mm(model: BodyModel, pose: Pose, joints_m: NDArray) -> float:
     return 1000 * float(np.linalg.norm(off, axis=1).mean())
 
 
-def first_pose_mm(rig: Rig, settings: FollowSettings, masks: dict, joints_m: NDArray) -> float:
+def first_pose_mm(rig: Rig, settings: Settings, masks: dict, joints_m: NDArray) -> float:
     """Error of the pose that a search finds in a frame; nan where it finds none."""
-    track = search(rig, settings, None, Moment.of(0.0, masks), LIVE.first_placements)
+    track = search(rig, settings, None, Moment.of(0.0, masks), FEW_PLACEMENTS)
     return np.nan if track is None else off_mm(track.body.model, track.fit.pose, joints_m)
 
 
@@ -111,7 +111,7 @@ def main() -> None:
         truth = json.loads((folder / "truth.json").read_text())
         joints = np.stack([np.array(truth["joints"][name]) for name in LANDMARK_NAMES], axis=1)
         rig, masks = silhouettes(recording, given.side)
-        rows, settings = list(range(len(masks))), FollowSettings(truth["stature"])
+        rows, settings = list(range(len(masks))), Settings(stature_m=truth["stature"])
         if given.first:
             searched = rows[:: given.every]
             off = [first_pose_mm(rig, settings, masks[k], joints[k]) for k in searched]

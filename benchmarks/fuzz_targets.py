@@ -198,7 +198,7 @@ def _use_clip(folder: Path, thorough: bool, name: str) -> None:
 
 
 def _make_estimate(folder: Path) -> None:
-    from voxelpose.export.joints import write_joints
+    from voxelpose.export.tables import write_joints
     from voxelpose.export.trc import write_trc
     from voxelpose.recording.truth import write_truth
 
@@ -244,8 +244,8 @@ def _use_recording_file(folder: Path, thorough: bool) -> None:
 
 
 def _make_region(folder: Path) -> None:
+    from voxelpose.setup_page.drawn_places import write_region
     from voxelpose.setup_page.page_requests import RegionDrawing
-    from voxelpose.setup_page.region_files import write_region
 
     drawing = RegionDrawing(True, [[(5.0, 5.0), (60.5, 5.0), (30.0, 40.2)]])
     write_region(folder, "cam_0", drawing, None, (64, 48))
@@ -253,7 +253,7 @@ def _make_region(folder: Path) -> None:
 
 def _use_region(folder: Path, thorough: bool) -> None:
     from voxelpose.recording.frame_reader import read_still
-    from voxelpose.setup_page.region_files import read_regions
+    from voxelpose.setup_page.drawn_places import read_regions
 
     image = read_still(folder / "regions" / "cam_0.png")
     read_regions(folder, {"cam_0": image.max(axis=2) > 127})
@@ -269,7 +269,7 @@ def _make_folder_settings(folder: Path) -> None:
 
 
 def _use_folder_settings(folder: Path, thorough: bool) -> None:
-    from voxelpose.cli.folder_settings import folder_settings, sections_in
+    from voxelpose.cli.options import folder_settings, sections_in
 
     if thorough:
         command("settings", folder)
@@ -307,7 +307,7 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
 
 
 def _make_hypotheses(folder: Path) -> None:
-    from voxelpose.export.hypotheses import write_hypotheses
+    from voxelpose.export.tables import write_hypotheses
 
     joints = _motion().landmarks()
     poses = [(k, np.array([0.7, 0.3]), joints[[k, 0]]) for k in range(_FRAMES)]
@@ -315,7 +315,7 @@ def _make_hypotheses(folder: Path) -> None:
 
 
 def _use_hypotheses(folder: Path, thorough: bool) -> None:
-    from voxelpose.export.hypotheses import read_hypotheses
+    from voxelpose.export.tables import read_hypotheses
 
     read_hypotheses(folder / "hypotheses.csv")
 

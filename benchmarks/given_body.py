@@ -23,7 +23,7 @@ from silhouette_core.estimator import Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from voxelpose.evaluation import score_motion
-from voxelpose.export.joints import read_joints
+from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -25,7 +25,7 @@ from silhouette_core.monocular.tracking.joint_error import (
     joint_errors,
 )
 from silhouette_core.motion.motion_file import read_motion
-from voxelpose.export.joints import read_joints
+from voxelpose.export.tables import read_joints
 from voxelpose.recording.truth import read_truth
 from voxelpose.reliability import verdict_of
 

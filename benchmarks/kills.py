@@ -37,7 +37,7 @@ from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion_file import write_motion
 from voxelpose.demo.example_motions import example_motion
-from voxelpose.demo.filming import make_recording
+from voxelpose.demo.room import make_recording
 from voxelpose.results import Result
 
 # Python ends itself by SIGINT, which shells show as 130, where the interrupt met exec of a text.

@@ -132,9 +132,7 @@ def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> 
         f" {found_s:.1f} s\n\n| ms | min | max | mean | median | 95 % | 99 % |\n|" + "---|" * 7
     )
     for stage in _STAGES:
-        one = spent[stage]
-        values = one.least, one.most, one.mean, one.median, one.p95, one.p99
-        print(f"| {stage} | " + " | ".join(f"{1000 * value:.1f}" for value in values) + " |")
+        print(f"| {stage} | " + " | ".join(f"{1000 * value:.1f}" for value in spent[stage]) + " |")
     late = 1000 * np.array([t - message["captured_unix_s"] for t, message in received])
     values = late.min(), late.max(), late.mean(), *np.quantile(late, (0.5, 0.95, 0.99))
     print("| picture to received message | " + " | ".join(f"{v:.1f}" for v in values) + " |")

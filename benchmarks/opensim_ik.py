@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.angles import DATA, LUMBAR, OURS, lumbar_sum, read_mot
-from voxelpose.export.mot import mot_coordinates
+from voxelpose.export.opensim import mot_coordinates
 from voxelpose.results import Result
 
 _LOCKED = "subtalar"  # in the model

@@ -12,8 +12,8 @@ import numpy as np
 from calib.atomic_folder import FolderWriter
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
-from voxelpose.demo.filming import make_recording
-from voxelpose.demo.measurements import Measurements
+from voxelpose.demo.mannequin import Measurements
+from voxelpose.demo.room import make_recording
 
 _LARGEST_BYTES = 10_000_000
 _STAMP = "recipe.txt"

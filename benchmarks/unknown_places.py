@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.evaluation import score_motion
-from voxelpose.export.joints import read_joints
+from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader

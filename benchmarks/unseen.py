@@ -29,7 +29,7 @@ from silhouette_core.motion.motion_file import read_motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.evaluation import score_motion
-from voxelpose.export.joints import read_joints
+from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

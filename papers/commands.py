@@ -69,7 +69,7 @@ summary.json, and the mannequin's recording/.
 
     def run(self) -> int:
         """Runs the experiment; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter
 
         with (
@@ -86,7 +86,7 @@ summary.json, and the mannequin's recording/.
             from papers.swing_report import swing_table
             from papers.swing_study import Study, run_study
             from silhouette_core.jit import set_threads
-            from voxelpose.demo.filming import make_recording
+            from voxelpose.demo.room import make_recording
             from voxelpose.recording.folder import Recording, frame_range
             from voxelpose.recording.truth import TRUTH
 
@@ -140,7 +140,7 @@ recordings/ with the mannequin's sequences.
 
     def run(self) -> int:
         """Runs the experiment; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter
 
         with (

@@ -11,8 +11,7 @@ from benchmarks.recipes import Recipe, read_recipes
 from calib.errors import InputError
 from silhouette_core.image.raster import render_parts
 from voxelpose.demo.choreography import performances
-from voxelpose.demo.mannequin import BONE_NAMES, Mannequin
-from voxelpose.demo.measurements import Measurements, tailor
+from voxelpose.demo.mannequin import BONE_NAMES, Mannequin, Measurements, tailor
 from voxelpose.evaluation import score_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

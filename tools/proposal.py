@@ -28,7 +28,7 @@ from silhouette_core.monocular.making.from_motion import learned_from, motion_di
 from silhouette_core.monocular.making.proposal_learning import LearningSettings
 from silhouette_core.monocular.proposal import shipped
 from silhouette_core.motion.motion import Motion
-from voxelpose.cli.progress import Progress
+from voxelpose.cli.terminal import Progress
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", ROOT.parent / "shared"))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from silhouette_core.image.silhouettes import Silhouettes
     from silhouette_core.motion.conditioning import Conditioning, conditioned
     from silhouette_core.motion.motion import Motion
-    from voxelpose.demo.filming import make_recording
+    from voxelpose.demo.room import make_recording
     from voxelpose.evaluation import Score, evaluate
     from voxelpose.export.formats import export_motion
     from voxelpose.fitting import Output, fit, track
@@ -61,7 +61,7 @@ _MODULES = {
     "evaluate": "voxelpose.evaluation",
     "export_motion": "voxelpose.export.formats",
     "fit": "voxelpose.fitting",
-    "make_recording": "voxelpose.demo.filming",
+    "make_recording": "voxelpose.demo.room",
     "track": "voxelpose.fitting",
 }
 

@@ -17,7 +17,7 @@ from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.joints import JOINTS, list_joints, read_joints
+from voxelpose.export.tables import JOINTS, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES
 from voxelpose.recording.truth import TRUE_MOTION, TRUTH, KnownJoints, load_truth, truth_of
 from voxelpose.results import Result, is_result
@@ -96,9 +96,6 @@ def evaluate(
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
 
-    Returns:
-        The errors.
-
     Raises:
         InputError: a file cannot be read, there is no truth, or it is another body's.
     """
@@ -171,9 +168,6 @@ def score_motion(
         names: of the L joints, the first of which is the root's.
         bones: (B, 2) int, joints between which there is a bone.
 
-    Returns:
-        The errors.
-
     Raises:
         ValueError: the shapes differ, or nothing of the truth is known.
     """
@@ -233,11 +227,7 @@ def _mirrored(names: Sequence[str]) -> list[int]:
 
 
 def markdown_table(scores: Mapping[str, Score]) -> str:
-    """Returns scores as a Markdown table, with their unweighted mean where there are several.
-
-    Args:
-        scores: scores by name, one line each.
-    """
+    """Returns scores as a Markdown table, with their unweighted mean where there are several."""
     columns = "mpjpe_mm root_mm pa_mm pck150 angle_deg jitter_mm jitter_truth_mm flips lost".split()
     if any(score.each_joint_angle_deg for score in scores.values()):
         columns.insert(0, "joint_angle_deg")

@@ -24,8 +24,7 @@ from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.export.bvh import write_bvh
-from voxelpose.export.hypotheses import HYPOTHESES, write_hypotheses
-from voxelpose.export.joints import JOINTS, write_joints
+from voxelpose.export.tables import HYPOTHESES, JOINTS, write_hypotheses, write_joints
 from voxelpose.recording.folder import Recording
 from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
@@ -108,11 +107,7 @@ def write_estimate(
     """Writes a result folder of an estimate that was made otherwise.
 
     Args:
-        recording: the frames.
-        output: destination of the results.
-        estimate: what is written.
         settings: with which it was made.
-        estimator: name of the estimator that made it.
         spent_s: time that it took, s.
 
     Returns:

@@ -102,9 +102,6 @@ def carve_recording(
         settings: Frame, volume, resolution and rule.
         overwrite: Whether `out` may exist.
 
-    Returns:
-        The hull.
-
     Raises:
         InputError: Input is missing or inconsistent; nothing is written.
     """
@@ -140,9 +137,7 @@ def carve_masks(
     """Visual hull of one set of silhouettes, in the given volume or in the smallest that holds it.
 
     Args:
-        rig: C cameras.
         masks: Silhouettes, (h, w) bool, by camera name.
-        settings: Volume, resolution and rule.
         without_background: Cameras whose background was estimated from the recording.
         unknown: As of `carve`.
 

@@ -32,9 +32,7 @@ class HealthCheck:
     """Result of one check.
 
     Attributes:
-        name: subject of the check.
         state: state of the subject; `limited` means that fitting works and something else does not.
-        found: what the check observed.
         remedy: what the user can do; empty where nothing needs to be done.
     """
 

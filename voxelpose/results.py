@@ -7,16 +7,192 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from calib.atomic_folder import FolderWriter
 from calib.camera import Rig
+from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files import read_rig
+from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
-from voxelpose.result_schema import load_settings, load_summary
+
+_LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
+_MOST_FRAMES = 10_000_000
+_REMEDY = "fit again, or put the file back as the program wrote it"
+
+_Number = Annotated[float, Meta(ge=-(10**9), le=10**9)]
+_Positive = Annotated[float, Meta(gt=0, le=10**6)]
+_Seconds = Annotated[float, Meta(ge=0, le=10**9)]
+_Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
+_Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
+_Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
+_Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
+_Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
+_Sex = Literal["male", "female", "unknown"]
+_Up = Annotated[list[_Number], Meta(min_length=3, max_length=3)]
+_Schema = TypeVar("_Schema")
+
+
+class _Frames(msgspec.Struct):
+    with_pose: _Count
+    lost: list[_Count]
+    first: _Count = 0
+    last: _Count = 0
+
+
+class _Body(msgspec.Struct):
+    stature_m: _Stature | None = None
+    chest_girth_m: _Chest | None = None
+    sex: _Sex = "unknown"
+    parts: _Count | None = None  # of a body that is not made from a person's measurements
+    extent_m: _Positive | None = None
+
+
+class _Stage(msgspec.Struct):
+    sum: _Seconds
+    min: _Seconds | None = None
+    median: _Seconds | None = None
+    max: _Seconds | None = None
+
+
+class _Spent(msgspec.Struct):
+    total: _Seconds
+    pictures: _Seconds
+    stages: dict[_Name, _Stage]
+
+
+class _Facts(msgspec.Struct):
+    seams_mm: list[_Number | None] = []
+    half_turn_ratio: _Number | None = None
+    objects_share: dict[_Name, _Number] = {}
+    objects_apart: bool = False
+
+
+class _Verdict(msgspec.Struct):
+    level: Literal["failed", "doubtful", "reliable"] = "reliable"
+    reason: Annotated[str, Meta(max_length=10_000)] = ""
+    uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
+    error_mm: _Number | None = None
+
+
+class _Conditioned(msgspec.Struct):
+    frames_filled: list[_Count] = []
+    frames_left: _Count = 0
+    frames_unfiltered: _Count = 0
+    words: Annotated[str, Meta(max_length=1000)] = ""
+
+
+class _Summary(msgspec.Struct):
+    voxelpose: _Name
+    estimator: _Name
+    recording: _Name
+    fps: _Positive
+    cameras: _Names
+    frames: _Frames
+    body: _Body
+    quality: dict[_Name, dict[_Name, _Number | None]]
+    seconds: _Spent
+    up: _Up | None = None
+    floor_m: _Number | None = None
+    facts: _Facts = msgspec.field(default_factory=_Facts)
+    conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
+    verdict: _Verdict = msgspec.field(default_factory=_Verdict)
+
+
+class _Options(msgspec.Struct):
+    voxel_size_m: Annotated[float, Meta(ge=0.005, le=0.1)] | None = None
+    tolerance: Annotated[int, Meta(ge=0, le=100)] | None = None
+    body: _Name = ""
+
+
+class _Conditioning(msgspec.Struct):
+    filter: Literal["butterworth", "savgol", "gaussian", "none"] = "butterworth"
+    cutoff_hz: _Positive = 7
+    filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
+    gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0
+    gap_method: Literal["linear", "pchip", "none"] = "linear"
+
+
+class _Settings(msgspec.Struct):
+    recording: _Name = ""
+    frames: Annotated[list[_Count], Meta(min_length=2, max_length=2)] | None = None
+    cameras: _Names | None = None
+    estimator: _Name = ""
+    stature_m: _Stature | None = None
+    chest_m: _Chest | None = None
+    sex: _Sex = "unknown"
+    background: Literal["refined", "paper"] = "refined"
+    segmenter: _Name = ""
+    up: _Up | None = None
+    smooth: bool = True
+    threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    backend: _Name = "cpu"
+    conditioning: _Conditioning = msgspec.field(default_factory=_Conditioning)
+    options: _Options = msgspec.field(default_factory=_Options)
+
+
+def load_summary(path: Path) -> dict[str, Any]:
+    """Contents of summary.json, with `facts` in any case.
+
+    Raises:
+        InputError: it is no JSON, lacks an entry, or has one of another type or an impossible
+            value; the message names the entry.
+    """
+    content = parse_json(load_text(path, _LARGEST_BYTES), path)
+    _checked(content, _Summary, path)
+    body = content["body"]
+    if body.get("stature_m") is None and body.get("parts") is None:
+        raise InputError(f"{path}: body lacks stature_m: {_REMEDY}")
+    for kind, ranges in (
+        ("quality", content["quality"]),
+        ("seconds.stages", content["seconds"]["stages"]),
+    ):
+        for name, values in ranges.items():
+            three = [values.get(key) for key in ("min", "median", "max")]
+            if "median" in values and None in three:
+                raise InputError(f"{path}: {kind}.{name[:60]} lacks min, median or max: {_REMEDY}")
+    # A fact that could not be measured is null in the file, and for its readers not there.
+    facts = content.get("facts", {})
+    content["facts"] = {name: value for name, value in facts.items() if value is not None}
+    return content
+
+
+def load_settings(path: Path) -> dict[str, Any]:
+    """Contents of settings.toml.
+
+    Raises:
+        InputError: it is no TOML, or has an entry of another type or an impossible value; the
+            message names the entry.
+    """
+    content = parse_toml(load_text(path, _LARGEST_BYTES), path)
+    known = _checked(content, _Settings, path)
+    if known.frames is not None and known.frames[0] > known.frames[1]:
+        raise InputError(f"{path}: frames {known.frames} end before they begin: {_REMEDY}")
+    tolerance = known.options.tolerance or 0
+    if known.cameras is not None and tolerance > max(2, 3 * len(known.cameras) // 4):
+        raise InputError(
+            f"{path}: options.tolerance {tolerance} is more than {len(known.cameras)} cameras"
+            f" allow: {_REMEDY}"
+        )
+    if any(len(part.encode()) > 255 for part in Path(known.recording).parts):
+        raise InputError(f"{path}: recording is no folder's name: {_REMEDY}")
+    return content
+
+
+def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
+    """Content as an instance of a schema."""
+    try:
+        return msgspec.convert(content, schema)
+    except (msgspec.ValidationError, OverflowError) as error:
+        reason = " ".join(str(error).replace("`", "").replace("$.", "").split())
+        raise InputError(f"{path}: {reason[:300]}: {_REMEDY}") from None
+
 
 SUMMARY = "summary.json"
 CALIBRATION = "calibration.toml"
@@ -74,11 +250,7 @@ def is_result(folder: Path) -> bool:
 
 
 def as_json(document: Mapping[str, object]) -> str:
-    """Returns a document as JSON text; numbers that are not finite become null.
-
-    Args:
-        document: mappings, sequences, NumPy arrays, numbers and text.
-    """
+    """Returns mappings, arrays, numbers and text as JSON; what is not finite becomes null."""
     return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
 
 
@@ -101,7 +273,6 @@ class ResultWriter(FolderWriter):
         """Checks where the results are to be written, before any work is done.
 
         Args:
-            out: the folder to be written.
             overwrite: whether an earlier result of this name is replaced, once the new one is
                 complete.
             keep_out_of: a folder in which the results must not lie: the recording.

@@ -51,8 +51,6 @@ class BoardSearch:
 class Synchronisation:
     """Clock offsets from a board, sound and silhouettes (`calibration.sync`)."""
 
-    board_hz: float = 12.0
-    """Hz. How often a carried board is looked for. Enough on the boards of docs/results.md."""
     sound_sigma_s: float = 0.002
     """s. Noise of a sudden sound's time. By eye."""
     sudden: float = 1.5
@@ -71,15 +69,6 @@ class Live:
     differ: a picture at half an interval belongs to either moment."""
     silent_s: float = 0.4
     """s. Time without a picture, or three of its intervals, after which a camera is left out."""
-    beginning_s: float = 2.0
-    """s. Beginning of a session in which every camera's first picture is waited for."""
-    interval_smoothing: float = 0.1
-    """1. Weight of the newest interval between pictures in their mean."""
-    first_wait_s: float = 0.5
-    """s. First wait before a camera or receiver that failed is tried again; each is twice as long
-    as the last."""
-    longest_wait_s: float = 8.0
-    """s. Longest wait before it is tried again."""
     searching_s: float = 0.09
     """s. Time between frames while a person is searched: the search needs the processor."""
     window_margin: float = 0.15
@@ -90,17 +79,6 @@ class Live:
     """1. Confidence of a joint on a part that is occluded, relative to the pose's."""
     second_picture: float = 0.004
     """1. The same of the picture: what is smaller is noise."""
-
-
-@dataclass(frozen=True)
-class LongRecording:
-    """Division of long recordings into pieces (`batch.pieces`)."""
-
-    longer: float = 1.5
-    """1. Length of a recording, in pieces, from which it is divided: from there two halves are
-    nearer to a piece than the whole is. By reasoning, not ablated."""
-    overlap_s: float = 1.0
-    """s. Time that two pieces share. By eye."""
 
 
 @dataclass(frozen=True)
@@ -123,5 +101,4 @@ RELIABILITY = Reliability()
 BOARD_SEARCH = BoardSearch()
 SYNCHRONISATION = Synchronisation()
 LIVE = Live()
-LONG_RECORDING = LongRecording()
 REPORT = Report()

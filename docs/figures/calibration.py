@@ -21,10 +21,8 @@ from benchmarks.board_scene import (
 from calib.board import Board
 from calib.extrinsics import calibrate_extrinsics
 from calib.intrinsics import calibrate_intrinsics
-from voxelpose.calibration.coverage import coverage_picture
-from voxelpose.calibration.files import png
 from voxelpose.calibration.lenses import Lens
-from voxelpose.calibration.rig_picture import rig_picture
+from voxelpose.calibration.pictures import coverage_picture, png, rig_picture
 
 IMAGES = Path(__file__).parents[1] / "images"
 BOARD = Board(8, 5, 0.1)

@@ -21,9 +21,8 @@ from docs.figures.drawing import INK, QUIET, blank, centred, save
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.demo.choreography import performances
-from voxelpose.demo.filming import write_video
 from voxelpose.demo.mannequin import COLOURS_BGR, SHIRT, TROUSERS, Mannequin
-from voxelpose.demo.room import FilmCamera, demo_rig
+from voxelpose.demo.room import FilmCamera, demo_rig, write_video
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images.canvas import Image
 

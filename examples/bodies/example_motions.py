@@ -16,9 +16,8 @@ from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.kinematics import quaternions, skin
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
-from voxelpose.demo.filming import write_video
 from voxelpose.demo.mannequin import COLOURS_BGR
-from voxelpose.demo.room import FilmCamera, demo_rig
+from voxelpose.demo.room import FilmCamera, demo_rig, write_video
 from voxelpose.recording.truth import TRUE_MOTION
 
 from . import example_bodies

@@ -4,9 +4,9 @@ import numpy as np
 from calib.camera import Rig
 from tests.kernel_examples import Example
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
+from voxelpose.multiview.carving.carver import block_order, pack_masks, pack_rig
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.blocks import BLIND, LARGEST, OBJECTS
-from voxelpose.multiview.carving.views import block_order, pack_masks, pack_rig
 
 LENSES = (
     {},
@@ -43,10 +43,3 @@ def mark_voxels(rng):
     return Example(
         (rng.random((6, 7, 8)) < 0.3, *axes, projection, np.zeros((30, 40), np.uint8)), atol=1e-12
     )
-
-
-def foreground_box(rng):
-    image = np.zeros((30, 40), np.uint8)
-    top, left = rng.integers(0, 20, 2)
-    image[top : top + 8, left : left + 5] = rng.integers(0, 2, (8, 5)) * rng.integers(0, 2)
-    return Example((image,))

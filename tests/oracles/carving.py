@@ -45,14 +45,6 @@ def carve_voxels(
     return (objecting <= tolerance) & (agreeing >= least)
 
 
-def foreground_box(mask):
-    """Left, top, width and height of the box around all non-zero pixels."""
-    lines, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(lines):
-        return 0, 0, 0, 0
-    return across[0], lines[0], across[-1] + 1 - across[0], lines[-1] + 1 - lines[0]
-
-
 def mark_voxels(
     occupancy: NDArray[np.bool_],
     x: FloatArray,

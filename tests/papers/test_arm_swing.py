@@ -13,7 +13,7 @@ from papers.swings import arm_angles, split_swings
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.progress import SilentReporter
-from voxelpose.demo.filming import make_recording
+from voxelpose.demo.room import make_recording
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 

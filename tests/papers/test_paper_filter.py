@@ -25,7 +25,7 @@ from silhouette_core.monocular.window import Window
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import camera_at
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
-from voxelpose.demo.filming import make_recording
+from voxelpose.demo.room import make_recording
 from voxelpose.recording.folder import Recording
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's

@@ -11,7 +11,7 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.clips import waving
 from voxelpose.evaluation import score_motion
-from voxelpose.export.joints import read_joints, write_joints
+from voxelpose.export.tables import read_joints, write_joints
 from voxelpose.recording.truth import read_truth
 
 

@@ -17,8 +17,8 @@ from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import SilentReporter
 from tests.sources import GreySource, ring
-from voxelpose.demo.filming import make_recording
-from voxelpose.demo.measurements import person_of
+from voxelpose.demo.mannequin import person_of
+from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator

@@ -7,7 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from tests.clips import FIRST_SUMMARY
-from voxelpose.result_schema import load_settings, load_summary
+from voxelpose.results import load_settings, load_summary
 
 
 def changed(path: str, value: object) -> dict:

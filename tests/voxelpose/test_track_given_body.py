@@ -9,7 +9,7 @@ from examples.bodies.example_motions import BODY, TRUE_MOTION, film_example
 from silhouette_core.monocular import body_library
 from silhouette_core.motion.motion_file import read_motion
 from voxelpose.cli import run
-from voxelpose.export.hypotheses import HYPOTHESES, read_hypotheses
+from voxelpose.export.tables import HYPOTHESES, read_hypotheses
 from voxelpose.results import Result
 
 

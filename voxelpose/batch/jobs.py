@@ -74,8 +74,6 @@ class Job:
 
     Attributes:
         name: name of the result's folder, unique in the batch.
-        recording: the recording folder.
-        command: `fit` or `track`.
         settings: values by name, as the options of that command.
         sources: files that settings were taken from, by their names.
     """

@@ -1,20 +1,23 @@
-"""Boards in stills and videos: cameras in folders, detection of the board, selection of views."""
+"""Boards in stills and videos: cameras in folders, detection of the board, selection of views, and
+moments at which several cameras filmed it.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from calib.board import Board, BoardView, Effort, Refusal
+from calib.board import Board, BoardView, Effort, Refusal, view_between
 from calib.camera import Camera
 from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still
+from voxelpose.recording.timestamps import Times
 from voxelpose.tuning import BOARD_SEARCH
 
 _MAX_EXAMINED = 400  # frames of a video in which the board is searched
@@ -23,32 +26,16 @@ _KEPT_FAILURES = 5  # pictures without the board in which another board is searc
 NOT_NEW = "shows the board much as another frame does"
 
 
-@dataclass(frozen=True)
-class CameraPictures:
-    """Pictures of one camera: stills, or a video.
-
-    Attributes:
-        stills: Paths of stills.
-        video: Reader of a video, or None.
-    """
-
-    stills: tuple[Path, ...] = ()
-    video: FrameReader | None = None
-
-    def __len__(self) -> int:
-        """Counts the pictures."""
-        return self.video.frame_count if self.video else len(self.stills)
-
-    def examined(self) -> Iterator[tuple[str, Frame]]:
-        """Yields names and pictures: all stills, or every n-th frame of a video."""
-        if self.video is None:
-            for still in self.stills:
-                yield still.name, read_still(still)
-            return
-        step = stride(self.video.frame_count)
-        for number, frame in enumerate(self.video):
-            if number % step == 0:
-                yield f"frame {number}", frame
+def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
+    """Yields names and pictures: all stills, of any sizes, or every n-th frame of a video."""
+    if pictures.stills:
+        for still in pictures.stills:
+            yield still.name, read_still(still)
+        return
+    step = stride(pictures.frame_count)
+    for number, frame in enumerate(pictures):
+        if number % step == 0:
+            yield f"frame {number}", frame
 
 
 def stride(frame_count: int) -> int:
@@ -70,7 +57,7 @@ def check_lens_size(lens: Camera, reader: FrameReader) -> None:
         )
 
 
-def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
+def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
     """Finds the cameras among files and folders.
 
     A video is a camera named after its file; stills are a camera named after their folder; a folder
@@ -79,7 +66,7 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
     Raises:
         InputError: A path is missing, there is no picture in it, or two cameras share a name.
     """
-    cameras: dict[str, CameraPictures] = {}
+    cameras: dict[str, FrameReader] = {}
     loose: dict[Path, list[Path]] = {}
     for path in paths:
         if not path.exists():
@@ -99,18 +86,15 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, CameraPictures]:
                 " folder with one of these per camera"
             )
         for name, pictures in inside.items():
-            _add(cameras, name, _pictures(pictures))
+            _add(cameras, name, FrameReader.open(pictures))
     for folder, stills in loose.items():
-        _add(cameras, folder.name, CameraPictures(tuple(stills)))
+        # Their sizes may differ: none is stated.
+        reader = FrameReader(folder, tuple(stills), (0, 0), len(stills), None)
+        _add(cameras, folder.name, reader)
     return cameras
 
 
-def _pictures(path: Path) -> CameraPictures:
-    readers = FrameReader.open(path)
-    return CameraPictures(readers.stills) if readers.stills else CameraPictures(video=readers)
-
-
-def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures) -> None:
+def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> None:
     if name in cameras:
         raise InputError(
             f"two sets of pictures are named {name}: name each folder or video after its camera"
@@ -119,7 +103,7 @@ def _add(cameras: dict[str, CameraPictures], name: str, pictures: CameraPictures
 
 
 def find_views(
-    board: Board, pictures: CameraPictures, max_views: int, reporter: Reporter
+    board: Board, pictures: FrameReader, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | Refusal]:
     """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
     a view, or the reason why there is none.
@@ -129,13 +113,13 @@ def find_views(
             is described.
     """
     views: dict[str, BoardView | Refusal] = {}
-    find = BoardFinder(board, stills=pictures.video is None)
-    for name, picture in pictures.examined():
+    find = BoardFinder(board, stills=bool(pictures.stills))
+    for name, picture in _examined(pictures):
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
         raise InputError(f"the board was found in none of {len(views)} pictures: {find.failure()}")
-    if pictures.video is None:
+    if pictures.stills:
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     kept = select_views(board, seen, max_views)
@@ -196,7 +180,6 @@ def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -
 
     Args:
         views: Views by frame, in order of time.
-        max_views: Maximum number of frames.
 
     Returns:
         Names of the selected frames: each differs most from those selected before it.
@@ -227,3 +210,125 @@ def _outline(board: Board, view: BoardView) -> FloatArray:
     if homography is None:
         return np.tile(view.pixels.mean(axis=0) / view.size[0], 4)
     return np.clip(cv2.perspectiveTransform(ends[None], homography).ravel() / view.size[0], -1, 2)
+
+
+def board_moments(
+    board: Board,
+    readers: Mapping[str, FrameReader],
+    times: Mapping[str, Times] | None,
+    floor: int | None,
+    max_moments: int,
+    reporter: Reporter,
+) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
+    """Detects the board in recordings of any rates, of which every frame's time is known: views by
+    moment ("frame 120") and camera, and the number of moments at which each saw the board.
+
+    The moments are frames of the first camera. At these times, corners of the others are
+    interpolated between the frames before and after.
+
+    Args:
+        readers: Pictures by camera name.
+        times: (frames,) float64, s, increasing, of one clock, by camera name; None: all cameras
+            film in step, from the first frame on.
+        floor: A frame of the first camera that is always kept; None if there is none.
+
+    Raises:
+        InputError: Pictures cannot be read, or a camera never saw the board.
+    """
+    first, *others = readers
+    place = "the recording" if times is None else first
+    if times is None:
+        shortest = min(reader.frame_count for reader in readers.values())
+        times = dict.fromkeys(readers, np.arange(shortest, dtype=float))
+    count = len(times[first])
+    if floor is not None and not 0 <= floor < count:
+        raise InputError(f"--floor {floor} is not in {place}: it has frames 0 to {count - 1}")
+    begin = min(float(times[name][0]) for name in others or readers)
+    end = max(float(times[name][-1]) for name in others or readers)
+    useful = np.flatnonzero((times[first] >= begin) & (times[first] <= end))
+    numbers = useful[:: stride(max(len(useful), 1))]
+    numbers = np.union1d(numbers, [] if floor is None else [floor]).astype(np.int64)
+    finders = {name: BoardFinder(board, bool(reader.stills)) for name, reader in readers.items()}
+    views: dict[str, dict[str, BoardView]] = {f"frame {number}": {} for number in numbers}
+    for name, reader in readers.items():
+        before, after, part = frames_around(times[name], times[first][numbers])
+        needed = np.unique(np.concatenate([before, after]))
+        needed = needed[needed >= 0]
+        at_floor = numbers == (-1 if floor is None else floor)
+        important = {*before[at_floor].tolist(), *after[at_floor].tolist()}
+        reporter.stage(f"looking for the board in {name}", len(needed))
+        found: dict[int, BoardView] = {}
+        pictures = reader.select(needed.tolist())
+        for number, picture in zip(needed.tolist(), pictures, strict=True):
+            view = finders[name](picture, number in important)
+            if isinstance(view, BoardView):
+                found[number] = view
+            reporter.advance()
+        for moment, a, b, fraction in zip(views, before, after, part, strict=True):
+            if a in found and b in found:
+                view = view_between(board, found[a], found[b], float(fraction))
+                if view is not None:
+                    views[moment][name] = view
+    return _moments(views, finders, max_moments, floor)
+
+
+def frames_around(
+    times: Times, instants: Times
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Times]:
+    """Frames of one camera before and after given times.
+
+    Args:
+        times: (frames,) float64, s, increasing.
+        instants: (M,) float64, s.
+
+    Returns:
+        Numbers (M,) of the frame before and of the frame after, twice the same where a frame was
+        taken at that very time, -1 where there is none near; and the time (M,) passed between them,
+        0 to 1.
+    """
+    before = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 1)
+    after = np.minimum(before + 1, len(times) - 1)
+    passed, span = instants - times[before], times[after] - times[before]
+    period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    same = BOARD_SEARCH.same_frame * period + 1e-6
+    at_before, at_after = np.abs(passed) <= same, np.abs(passed - span) <= same
+    between = (passed > 0) & (passed < span) & (span <= BOARD_SEARCH.widest_s)
+    known = at_before | at_after | between
+    first, second = np.where(at_after, after, before), np.where(at_before, before, after)
+    fraction = np.where(second > first, passed / np.maximum(span, 1e-9), 0.0)
+    return np.where(known, first, -1), np.where(known, second, -1), fraction
+
+
+def _moments(
+    views: dict[str, dict[str, BoardView]],
+    finders: Mapping[str, BoardFinder],
+    max_moments: int,
+    floor: int | None,
+) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
+    """The moments that are kept, and how many each camera saw.
+
+    Raises:
+        InputError: A camera never saw the board.
+    """
+    seen = {name: sum(name in moment for moment in views.values()) for name in finders}
+    if never := [name for name, times in seen.items() if not times]:
+        reasons = "; ".join(f"{name}: {finders[name].failure()}" for name in never)
+        raise InputError(
+            f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
+            " nearer, and slowly"
+        )
+    return _thinned(views, max_moments, f"frame {floor}"), seen
+
+
+def _thinned(
+    views: dict[str, dict[str, BoardView]], max_moments: int, floor: str
+) -> dict[str, dict[str, BoardView]]:
+    """Moments with most views, evenly over time; boards seen by a single camera are useless."""
+    alone = 1 if len({name for seen in views.values() for name in seen}) == 1 else 0
+    useful = [moment for moment, seen in views.items() if len(seen) > 1 - alone or moment == floor]
+    kept = {
+        max(useful[part[0] : part[-1] + 1], key=lambda moment: len(views[moment]))
+        for part in np.array_split(np.arange(len(useful)), min(max_moments, len(useful)) or 1)
+        if len(part)
+    }
+    return {moment: views[moment] for moment in useful if moment in kept or moment == floor}

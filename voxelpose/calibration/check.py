@@ -30,12 +30,7 @@ _SHOWN = 3  # moments that are kept for the picture
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """Settings of a check.
-
-    Attributes:
-        moments: number of frames compared, spread over the recording.
-        max_offset_frames: largest clock offset tried in both directions, frames.
-    """
+    """Settings of a check: how many frames are compared, and the largest clock offset tried."""
 
     moments: int = 12
     max_offset_frames: int = 12
@@ -54,12 +49,7 @@ class CheckSettings:
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """Image of one camera at one moment, kept for the picture.
-
-    Attributes:
-        frame: (h, w, 3) uint8, BGR.
-        mask: (h, w) bool, silhouette.
-    """
+    """Image (h, w, 3) uint8, BGR, and silhouette (h, w) bool of one camera at one moment."""
 
     frame: Frame
     mask: NDArray[np.bool_]
@@ -70,11 +60,7 @@ class Check:
     """Result of a check.
 
     Attributes:
-        rig: the cameras as calibrated.
-        tracks: their outlines at the moments.
         moments: numbers of the frames compared.
-        times_s: times of these frames.
-        repairs: explanations for the cameras that do not agree.
         repaired: the rig with these cameras corrected; None if none could be.
         after: agreement of `repaired`.
         checked_frames: moment -> camera name -> image, for some of the moments.
@@ -198,14 +184,7 @@ def outline_track(
     silhouettes: Silhouettes,
     reporter: Reporter,
 ) -> OutlineTrack:
-    """Outlines of one camera over time.
-
-    Args:
-        frames: its T frames.
-        time_s: (T,) float64, their times, s.
-        silhouettes: of a recording with this camera.
-        reporter: receives a step for each frame.
-    """
+    """Outlines of one camera over time: T frames at times (T,) float64, s; tells each frame."""
     outlines, unknown = [], silhouettes.unknown.get(camera.name)
     for frame in frames:
         mask = silhouettes.of({camera.name: frame})[camera.name]
@@ -309,11 +288,6 @@ def remedy(check: Check, camera: str) -> str:
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
     """Writes the repaired calibration, and timestamps.csv where a camera is out of step, into a
     folder.
-
-    Args:
-        check: a check with something to repair.
-        recording: the checked recording.
-        out: a folder to be created.
 
     Raises:
         InputError: nothing can be repaired, or the folder exists or cannot be made.

@@ -11,8 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_moments import board_moments
-from voxelpose.calibration.board_views import check_lens_size
+from voxelpose.calibration.board_views import board_moments, check_lens_size
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import TIMESTAMPS, rates_differ, read_timestamps
@@ -25,9 +24,7 @@ class ExtrinsicsSettings:
     Attributes:
         floor: Frame at which the board lies on the floor, of the first camera if there are time
             stamps; None if there is none.
-        max_moments: Maximum number of moments used.
         cameras: Names of the cameras used; None for all.
-        refine_lenses: Whether the lens parameters are refined too.
     """
 
     floor: int | None = None
@@ -43,7 +40,6 @@ def extrinsics_from_recording(
 
     Args:
         board: The board that was moved through the room.
-        lenses: Cameras with calibrated lenses.
         folder: A video, a folder of frames or a still per camera: synchronous, or with the times
             of all frames in timestamps.csv.
 
@@ -57,16 +53,18 @@ def extrinsics_from_recording(
     else:
         _check_rates(folder, readers, reporter)
         times = None
-    moments = board_moments(board, readers, times, settings.floor, settings.max_moments, reporter)
-    if not moments.views:
-        seen = ", ".join(f"{name} {count}" for name, count in moments.seen.items())
+    views, seen = board_moments(
+        board, readers, times, settings.floor, settings.max_moments, reporter
+    )
+    if not views:
+        counts = ", ".join(f"{name} {count}" for name, count in seen.items())
         raise InputError(
-            f"no two cameras saw the board at the same moment (moments: {seen}): carry it where two"
-            " see it at once"
+            f"no two cameras saw the board at the same moment (moments: {counts}): carry it where"
+            " two see it at once"
         )
     reporter.stage("bundle adjustment")
     floor = None if settings.floor is None else f"frame {settings.floor}"
-    return calibrate_extrinsics(board, lenses, moments.views, floor, settings.refine_lenses)
+    return calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
 
 
 def _readers(

@@ -10,17 +10,13 @@ from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import CameraPictures, find_views, stride
+from voxelpose.calibration.board_views import find_views, stride
+from voxelpose.recording.frame_reader import FrameReader
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's lens and the views from which it was calibrated.
-
-    Attributes:
-        camera: Name of the camera.
-        views: Detections by picture name.
-    """
+    """A camera's lens and the views by picture name from which it was calibrated."""
 
     camera: str
     intrinsics: Intrinsics
@@ -38,23 +34,16 @@ class Lens:
 
 def calibrate_lenses(
     board: Board,
-    cameras: Mapping[str, CameraPictures],
+    cameras: Mapping[str, FrameReader],
     kind: LensKind,
     max_views: int,
     reporter: Reporter,
 ) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates each camera separately; returns also the reasons of failure by camera.
-
-    Args:
-        cameras: Pictures by camera.
-        kind: Lens model.
-        max_views: Maximum number of frames of a video.
-    """
+    """Calibrates each camera separately; returns also the reasons of failure by camera."""
     lenses, failures = [], {}
     for name, pictures in cameras.items():
-        total = (
-            len(pictures) if pictures.video is None else -(-len(pictures) // stride(len(pictures)))
-        )
+        count = pictures.frame_count
+        total = count if pictures.stills else -(-count // stride(count))
         reporter.stage(f"pictures of {name}", total)
         try:
             views = find_views(board, pictures, max_views, reporter)

@@ -139,7 +139,7 @@ def _parse(name: str, words: list[str]):
     The command's class has the name of its module, is named by the module's COMMAND, or is listed
     in the module's SUBCOMMANDS.
     """
-    from voxelpose.cli.folder_settings import load_command, parse_with_settings, settings_notes
+    from voxelpose.cli.options import load_command, parse_with_settings, settings_notes
 
     section = name
     module = importlib.import_module(f"voxelpose.cli.{name}")

@@ -1,12 +1,21 @@
 """Arguments that several commands share, and the checks and readers of their values."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+
+if TYPE_CHECKING:
+    from calib.board import Board
+    from voxelpose.view.serving.gate import Address
+
+_MAX_SQUARE_M = 2
 
 
 def _optional(metavar: str, words: str | None = None) -> Any:
@@ -91,6 +100,37 @@ OverwriteResult = Annotated[
 ]
 
 
+@dataclass(frozen=True, kw_only=True)
+class PageArguments:
+    """Arguments of the commands that serve a page."""
+
+    host: Annotated[str, arg(metavar="NAME")] = "localhost"
+    """Address at which the page is served; any but this machine's own needs --token."""
+    port: Annotated[int, arg(metavar="N")] = 8080
+    """Port of the page; the next free one if it is taken."""
+    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
+    """Word without which the page is not shown; part of the address that is printed."""
+    browser: bool = True
+    """Open the page; --no-browser only prints its address."""
+
+    def address(self) -> Address:
+        """Where the page is served, and to whom; to be asked for before the work, which it may end.
+
+        Raises:
+            InputError: the page cannot be served so.
+        """
+        from voxelpose.view.serving.gate import Address
+
+        return Address(self.host, self.port, self.token)
+
+    def open_page(self, url: str) -> None:
+        """Opens a page in the browser, unless that is not wanted."""
+        if self.browser:
+            import webbrowser
+
+            webbrowser.open(url)
+
+
 def up_direction(text: str | None) -> tuple[float, float, float] | None:
     """Reads the direction of up, as a unit vector.
 
@@ -125,8 +165,6 @@ def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
     """Reads 8x5.
 
     Args:
-        text: value of the option.
-        option: the option, for messages.
         meaning: meaning of the two numbers with an example, for messages.
 
     Raises:
@@ -144,7 +182,6 @@ def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str =
 
     Args:
         paths: the files; None is ignored.
-        overwrite: whether existing files are replaced.
         option: the option that names the files, for messages.
 
     Raises:
@@ -160,3 +197,35 @@ def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str =
                 f"{path} cannot be written: there is no folder {path.parent}: make it, or give"
                 f" {option} another name"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardArguments:
+    """Arguments that describe a board."""
+
+    board: Annotated[str, arg(metavar="COLUMNSxROWS")]
+    """Number of inner corners, where four squares meet, along and down: one fewer than squares."""
+    square: Annotated[float, arg(metavar="M")]
+    """Side of a square in metres, measured on the print: 0.03 for 30 mm."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+
+    def to_board(self) -> Board:
+        """Returns the board.
+
+        Raises:
+            InputError: the arguments describe no board.
+        """
+        from calib.board import Board
+
+        if self.square > _MAX_SQUARE_M:
+            raise InputError(
+                f"--square {self.square:g} are squares of {self.square:g} m: give metres,"
+                f" {self.square / 1000:g} for millimetres"
+            )
+        return Board(*corner_counts(self.board), self.square, self.marker, self.dictionary)
+
+
+def corner_counts(text: str) -> tuple[int, int]:
+    """Reads the value of --board, such as 8x5."""
+    return two_numbers(text, "--board", "inner corners along and down, as in 8x5")

@@ -104,7 +104,7 @@ Exit code 0: all done; 1: one failed.
 
 def _with_folder_settings(job: Job) -> Job:
     """The job with what voxelpose.toml of its recording and the folders above it say."""
-    from voxelpose.cli.folder_settings import folder_settings
+    from voxelpose.cli.options import folder_settings
 
     found = folder_settings(job.command, Path(job.recording))
     named = {name.replace("-", "_"): setting for name, setting in found.items()}

@@ -96,10 +96,11 @@ bodies that have names. The measurements are taken on the body's surface, as a t
             told = ", ".join(f"{_NAMES[name]} {source}" for name, source in preset.sources.items())
             print(f"{preset.standard} {preset.name}: {told}; not compared with the standard itself")
         if self.png is not None:
-            from voxelpose.calibration.files import write_png
-            from voxelpose.view.images.body_picture import body_picture
+            from calib.atomic import write_whole
+            from voxelpose.view.images.canvas import png
+            from voxelpose.view.images.hull_picture import body_picture
 
-            write_png(body_picture(body), self.png)
+            write_whole(self.png, png(body_picture(body)))
             print(f"picture: {self.png}")
         return 0
 
@@ -108,8 +109,9 @@ bodies that have names. The measurements are taken on the body's surface, as a t
 
         if self.png is None:
             raise InputError("body show all draws a picture: add --png FILE, or name one body")
-        from voxelpose.calibration.files import write_png
-        from voxelpose.view.images.body_picture import bodies_picture
+        from calib.atomic import write_whole
+        from voxelpose.view.images.canvas import png
+        from voxelpose.view.images.hull_picture import bodies_picture
 
         presets = body_presets()
         captions = []
@@ -117,7 +119,7 @@ bodies that have names. The measurements are taken on the body's surface, as a t
             stature, *girths = preset.measurements.known().values()
             sizes = " / ".join(f"{100 * girth:.0f}" for girth in girths)
             captions.append(f"{preset.name}  {stature:.2f} m\n{sizes}")
-        write_png(bodies_picture([preset.body() for preset in presets], captions), self.png)
+        write_whole(self.png, png(bodies_picture([preset.body() for preset in presets], captions)))
         print(f"picture: {self.png}")
         return 0
 

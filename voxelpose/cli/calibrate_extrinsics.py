@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
+    BoardArguments,
     Cameras,
     Dictionary,
     MarkerSide,
@@ -20,12 +21,12 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.calibrate_board import BoardArguments
+from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
     from calib.extrinsics import Extrinsics
-    from voxelpose.cli.progress import Progress
+    from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,21 +78,19 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
     def run(self) -> int:
         """Calibrates positions and directions; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
             from calib.files.notes import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
-            from voxelpose.calibration.files import beside, write_calibration
-            from voxelpose.calibration.rig_picture import rig_picture
+            from voxelpose.calibration.pictures import beside, rig_picture, write_calibration
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)
             extrinsics = self._extrinsics(read_rig(self.intrinsics, self.unit), progress)
         from calib.upright import axis_name, other_up
-        from voxelpose.cli.calibrate_tables import print_extrinsics
 
         grounded = self.points is not None or self.floor is not None
         print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
@@ -146,3 +145,29 @@ Next to OUT, an image of the cameras and a report in JSON are written.
             self.floor, self.moments, camera_names(self.cameras), self.refine_lenses
         )
         return extrinsics_from_recording(board, lenses, self.recording, settings, progress)
+
+
+def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
+    """Prints the cameras, how many boards or points (`unit`) pairs of them share, and advice."""
+    console = rich_console(soft_wrap=True)
+    width = max(6, *(len(line.camera) for line in extrinsics.table))
+    console.print(
+        f"[dim]{'camera':<{width}}  {unit}  error px  position ± mm  rotation ± deg      x       y "
+        "      z  m[/dim]"
+    )
+    for camera, line in zip(extrinsics.rig, extrinsics.table, strict=True):
+        errors = (
+            f"{line.position_mm:>13.2f}  {line.rotation_deg:>14.3f}"
+            if line.position_mm == line.position_mm
+            else f"{'reference':>13}  {'':>14}"
+        )
+        position = " ".join(f"{value:7.3f}" for value in camera.center_m)
+        console.print(
+            f"{plain(f'{line.camera:<{width}}')}  {line.seen:>{len(unit)}}  {line.rms_px:>8.2f} "
+            f" {errors}  {position}"
+        )
+    console.print(f"{extrinsics.rms_px:.3f} px overall")
+    pairs = ", ".join(f"{a}-{b} {count}" for (a, b), count in extrinsics.shared_boards.items())
+    console.print(f"{unit} that pairs of cameras share: {plain(pairs)}")
+    for advice in extrinsics.advice:
+        console.print(f"[yellow]{plain(advice)}[/yellow]")

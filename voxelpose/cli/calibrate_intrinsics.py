@@ -1,14 +1,28 @@
 """voxelpose calibrate intrinsics."""
 
+from __future__ import annotations
+
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import Cameras, OverwriteFile, camera_names, refuse_existing
-from voxelpose.cli.calibrate_board import BoardArguments
+from voxelpose.cli.arguments import (
+    BoardArguments,
+    Cameras,
+    OverwriteFile,
+    camera_names,
+    refuse_existing,
+)
+from voxelpose.cli.terminal import plain, rich_console
+
+if TYPE_CHECKING:
+    from voxelpose.calibration.lenses import Lens
+
+_MAX_LINES = 60  # with more pictures, those left out are counted by reason
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,19 +51,18 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
 
     def run(self) -> int:
         """Calibrates the lenses; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in
-            from voxelpose.calibration.coverage import coverage_picture
-            from voxelpose.calibration.files import beside, write_calibration
             from voxelpose.calibration.lenses import (
                 calibrate_lenses,
                 lens_notes,
                 lens_report,
                 lens_rig,
             )
+            from voxelpose.calibration.pictures import beside, coverage_picture, write_calibration
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
             refuse_existing([self.out, picture, report], self.overwrite)
@@ -62,8 +75,6 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
                     )
                 cameras = {name: cameras[name] for name in selected}
             lenses, failures = calibrate_lenses(board, cameras, self.model, self.frames, progress)
-        from voxelpose.cli.calibrate_tables import print_lenses
-
         print_lenses(lenses)
         if failures:
             advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
@@ -81,3 +92,41 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
         )
         print(f"{picture}: where boards were seen")
         return 0
+
+
+def print_lenses(lenses: list[Lens]) -> None:
+    """Prints the pictures of every camera, its lens, and advice for a better recording."""
+    console = rich_console(soft_wrap=True)
+    for lens in lenses:
+        intrinsics = lens.intrinsics
+        pictures = intrinsics.pictures
+        lines = [line for line in pictures if len(pictures) <= _MAX_LINES or line.corners]
+        width = max(len(line.picture) for line in lines)
+        console.print(f"[bold]{plain(lens.camera)}[/bold]")
+        console.print(f"  [dim]{'picture':<{width}}  corners  error px[/dim]")
+        for line in lines:
+            error = "" if line.corners == 0 else f"{line.rms_px:.2f}"
+            verdict = (
+                "used" if line.left_out is None else f"[red]left out: {plain(line.left_out)}[/red]"
+            )
+            console.print(
+                f"  {plain(f'{line.picture:<{width}}')}  {line.corners or '':>7}  {error:>8} "
+                f" {verdict}"
+            )
+        for reason, count in Counter(
+            line.left_out for line in pictures if line not in lines
+        ).most_common():
+            console.print(f"  {count} more frames left out: {plain(reason)}")
+        focal, error, centre = (
+            intrinsics.matrix.diagonal()[:2],
+            intrinsics.focal_error_px,
+            intrinsics.matrix[:2, 2],
+        )
+        console.print(
+            f"  {len(lens.used())} of {len(pictures)} pictures, {intrinsics.rms_px:.3f} px; focal"
+            f" lengths {focal[0]:.1f} ± {error[0]:.1f}, {focal[1]:.1f} ± {error[1]:.1f} px, centre"
+            f" {centre[0]:.1f}, {centre[1]:.1f} px, distortion"
+            f" {' '.join(f'{term:.4f}' for term in intrinsics.distortion)}"
+        )
+        for advice in intrinsics.advice:
+            console.print(f"  [yellow]{plain(advice)}[/yellow]")

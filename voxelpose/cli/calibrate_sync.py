@@ -10,6 +10,7 @@ from tyro.conf import arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
+    BoardArguments,
     Cameras,
     Dictionary,
     MarkerSide,
@@ -22,7 +23,6 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.calibrate_board import BoardArguments
 from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ match in time.
 
     def run(self) -> int:
         """Estimates the offsets; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         refuse_existing([self.out], self.overwrite)
         with Progress() as progress:

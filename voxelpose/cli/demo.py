@@ -48,7 +48,7 @@ browser shows what `voxelpose live` finds.
 
     def run(self) -> int:
         """Renders, fits and scores the recording; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import Result, ResultWriter, as_json
 
         if not 1 <= self.frames <= 600:
@@ -64,8 +64,8 @@ browser shows what `voxelpose live` finds.
 
             from silhouette_core.estimator import Settings
             from silhouette_core.motion.body_source import load_body, resolved_body
-            from voxelpose.demo.filming import make_recording
-            from voxelpose.demo.measurements import person_of
+            from voxelpose.demo.mannequin import person_of
+            from voxelpose.demo.room import make_recording
             from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit, track
             from voxelpose.recording.folder import Recording
@@ -106,7 +106,7 @@ browser shows what `voxelpose live` finds.
     def _run_live(self) -> int:
         """Plays the recording to the live estimation until Ctrl-C; returns the exit code."""
         from voxelpose.cli.live import Live
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter, as_json, is_result
         from voxelpose.version import __version__
 
@@ -114,7 +114,7 @@ browser shows what `voxelpose live` finds.
         if self.overwrite or not is_result(out):
             with ResultWriter(out, self.overwrite) as folder, Progress() as progress:
                 progress.stage("making a recording")
-                from voxelpose.demo.filming import make_recording
+                from voxelpose.demo.room import make_recording
 
                 make_recording(folder / "recording", performance="there_and_back")
                 summary = {"voxelpose": __version__, "demo": True}

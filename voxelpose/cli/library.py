@@ -53,7 +53,7 @@ the same command is run again.
 
     def run(self) -> int:
         """Builds the library; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.note_compilation()

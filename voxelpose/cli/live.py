@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -15,23 +16,75 @@ from voxelpose.cli.arguments import (
     Cameras,
     Fps,
     OptionalLength,
+    PageArguments,
     Sex,
     Unit,
     Up,
     camera_names,
     up_direction,
 )
+from voxelpose.cli.terminal import plain, rich_console
 
 if TYPE_CHECKING:
+    from rich.status import Status
+
+    from voxelpose.live.live_frame import SessionState
     from voxelpose.live.live_page import Page
     from voxelpose.live.senders import Senders
     from voxelpose.live.session import LiveSession
+
+
+class StateLine:
+    """State of a session: one changing line on a terminal, a line per change elsewhere."""
+
+    def __init__(self) -> None:
+        """Prints nothing yet."""
+        self._line: Status | None = None
+        self._said: tuple[str, ...] = ()
+        if sys.stderr.isatty():
+            self._line = rich_console(stderr=True).status("")
+            self._line.start()
+
+    def show(self, state: SessionState) -> None:
+        """Shows the present state."""
+        wrong = tuple(f"{name}: {said}" for name, said in state.cameras.items() if said != "ok")
+        if self._line is not None:
+            numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
+            if math.isfinite(state.latency_s):
+                numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
+            self._line.update(plain("; ".join([state.message, numbers, *wrong])))
+            return
+        # Seconds that count down are no news.
+        message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
+        if (message, *wrong) != self._said:
+            self._said = (message, *wrong)
+            print("; ".join(self._said), file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Removes the changing line."""
+        if self._line is not None:
+            self._line.stop()
+
+
+def print_session(session: LiveSession) -> None:
+    """Prints frames, dropped frames and the durations of the stages of a session."""
+    from rich.table import Table
+
+    console, state = rich_console(), session.state
+    table = Table("stage", "min ms", "max ms", "mean ms", "median ms", "95 % ms", "99 % ms")
+    table.box, table.padding = None, (0, 2, 0, 0)
+    for name, values in session.times.summary().items():
+        table.add_row(name, *(f"{1000 * value:.1f}" for value in values))
+    if table.row_count:
+        console.print(table)
+    console.print(f"{state.frames} frames estimated, {state.dropped} dropped")
+
 
 _STATUS_EVERY_S = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live:
+class Live(PageArguments):
     """Arguments of `voxelpose live`."""
 
     help: ClassVar[str] = """Follows a person before running cameras, shows and sends the motion.
@@ -69,14 +122,6 @@ Ctrl-C ends the session.
     """Receiver of the motion: vmc://HOST:PORT or ws://HOST:PORT/PATH; may be repeated."""
     page: bool = True
     """Serve the page that shows the figure; --no-page leaves it out."""
-    browser: bool = True
-    """Open the page; --no-browser only prints its address."""
-    host: Annotated[str, arg(metavar="NAME")] = "127.0.0.1"
-    """Address at which the page is served; any but this machine's own needs --token."""
-    port: Annotated[int, arg(metavar="N")] = 8080
-    """Port of the page; the next free one if it is taken."""
-    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
-    """Secret without which the page is not served."""
     record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Recording folder to be made; --no-record-now leaves the beginning to the button."""
     record_now: Annotated[bool, arg(name="record-now")] = True
@@ -97,8 +142,7 @@ Ctrl-C ends the session.
         """Runs the session; returns the exit code."""
         from dataclasses import replace
 
-        from voxelpose.cli.progress import Progress
-        from voxelpose.cli.session_status import print_session
+        from voxelpose.cli.terminal import Progress
 
         self._check()
         with Progress() as progress:
@@ -165,8 +209,7 @@ Ctrl-C ends the session.
         Raises:
             InputError: an argument is wrong, or two exclude each other.
         """
-        from voxelpose.live.receiver_address import parse_receiver
-        from voxelpose.view.serving.gate import Address
+        from voxelpose.live.senders import parse_receiver
 
         if self.camera is not None and self.cameras is not None:
             raise InputError("--camera and --cameras exclude each other: give one of them")
@@ -179,29 +222,23 @@ Ctrl-C ends the session.
         if not 0 <= self.countdown <= 3600:
             raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
-            Address(self.host, self.port, self.token)
+            self.address()
         for address in self.send:
             parse_receiver(address)
 
     def _page(self, session: LiveSession, senders: Senders) -> Page:
         """Serves the page, and opens it."""
         from voxelpose.live.live_page import Page
-        from voxelpose.view.serving.gate import Address
 
-        address = Address(self.host, self.port, self.token)
-        page = Page(session, session.settings.rig.cameras, address, lambda: senders.states)
+        cameras = session.settings.rig.cameras
+        page = Page(session, cameras, self.address(), lambda: senders.states)
         print(f"page: {page.url} (Ctrl-C ends the session)", file=sys.stderr, flush=True)
-        if self.browser:
-            import webbrowser
-
-            webbrowser.open(page.url)
+        self.open_page(page.url)
         return page
 
     def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
         import time
-
-        from voxelpose.cli.session_status import StateLine
 
         line = StateLine()
         try:

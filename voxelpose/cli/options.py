@@ -1,13 +1,17 @@
-"""Options of a command: names and types, and their values from files."""
+"""Options of a command: names and types, and their values from voxelpose.toml of a recording, the
+folders above, the user.
+"""
 
 import difflib
+import importlib
 import os
 import types
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
 
 _LOCATED = "body", "segmenter", "source"  # text that may name a file
@@ -27,7 +31,6 @@ class Option:
     Attributes:
         name: as on the command line, without the dashes before it.
         field: its field of the command's class.
-        kind: type of the value.
         default: value where none is given; `dataclasses.MISSING` where one must be.
         appended: whether it may be given several times, each time with one more value.
     """
@@ -42,7 +45,6 @@ class Option:
         """The value that a file gives.
 
         Args:
-            given: as read from the file.
             folder: the file's folder, to which paths are relative.
             where: the file and its section, for messages.
 
@@ -92,9 +94,7 @@ def options_of(command: type) -> dict[str, Option]:
 
 
 def folder_of(command: Any) -> Path:
-    """The folder that a command's instance works on: its argument without a name, else the
-    current folder.
-    """
+    """The folder that a command's instance works on: its nameless argument, else this one."""
     named = {option.field for option in options_of(type(command)).values()}
     for field in fields(command):
         value = getattr(command, field.name)
@@ -140,3 +140,154 @@ def _located(text: str, folder: Path) -> str:
     path = folder / os.path.expanduser(last)  # noqa: PTH111
     there = last and not last.isdigit() and os.path.exists(path)  # noqa: PTH110
     return f"{name}{equals}{path}" if there else text
+
+
+@dataclass(frozen=True)
+class FolderSetting:
+    """A value of an option's type from a voxelpose.toml; paths are absolute."""
+
+    value: Any
+    file: Path
+
+
+def load_command(section: str) -> Any:
+    """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
+    name, _, word = section.partition(".")
+    module = importlib.import_module(f"voxelpose.cli.{name}")
+    if hasattr(module, "SUBCOMMANDS"):
+        return module.SUBCOMMANDS[word]
+    return getattr(module, getattr(module, "COMMAND", name.capitalize()))
+
+
+def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
+    """What files say about a command's options, by their names; the nearest file counts.
+
+    Args:
+        folder: the recording, or whatever the command works on.
+
+    Raises:
+        InputError: a file cannot be read, or has an unknown section, option or value.
+    """
+    from voxelpose.recording.subject import settings_files
+
+    options = options_of(load_command(section))
+    found: dict[str, FolderSetting] = {}
+    for file in reversed(settings_files(folder)):
+        where = f"{file}: [{section}]"
+        for key, given in _sections(file).get(section, {}).items():
+            name = key.replace("_", "-")
+            if name not in options:
+                near = nearest(name, options) or f": there are {', '.join(options)}"
+                raise InputError(f"{where} has no setting {key[:40]!r}{near}")
+            value = options[name].value_from(given, file.parent, where)
+            found[name] = FolderSetting(value, file)
+    return found
+
+
+def sections_in(folder: Path) -> list[str]:
+    """Sections of the files that hold settings for a folder.
+
+    Raises:
+        InputError: a file cannot be read, or has an unknown section.
+    """
+    from voxelpose.recording.subject import settings_files
+
+    return list(dict.fromkeys(name for file in settings_files(folder) for name in _sections(file)))
+
+
+def parse_with_settings(
+    section: str, words: Sequence[str], program: str
+) -> tuple[Any, dict[str, FolderSetting]]:
+    """A command with its arguments, those of files where the command line gives none.
+
+    Args:
+        program: how the command is called, for messages.
+
+    Returns:
+        An instance of the command's class, and what was taken from files.
+
+    Raises:
+        InputError: a file cannot be read, or has an unknown section, option or value.
+        SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
+    """
+    import tyro
+
+    command = load_command(section)
+
+    def parsed(values: Mapping[str, Any] | None) -> Any:
+        default = None if values is None else _instance(command, values)
+        return tyro.cli(command, prog=program, description="", args=words, default=default)
+
+    if not {"-h", "--help"}.isdisjoint(words):
+        return parsed(None), {}
+    options = options_of(command)
+    # First for the folder alone: what is missing may be in its files.
+    blanks = {o.field: o.kind() for o in options.values() if o.default is MISSING}
+    typed = parsed(blanks)
+    found = folder_settings(section, folder_of(typed))
+    for option in options.values():
+        if option.appended and getattr(typed, option.field):
+            found.pop(option.name, None)  # the values would be added to the file's
+    if not found:
+        return parsed(None), {}
+    done = parsed({options[name].field: setting.value for name, setting in found.items()})
+    taken = {
+        name: setting
+        for name, setting in found.items()
+        if getattr(done, options[name].field) == setting.value
+    }
+    if "sources" in {field.name for field in fields(command)}:
+        done = replace(done, sources={name: str(setting.file) for name, setting in taken.items()})
+    return done, taken
+
+
+def settings_notes(section: str, taken: Mapping[str, FolderSetting]) -> list[str]:
+    """A line for each file that settings were taken from."""
+    names: dict[Path, list[str]] = {}
+    for name, setting in taken.items():
+        names.setdefault(setting.file, []).append(name)
+    return [f"from {file} [{section}]: {', '.join(known)}" for file, known in names.items()]
+
+
+def _instance(command: Any, values: Mapping[str, Any]) -> Any:
+    """An instance of a command's class whose other values are the usual ones, or missing."""
+    import tyro
+
+    missing = {
+        field.name: tyro.MISSING
+        for field in fields(command)
+        if field.default is MISSING and field.default_factory is MISSING
+    }
+    return command(**(missing | dict(values)))
+
+
+def _sections(file: Path) -> dict[str, dict[str, Any]]:
+    """The tables of a file, by their sections: `fit`, `calibrate.board`."""
+    from voxelpose.cli import COMMANDS
+
+    content = parse_toml(load_text(file, 1_000_000), file)
+    _check_sections(content, COMMANDS, file)
+    sections = {}
+    for name, table in content.items():
+        module = importlib.import_module(f"voxelpose.cli.{name}")
+        if not hasattr(module, "SUBCOMMANDS"):
+            sections[name] = table
+            continue
+        _check_sections(table, module.SUBCOMMANDS, file, f"{name}.")
+        sections |= {f"{name}.{word}": inner for word, inner in table.items()}
+    return sections
+
+
+def _check_sections(
+    content: Mapping[str, Any], known: Iterable[str], file: Path, before: str = ""
+) -> None:
+    for name, table in content.items():
+        section = f"[{before}{name[:40]}]"
+        if name not in known:
+            near = nearest(name, known) or f": the sections are {', '.join(known)}"
+            raise InputError(f"{file}: there is no section {section}{near}")
+        if not isinstance(table, dict):
+            raise InputError(
+                f"{file}: {before}{name} must be a section: write {section}, and each setting on a"
+                " line below"
+            )

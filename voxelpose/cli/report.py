@@ -33,7 +33,7 @@ is replaced.
 
     def run(self) -> int:
         """Writes the report; returns the exit code."""
-        from voxelpose.cli.progress import Progress
+        from voxelpose.cli.terminal import Progress
 
         with Progress() as progress:
             progress.stage("opening")

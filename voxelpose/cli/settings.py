@@ -8,8 +8,7 @@ from typing import Annotated, Any, ClassVar
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.folder_settings import folder_settings, load_command, sections_in
-from voxelpose.cli.options import nearest, options_of
+from voxelpose.cli.options import folder_settings, load_command, nearest, options_of, sections_in
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}

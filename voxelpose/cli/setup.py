@@ -1,15 +1,13 @@
 """voxelpose setup."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
-from tyro.conf import arg
-
-from voxelpose.cli.arguments import Fps, RecordingFolder, Unit
+from voxelpose.cli.arguments import Fps, PageArguments, RecordingFolder, Unit
 
 
 @dataclass(frozen=True)
-class Setup:
+class Setup(PageArguments):
     """Arguments of `voxelpose setup`."""
 
     help: ClassVar[str] = """Sets a recording up in the browser, before the first fit.
@@ -25,24 +23,12 @@ given; Ctrl-C ends it.
 """
 
     recording: RecordingFolder
-    host: Annotated[str, arg(metavar="NAME")] = "localhost"
-    """Address at which the page is served; any but this machine's own needs --token."""
-    port: Annotated[int, arg(metavar="N")] = 8080
-    """Port of the page; the next free one if it is taken."""
-    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
-    """Word without which the page is not shown; part of the address that is printed."""
-    browser: bool = True
-    """Open the page; --no-browser only prints its address."""
     unit: Unit = None
     fps: Fps = None
 
     def run(self) -> int:
         """Serves the page until it is interrupted; returns the exit code."""
-        import webbrowser
-
-        from voxelpose.view.serving.gate import Address
-
-        address = Address(self.host, self.port, self.token)
+        address = self.address()
         from voxelpose.cli.terminal import message
         from voxelpose.setup_page.opened_folder import OpenedFolder
         from voxelpose.setup_page.setup_server import SetupServer
@@ -55,8 +41,7 @@ given; Ctrl-C ends it.
         server = SetupServer(session, address)
         try:
             print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
-            if self.browser:
-                webbrowser.open(server.url)
+            self.open_page(server.url)
             server.wait()
         except KeyboardInterrupt:
             pass
@@ -66,7 +51,7 @@ given; Ctrl-C ends it.
 
     def _fit_settings(self) -> dict[str, tuple[Any, str]]:
         """Settings of `fit` for the recording, and the files that they are from."""
-        from voxelpose.cli.folder_settings import folder_settings
+        from voxelpose.cli.options import folder_settings
 
         found = folder_settings("fit", self.recording)
         return {name: (setting.value, str(setting.file)) for name, setting in found.items()}

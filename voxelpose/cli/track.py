@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 from tyro.conf import arg
 
 from voxelpose.cli.arguments import OptionalName
-from voxelpose.cli.estimation import EstimationArguments
+from voxelpose.cli.fit import EstimationArguments
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from voxelpose.cli.arguments import (
     OptionalFile,
     OptionalLength,
     OverwriteFile,
+    PageArguments,
     Unit,
     refuse_existing,
 )
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class View:
+class View(PageArguments):
     """Arguments of `voxelpose view`."""
 
     help: ClassVar[str] = """Shows cameras, voxels, body and skeleton over time in the browser.
@@ -46,14 +47,6 @@ cameras and hull are shown.
     """PNG of one frame to be written instead; no screen is needed."""
     video: OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
-    host: Annotated[str, arg(metavar="NAME")] = "localhost"
-    """Address at which the page is served; any but this machine's own needs --token."""
-    port: Annotated[int, arg(metavar="N")] = 8080
-    """Port of the page; the next free one if it is taken."""
-    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
-    """Word without which the page is not shown; part of the address that is printed."""
-    browser: bool = True
-    """Open the page; --no-browser only prints its address."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
     """The recording, if it was moved after the fit."""
     voxel: OptionalLength = None
@@ -66,9 +59,7 @@ cameras and hull are shown.
         refuse_existing([self.png], self.overwrite, "--png")
         refuse_existing([self.video], self.overwrite, "--video")
         if not (self.open3d or self.png or self.video):
-            from voxelpose.view.serving.gate import Address
-
-            Address(self.host, self.port, self.token)  # refused before the work, not after
+            self.address()  # refused before the work, not after
         if self.open3d:
             from voxelpose.view.open3d_import import import_open3d
 
@@ -93,7 +84,7 @@ cameras and hull are shown.
             raise InputError(scenes.missing)
         frame = self._frame(scenes, posed=pictures)
         if self.png is not None:
-            from voxelpose.view.images.hull_video import write_picture
+            from voxelpose.view.images.hull_picture import write_picture
 
             litres = write_picture(scenes, frame, self.png)
             print(
@@ -101,15 +92,14 @@ cameras and hull are shown.
                 f" litres{' and skeleton' if scenes.motion is not None else ''}"
             )
         if self.video is not None:
-            from voxelpose.cli.progress import Progress
-            from voxelpose.view.images.hull_video import write_film
+            from voxelpose.cli.terminal import Progress
+            from voxelpose.view.images.hull_picture import write_film
 
             with Progress() as progress:
                 count = write_film(scenes, self.video, progress)
             print(f"{self.video}: {count} frames")
         if self.open3d:
-            from voxelpose.view.images.hull_picture import show_hull
-            from voxelpose.view.images.hull_video import skeleton_of
+            from voxelpose.view.images.hull_picture import show_hull, skeleton_of
 
             scene = scenes.scene(frame)
             if scene.hull is None:
@@ -137,17 +127,13 @@ cameras and hull are shown.
         return self.frame
 
     def _serve(self, scenes: ResultScenes, frame: int) -> None:
-        import webbrowser
-
-        from voxelpose.view.serving.gate import Address
         from voxelpose.view.viewer.browser import Browser
 
-        browser = Browser(scenes, Address(self.host, self.port, self.token), frame)
+        browser = Browser(scenes, self.address(), frame)
         print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
         if scenes.missing:
             print(f"note: {scenes.missing}")
-        if self.browser:
-            webbrowser.open(browser.url)
+        self.open_page(browser.url)
         try:
             browser.run()
         except KeyboardInterrupt:

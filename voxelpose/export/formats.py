@@ -1,23 +1,67 @@
-"""Export of a motion in several formats at once, whole or not at all."""
+"""Export of a motion in several formats at once, whole or not at all, with export.json: how the
+files were made, for formats that have no place to say so.
+"""
 
 import importlib
+import json
 from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from calib.atomic import replacing, unwritable
+from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.export_record import EXPORT_RECORD, read_export_record, write_export_record
+from voxelpose.version import __version__
+
+EXPORT_RECORD = "export.json"
+_LARGEST_BYTES = 100_000_000
+
+
+def read_export_record(folder: Path) -> dict[str, object]:
+    """Entries by file name of a folder's export.json; empty where there is none.
+
+    Raises:
+        InputError: a file of that name is none of ours.
+    """
+    path = folder / EXPORT_RECORD
+    if not path.is_file():
+        return {}
+    try:
+        return dict(parse_json(load_text(path, _LARGEST_BYTES), path)["files"])
+    except (InputError, KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{path} is no record of an export: give --out another folder, or move the file away"
+        ) from None
+
+
+def write_export_record(
+    motion: Motion, names: Iterable[str], earlier: dict[str, object], path: Path
+) -> None:
+    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter."""
+    entry = {
+        "fps": motion.fps,
+        "frames": {
+            "first": int(motion.frames[0]),
+            "last": int(motion.frames[-1]),
+            "with_pose": int((~motion.filled).sum()),
+        },
+        "conditioning": describe_conditioning(motion),
+    }
+    files = earlier | dict.fromkeys(names, entry)
+    text = json.dumps({"voxelpose": __version__, "files": files}, indent=1)
+    path.write_text(text + "\n", encoding="utf-8")
+
 
 # Files of every format, each with the module and the function that write it.
 _WRITERS = {
     "bvh": {"motion.bvh": ("bvh", "write_bvh")},
     "glb": {"motion.glb": ("gltf", "write_glb")},
-    "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("mot", "write_mot")},
+    "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("opensim", "write_mot")},
     "c3d": {"motion.c3d": ("c3d", "write_c3d")},
     "csv": {
-        "joints.csv": ("joints", "write_joints"),
+        "joints.csv": ("tables", "write_joints"),
         "joints_wide.csv": ("tables", "write_wide_joints"),
         "angles.csv": ("tables", "write_angles"),
     },
@@ -27,7 +71,7 @@ FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
 
 _WRITERS["opensim"] = {
-    "motion.mot": ("mot", "write_mot"),
+    "motion.mot": ("opensim", "write_mot"),
     "opensim_motion.trc": ("opensim", "write_seen"),
     "opensim_static.trc": ("opensim", "write_static"),
     "opensim_markers.xml": ("opensim", "write_marker_set"),

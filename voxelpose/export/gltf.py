@@ -58,12 +58,7 @@ def write_glb(motion: Motion, path: Path) -> None:
 
 
 class _Packer:
-    """Buffer of arrays, each aligned to four bytes as glTF requires.
-
-    Attributes:
-        document: the document whose buffer views and accessors are filled.
-        data: contents of the buffer.
-    """
+    """Buffer of arrays, each aligned to four bytes as glTF requires."""
 
     def __init__(self, document: gltf.GLTF2) -> None:
         self.document = document

@@ -17,11 +17,7 @@ Y_UP_FROM_WORLD = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 
 
 def local_rotations(motion: Motion) -> NDArray[np.float64]:
-    """Rotation of every part relative to its parent; the identity in the rest pose.
-
-    Returns:
-        (T, P, 3, 3) float64; the root's rotation is relative to the world, z up.
-    """
+    """Rotation (T, P, 3, 3) of every part to its parent, the root's to the world; rest is 1."""
     return relative_rotations(motion.parts()[0], motion.model.parents)
 
 
@@ -89,9 +85,7 @@ def every_frame(motion: Motion) -> NDArray[np.int64]:
 
 
 def ascii_names(names: Sequence[str]) -> list[str]:
-    """Names in formats that hold ASCII words alone; of two that would be one, the later one gets a
-    number.
-    """
+    """Names in formats that hold ASCII words alone; the second of one name gets a number."""
     words: dict[str, None] = {}
     for name in names:
         plain = "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in name)

@@ -1,16 +1,134 @@
-"""Tables as CSV and arrays as NPZ, for spreadsheets, R, MATLAB and Python."""
+"""Tables as CSV and arrays as NPZ, for spreadsheets, R, MATLAB and Python.
 
+joints.csv has of a person the 15 joints of the HumanEva protocol, of another body its own
+landmarks; one row per frame and joint. hypotheses.csv has the most probable poses of every frame.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import HUMAN
+from calib.documents import csv_rows
+from calib.errors import InputError
+from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
+from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angles
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.joints import column_names, filled_column
+
+JOINTS = "joints.csv"
+_COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
+_LARGEST_BYTES = 3_000_000_000  # half a day; read row by row
+FARTHEST_M = 100_000
+"""Distance from the world's origin beyond which a position in a file is a mistake, m."""
+_MOST_JOINTS = 1000
+_HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
+
+
+def write_joints(motion: Motion, path: Path) -> None:
+    """Writes joint positions in world coordinates (axes of the calibration), metres.
+
+    Args:
+        motion: T poses; frames without a pose have no rows. Where some were filled, they have the
+            confidence 0, and the last column, `filled`, is 1 for them.
+    """
+    positions, confidence = motion.landmarks(), motion.landmark_confidence()
+    names = column_names(motion.model.tree.landmark_names)
+    heading, marks = filled_column(motion)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(_HEADER + heading + "\n")
+        for row, frame in enumerate(motion.frames):
+            start = f"{frame},{motion.time_s[row]:.6f}"
+            for joint, name in enumerate(names):
+                x, y, z = positions[row, joint]
+                sure = f"{confidence[row, joint]:.3f}{marks[row]}"
+                file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{sure}\n")
+
+
+def filled_column(motion: Motion) -> tuple[str, list[str]]:
+    """Heading and cells of the column `filled`, with their commas; empty where no frame was."""
+    if not motion.filled.any():
+        return "", [""] * len(motion)
+    return ",filled", [f",{int(filled)}" for filled in motion.filled]
+
+
+def column_names(names: Sequence[str]) -> list[str]:
+    """Names as tables in CSV have them: without commas and quotes."""
+    return [name.replace(",", "_").replace('"', "_") for name in names]
+
+
+def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
+    """Names of the joints of a joints.csv, in their order, and one more than its last frame.
+
+    Raises:
+        InputError: the file cannot be read, or its frames are numbered as none are.
+    """
+    names: dict[str, None] = {}
+    rows = last = 0
+    for line, row in enumerate(csv_rows(path, _COLUMNS[:2], _LARGEST_BYTES), 2):
+        try:
+            names[row["joint"]] = None
+            last = max(last, int(row["frame"]) + 1)
+        except (ValueError, KeyError) as error:
+            raise _unreadable(path, line, error) from error
+        rows += 1
+        if len(names) > _MOST_JOINTS:
+            raise InputError(f"{path} names more than {_MOST_JOINTS} joints: it is no joints.csv")
+    if beyond_rows(last, rows):
+        raise InputError(f"{path} has {rows} rows, the last frame being {last - 1}: correct it")
+    return tuple(names), last
+
+
+def read_joints(
+    path: Path, count: int, offset: int = 0, names: Sequence[str] = LANDMARK_NAMES
+) -> NDArray[np.float64]:
+    """Reads joint positions.
+
+    Args:
+        path: the CSV file; it needs the columns frame, joint, x_m, y_m and z_m.
+        count: number of frames to return; rows of other frames are ignored.
+        offset: number added to the file's frame numbers.
+        names: L names of the joints.
+
+    Returns:
+        (count, L, 3) float64, world, metres, in the order of the names; NaN where a joint has
+        no row.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    number = {name: index for index, name in enumerate(names)}
+    joints_m = np.full((count, len(number), 3), np.nan)
+    for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
+        try:
+            frame = int(row["frame"]) + offset
+            if row["joint"] in number and 0 <= frame < count:
+                position = [float(row[axis]) for axis in _COLUMNS[2:]]
+                joints_m[frame, number[row["joint"]]] = position
+        except (ValueError, KeyError) as error:
+            raise _unreadable(path, line, error) from error
+    if (np.abs(joints_m) > FARTHEST_M).any():
+        raise InputError(
+            f"{path} holds positions beyond {FARTHEST_M / 1000:g} km: are they in metres?"
+        )
+    return joints_m
+
+
+def beyond_rows(last: float, rows: int) -> bool:
+    """Whether a last frame's number is a mistake: missing frames are filled in, in memory."""
+    return last > 100_000 + 10 * rows
+
+
+def _unreadable(path: Path, line: int, error: Exception) -> InputError:
+    return InputError(
+        f"{path} line {line} cannot be read as {','.join(_COLUMNS)}: {str(error)[:100]}: correct"
+        " the row or fit again"
+    )
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
@@ -94,3 +212,83 @@ def _write(
         ):
             cells = [str(frame), f"{time_s:.6f}", *(f"{value:.{digits}f}" for value in row)]
             file.write(",".join(cells) + mark + "\n")
+
+
+HYPOTHESES = "hypotheses.csv"
+_HYPOTHESIS_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One of several possible poses of a frame.
+
+    Attributes:
+        rank: position in the order of probability, 1 for the most probable.
+        probability: probability from 0 to 1.
+        joints_m: (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where
+            the file has no row.
+        bones: (B, 2) int, pairs of joints between which a bone is drawn.
+    """
+
+    rank: int
+    probability: float
+    joints_m: NDArray[np.float64]
+    bones: NDArray[np.integer]
+
+
+def write_hypotheses(
+    hypotheses: Iterable[tuple[int, NDArray, NDArray]], path: Path, tree: KinematicTree = HUMAN
+) -> None:
+    """Writes one row per frame, hypothesis and joint: frame,rank,probability,joint,x_m,y_m,z_m.
+
+    Args:
+        hypotheses: frame number, probabilities (n,) in descending order, and joint positions
+            (n, L, 3), world, metres, of every frame.
+        tree: of the body, with L landmarks; by default a person's.
+    """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(_HYPOTHESIS_COLUMNS) + "\n")
+        for frame, probability, joints in hypotheses:
+            for rank, (weight, points) in enumerate(zip(probability, joints, strict=True), 1):
+                for name, (x, y, z) in zip(tree.landmark_names, points, strict=True):
+                    file.write(f"{frame},{rank},{weight:.4f},{name},{x:.4f},{y:.4f},{z:.4f}\n")
+
+
+def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
+    """Reads the hypotheses of every frame number, the most probable first.
+
+    Args:
+        path: the CSV file; a missing file gives no hypotheses.
+        tree: as of `write_hypotheses`.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    if not path.exists():
+        return {}
+    names = tree.landmark_names
+    joints: dict[tuple[int, int], NDArray[np.float64]] = defaultdict(
+        lambda: np.full((len(names), 3), np.nan)
+    )
+    probability: dict[tuple[int, int], float] = {}
+    for line, row in enumerate(csv_rows(path, _HYPOTHESIS_COLUMNS, _LARGEST_BYTES), 2):
+        try:
+            if row["joint"] not in names:
+                raise ValueError(f"there is no joint {row['joint'][:40]}")
+            key = int(row["frame"]), int(row["rank"])
+            position = np.array([float(row[axis]) for axis in ("x_m", "y_m", "z_m")])
+            probability[key] = float(row["probability"])
+            joints[key][names.index(row["joint"])] = position
+            if not (0 <= probability[key] <= 1 and (np.abs(position) <= FARTHEST_M).all()):
+                raise ValueError("no probability or position")
+        except (KeyError, ValueError) as error:
+            raise InputError(
+                f"{path} line {line} is damaged ({' '.join(str(error).split())[:100]}): fit again,"
+                " or remove it"
+            ) from None
+    hypotheses: dict[int, tuple[Hypothesis, ...]] = {}
+    bones = tree.landmark_bones
+    for frame, rank in sorted(joints):
+        hypothesis = Hypothesis(rank, probability[frame, rank], joints[frame, rank], bones)
+        hypotheses[frame] = (*hypotheses.get(frame, ()), hypothesis)
+    return hypotheses

@@ -17,8 +17,8 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.joints import FARTHEST_M, beyond_rows
 from voxelpose.export.skeleton import ascii_names, every_frame, named_points
+from voxelpose.export.tables import FARTHEST_M, beyond_rows
 
 POSE2SIM_AXES = "yzx"
 """World axes to which x, y and z of a TRC by Pose2Sim or `voxelpose export` correspond."""

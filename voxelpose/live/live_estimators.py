@@ -36,8 +36,12 @@ from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
 from voxelpose.multiview.tracking.body_track import Moment
-from voxelpose.multiview.tracking.follower import PoseFollower
-from voxelpose.multiview.tracking.track_jobs import FollowSettings, adapt_body, search, search_limbs
+from voxelpose.multiview.tracking.follower import (
+    PoseFollower,
+    adapt_body,
+    search,
+    search_limbs,
+)
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.tuning import LIVE
 
@@ -51,14 +55,7 @@ _HYPOTHESES = 5
 
 @dataclass(frozen=True, eq=False)
 class LiveMoment:
-    """What is estimated from.
-
-    Attributes:
-        number: of the frame.
-        time_s: time of capture.
-        silhouettes: packed, as recorded.
-        pictures: (H, W, 3) uint8 BGR by camera name; none where they are not needed.
-    """
+    """What is estimated from: silhouettes packed, pictures (H, W, 3) BGR by camera, if needed."""
 
     number: int
     time_s: float
@@ -86,10 +83,7 @@ class FoundPose:
 
 
 class LiveEstimator(Protocol):
-    """Finds the person in the silhouettes of one moment after the other.
-
-    Its two stages run in a thread each, and each takes its moments in order.
-    """
+    """Finds the person in one moment after the other; its two stages run in a thread each."""
 
     def prepare(self, moment: LiveMoment, /) -> Any:
         """What the second stage needs of a moment."""
@@ -127,7 +121,6 @@ class EstimatorProcess(RemoteObject):
 
     Args:
         make: makes it there, with the methods `step` and `close`; a function or class of a module.
-        arguments: of `make`.
 
     Raises:
         InputError: as `make` raises it.
@@ -149,14 +142,9 @@ class EstimatorProcess(RemoteObject):
 
 
 class LiveMultiView(EstimatorProcess):
-    """Several cameras.
+    """Several cameras."""
 
-    Args:
-        rig: the cameras, as they take their pictures.
-        settings: what is known about the person.
-    """
-
-    def __init__(self, rig: Rig, settings: FollowSettings):
+    def __init__(self, rig: Rig, settings: Settings):
         """Begins the process, and waits until it is ready."""
         super().__init__(FollowedBody, rig, settings)
 
@@ -166,15 +154,9 @@ class LiveMultiView(EstimatorProcess):
 
 
 class FollowedBody:
-    """A body before several cameras: see `PoseFollower`.
+    """A body before several cameras: see `PoseFollower`; the executor is a process by default."""
 
-    Args:
-        rig: the cameras, as they take their pictures.
-        settings: what is known about the person.
-        executor: does what takes longer than a frame; None: a process of its own.
-    """
-
-    def __init__(self, rig: Rig, settings: FollowSettings, executor: Executor | None = None):
+    def __init__(self, rig: Rig, settings: Settings, executor: Executor | None = None):
         """Loads all kernels, which takes seconds."""
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
@@ -201,10 +183,8 @@ class FollowedBody:
         """Ends the searching process."""
         self._executor.shutdown(wait=True, cancel_futures=True)
 
-    def _warm_up(self, settings: FollowSettings) -> None:
-        """Follows a drawn body for a moment, so that all kernels are loaded before the first frame
-        is: that takes seconds.
-        """
+    def _warm_up(self, settings: Settings) -> None:
+        """Follows a drawn body, so that all kernels are loaded before the first frame."""
         body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
         silhouettes = _drawn(self._pinholes, body)
         if sum(mask.any() for mask in silhouettes.values()) < 2:
@@ -235,10 +215,7 @@ class MonocularSetup:
     """What both stages of one camera are made from.
 
     Attributes:
-        rig: the camera, as it takes its pictures.
-        settings: what is known about the person, among others.
         options: of the monocular estimator; the library they name exists.
-        fps: rate of the camera.
         pictures: whether the pictures have colours, or are silhouettes.
     """
 
@@ -256,11 +233,7 @@ class MonocularSetup:
 
 
 class LiveMonocular(EstimatorProcess):
-    """One camera: the person here, poses in a process of their own.
-
-    Args:
-        reporter: told about the library.
-    """
+    """One camera: the person here, poses in a process of their own."""
 
     def __init__(self, setup: MonocularSetup, reporter: Reporter):
         """Checks what the setup names, and begins the process."""
@@ -318,7 +291,7 @@ def posed_body(found: FoundPose) -> PosedBody:
     )
 
 
-def _load_kernels(rig: Rig, settings: FollowSettings, moment: Moment) -> None:
+def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
     """Runs once all that is done to follow a body."""
     track = search(rig, settings, None, moment, 1)
     if track is not None:

@@ -70,10 +70,7 @@ class SessionState:
     """State of a live session, for the page and the terminal.
 
     Attributes:
-        phase: what the estimation is doing.
         message: the same in words for the user, with the remedy where something is wrong.
-        recording: whether pictures are being recorded.
-        frames: number of frames estimated.
         dropped: number of frames dropped because newer ones had come.
         fps: frames estimated per second, recently.
         latency_s: from capture to the pose, median of recent frames; nan before the first.

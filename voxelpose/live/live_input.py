@@ -23,7 +23,6 @@ from voxelpose.live.live_estimators import (
     MonocularSetup,
 )
 from voxelpose.live.session import SessionSettings
-from voxelpose.multiview.tracking.track_jobs import FollowSettings
 from voxelpose.recording.folder import Recording, default_camera
 from voxelpose.recording.subject import Subject
 
@@ -34,14 +33,7 @@ _USUAL_FPS = 30
 
 @dataclass(frozen=True)
 class LiveInput:
-    """What a session works on, opened.
-
-    Attributes:
-        recording: calibration, background, regions and subject; without frames where the pictures
-            come from elsewhere.
-        sources: by camera name.
-        fps: rate of the cameras, as far as known.
-    """
+    """What a session works on, opened; its recording has no frames if these come from cameras."""
 
     recording: Recording
     sources: dict[str, CameraSource]
@@ -96,7 +88,6 @@ def open_input(
     Args:
         folder: a recording folder, whose videos are played if there are no sources; None: a single
             source without calibration.
-        sources: addresses of the cameras.
         cameras: names of the cameras to use; None: all.
         unit: of the calibration's lengths, where its file does not state it.
         fps: rate of the cameras; None: as the files state, or 30.
@@ -129,17 +120,14 @@ def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> L
     """Estimator for one camera or for several.
 
     Args:
-        live: the cameras.
         settings: what is known about the person, and options of the monocular estimator.
-        reporter: told about the library of one camera.
 
     Raises:
         InputError: the options or the library cannot be used.
     """
     recording = live.recording
     if len(recording.rig) > 1:
-        known = FollowSettings(settings.stature_m, settings.chest_m, settings.sex)
-        return LiveMultiView(recording.rig, known)
+        return LiveMultiView(recording.rig, settings)
     options = read_options(MonocularOptions, settings.options, "monocular")
     pictures = not recording.silhouettes_given
     setup = MonocularSetup(recording.rig, settings, options, live.fps, pictures)

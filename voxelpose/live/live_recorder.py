@@ -17,7 +17,7 @@ from calib.atomic import unwritable
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
-from voxelpose.live.shots import Shot
+from voxelpose.live.camera_source import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.view.images.canvas import encoded
@@ -38,7 +38,6 @@ class LiveRecorder:
     interruption costs nothing that was written before.
 
     Args:
-        folder: the recording folder to be made.
         empty: pictures of the empty view by camera name; left out where `private`.
         private: whether silhouettes are kept instead of pictures.
 

@@ -1,17 +1,164 @@
-"""The room in the page: floor, person, cameras, hull, other likely poses."""
+"""The room in the page: floor, person, cameras with small pictures, hull, other likely poses."""
 
+import time
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.body.joints import LANDMARK_BONES
-from voxelpose.live.camera_views import CameraViews
+from silhouette_core.body.joints import HUMAN, LANDMARK_BONES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import LiveFrame, PosedBody
-from voxelpose.live.skinned_figure import SkinnedFigure
-from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, faded
+from voxelpose.view.serving.page_server import move_bones
+from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, SILHOUETTE, faded
+from voxelpose.view.viewer.scene import add_camera
+
+_PICTURE_PX = 320
+
+
+class CameraViews:
+    """Draws the cameras. Of each frame one camera's picture is sent, in turn: they cost most."""
+
+    def __init__(self, scene: viser.SceneApi, rig: Sequence[Camera]) -> None:
+        """Places the cameras."""
+        self._cameras = tuple(rig)
+        self._views = [UndistortedView.from_camera(camera, _PICTURE_PX) for camera in rig]
+        look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
+        drawn = (
+            add_camera(scene, camera, format="jpeg", jpeg_quality=70, **look) for camera in rig
+        )
+        self._handles, self._labels = zip(*drawn, strict=True)
+        self._next = 0
+
+    def show(self, visible: bool) -> None:
+        """Shows or hides the cameras."""
+        for handle in (*self._handles, *self._labels):
+            handle.visible = visible
+
+    def draw(self, frame: LiveFrame, outlines: bool) -> None:
+        """Shows the next camera's picture, with outlines of silhouettes or without."""
+        for _ in self._cameras:
+            k, self._next = self._next, (self._next + 1) % len(self._cameras)
+            picture = frame.pictures.get(self._cameras[k].name)
+            if picture is not None:
+                silhouette = frame.silhouettes.get(self._cameras[k].name) if outlines else None
+                self._handles[k].image = small_picture(picture, silhouette, self._views[k])
+                return
+
+    def clear(self) -> None:
+        """Removes the pictures."""
+        for handle in self._handles:
+            handle.image = None
+
+
+def small_picture(
+    picture: NDArray[np.uint8], silhouette: NDArray[np.bool_] | None, view: UndistortedView
+) -> NDArray[np.uint8]:
+    """Small picture, (h, w, 3) uint8 RGB, undistorted, with the silhouette's outline.
+
+    Args:
+        picture: (H, W, 3) uint8 BGR, as captured.
+        silhouette: (h, w) bool, of the picture or of it scaled down; None: no outline.
+        view: of the size to be returned.
+    """
+    size = view.pinhole.size
+    # Bilinear: means over all pixels of a large picture would cost ten times as much.
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR)
+    small = cv2.cvtColor(small, cv2.COLOR_BGR2RGB)
+    if silhouette is not None and silhouette.any():
+        mask = cv2.resize(silhouette.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+        outlines, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
+        cv2.drawContours(small, outlines, -1, SILHOUETTE, 2, cv2.LINE_AA)
+    if view.maps is not None:
+        small = cv2.remap(small, *view.maps, cv2.INTER_LINEAR)
+    return np.asarray(small, np.uint8)
+
+
+_REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame
+
+
+def _bone_parts() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Parts (18,) that are bones of the mesh, and for each part (27,) the bone that moves it.
+
+    Parts whose joints the estimation leaves at rest move with their parents: every bone costs.
+    """
+    movable = np.zeros(len(HUMAN.names), bool)
+    movable[HUMAN.dof_part[~HUMAN.dof_fixed]] = True
+    bones: list[int] = []
+    bone_of = np.zeros(len(movable), np.int64)
+    for part, parent in enumerate(HUMAN.parents):
+        if parent < 0 or movable[part]:
+            bone_of[part] = len(bones)
+            bones.append(part)
+        else:
+            bone_of[part] = bone_of[parent]
+    return np.array(bones), bone_of
+
+
+_BONES, _BONE_OF = _bone_parts()
+
+
+class SkinnedFigure:
+    """Draws the body: browsers get its mesh once, then only the bones' places and rotations."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Prepares; nothing is drawn before the first body."""
+        self._scene = scene
+        self._handle: viser.MeshSkinnedHandle | None = None
+        self._model: BodyModel | None = None
+        self._built_s = -np.inf
+        self._places = np.zeros((len(_BONES), 7))
+
+    def draw(self, body: PosedBody | None) -> None:
+        """Shows a body; None: hides it."""
+        if body is not None and self._is_other(body.model):
+            self._build(body.model)
+        if self._handle is None:
+            return
+        self._handle.visible = body is not None
+        if body is None:
+            return
+        places = np.hstack([quaternions(body.part_rotation[_BONES]), body.part_origin_m[_BONES]])
+        still = 2e-4  # metres and components of quaternions: what nobody sees is not sent
+        moved = np.flatnonzero(np.abs(places - self._places).max(1) > still)
+        move_bones(self._handle, moved, places[moved])
+        self._places[moved] = places[moved]
+
+    def _is_other(self, model: BodyModel) -> bool:
+        shown = self._model
+        if shown is None:
+            return True
+        if model is shown or time.monotonic() - self._built_s < _REBUILD_S:
+            return False
+        same = model.sizes == shown.sizes and np.array_equal(model.shape, shown.shape)
+        if same:
+            self._model = model
+        return not same
+
+    def _build(self, model: BodyModel) -> None:
+        if self._handle is not None:
+            self._handle.remove()
+        weights = np.zeros((len(model.vertices_m), len(_BONES)), np.float32)
+        rows = np.arange(len(weights))[:, None]
+        np.add.at(weights, (rows, _BONE_OF[model.skin_parts]), model.skin_weights)
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BONES), 1))
+        self._places = np.hstack([turns, model.joints_m[_BONES]])
+        self._handle = self._scene.add_mesh_skinned(
+            "/figure",
+            model.vertices_m.astype(np.float32),
+            model.faces.astype(np.uint32),
+            bone_wxyzs=turns,
+            bone_positions=model.joints_m[_BONES],
+            skin_weights=weights,
+            color=(84, 146, 214),
+        )
+        self._model, self._built_s = model, time.monotonic()
+
 
 LAYERS = {
     "figure": "Person",
@@ -34,12 +181,7 @@ class LiveScene:
     """The nodes of viser's scene."""
 
     def __init__(self, server: viser.ViserServer, rig: Sequence[Camera]) -> None:
-        """Makes the room.
-
-        Args:
-            server: whose scene it is.
-            rig: at least one camera.
-        """
+        """Makes the room."""
         scene = server.scene
         centers = np.array([camera.center_m for camera in rig])
         middle = _looked_at(rig)

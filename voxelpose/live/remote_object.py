@@ -24,7 +24,6 @@ class RemoteObject:
 
     Args:
         make: makes the object there; a function or class of a module.
-        arguments: of `make`.
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):

@@ -1,17 +1,301 @@
-"""All receivers of a session."""
+"""Receivers of a session: each is sent the newest frame, as VMC in UDP datagrams or as JSON over
+a WebSocket, and tried again where nobody answers.
+"""
 
 import asyncio
+import math
+import socket
 import threading
 import time
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Literal
+from urllib.parse import urlsplit
 
-from voxelpose.live.datagram_sender import DatagramSender
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+
+from calib.errors import InputError
+from voxelpose.live.camera_source import retry_waits_s
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.receiver_address import parse_receiver
-from voxelpose.live.sender import ReceiverState, Sender
-from voxelpose.live.websocket_sender import WebSocketSender
+from voxelpose.live.messages import json_message, vmc_datagrams
+
+VMC_PORT = 39539
+"""Port at which receivers of the VMC protocol usually listen."""
+
+_FORMS = "vmc://HOST:PORT or ws://HOST:PORT/PATH"
+
+
+@dataclass(frozen=True)
+class ReceiverAddress:
+    """Address of a receiver: VMC in UDP datagrams, or JSON over a WebSocket."""
+
+    text: str
+    protocol: Literal["vmc", "ws"]
+    host: str
+    port: int
+
+    def resolved(self) -> tuple[socket.AddressFamily, str]:
+        """Family and number of the host.
+
+        Raises:
+            InputError: the host's name is not known here.
+        """
+        kind = socket.SOCK_DGRAM if self.protocol == "vmc" else socket.SOCK_STREAM
+        try:
+            found = socket.getaddrinfo(self.host, self.port, type=kind)
+        except (OSError, UnicodeError):
+            raise InputError(
+                f"--send {self.text}: this machine knows no host {self.host!r}: check the name, or"
+                " give its number, such as 192.168.0.20"
+            ) from None
+        family, _, _, _, address = found[0]
+        return family, str(address[0])
+
+
+def parse_receiver(text: str) -> ReceiverAddress:
+    """Receiver that a `--send` names.
+
+    Args:
+        text: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or `ws://HOST:PORT`, with a
+            path and a query where the receiver wants them.
+
+    Raises:
+        InputError: it is neither of them.
+    """
+    try:
+        parts = urlsplit(text.strip())
+        port = parts.port
+    except ValueError as error:
+        raise InputError(f"--send {text}: {error}: write {_FORMS}") from None
+    if parts.scheme not in ("vmc", "ws"):
+        wrong = f"{parts.scheme}:// is not understood" if parts.scheme else "no protocol is named"
+        raise InputError(f"--send {text}: {wrong}: write {_FORMS}")
+    if not parts.hostname:
+        raise InputError(f"--send {text}: the host is missing: write {_FORMS}")
+    if parts.username is not None or parts.fragment:
+        raise InputError(f"--send {text}: a user name or a # has no meaning here: write {_FORMS}")
+    if port is None and parts.scheme == "vmc":
+        port = VMC_PORT
+    if not port:
+        raise InputError(f"--send {text}: the port is missing: write {_FORMS}")
+    if parts.scheme == "vmc" and (parts.path.strip("/") or parts.query):
+        raise InputError(f"--send {text}: VMC has no paths: write vmc://{parts.netloc}")
+    return ReceiverAddress(
+        text.strip(), "vmc" if parts.scheme == "vmc" else "ws", parts.hostname, port
+    )
+
+
+_RECENT = 60  # frames whose times are kept
+
+
+@dataclass(frozen=True)
+class ReceiverState:
+    """State of one receiver.
+
+    Attributes:
+        address: as the user wrote it.
+        message: "sending", "waiting for a frame", or what is wrong and when it is tried again.
+        working: whether frames arrive, as far as the protocol tells.
+        dropped: number of frames that a newer one replaced before they could be sent.
+        send_s: from `Senders.send` to the network, median of recent frames; nan before the first.
+    """
+
+    address: str
+    message: str
+    working: bool
+    sent: int = 0
+    dropped: int = 0
+    send_s: float = math.nan
+
+
+class Sender(ABC):
+    """Sends frames to one receiver, in the event loop of `Senders`."""
+
+    def __init__(self, address: ReceiverAddress) -> None:
+        """Looks the host up.
+
+        Raises:
+            InputError: the host's name is not known here.
+        """
+        self.address = address
+        self.family, self.host = address.resolved()
+        self._waiting: tuple[LiveFrame, float] | None = None
+        self._arrived = asyncio.Event()
+        self._message, self._working = "waiting for a frame", False
+        self._sent = self._dropped = 0
+        self._send_s: deque[float] = deque(maxlen=_RECENT)
+
+    def offer(self, frame: LiveFrame, offered_s: float) -> None:
+        """Takes a frame and the time of `Senders.send`; it replaces one that still waits."""
+        self._dropped += self._waiting is not None
+        self._waiting = frame, offered_s
+        self._arrived.set()
+
+    @property
+    def state(self) -> ReceiverState:
+        """How it goes; any thread may ask."""
+        send_s = median(self._send_s) if self._send_s else math.nan
+        counts = self._sent, self._dropped
+        return ReceiverState(self.address.text, self._message, self._working, *counts, send_s)
+
+    async def keep_trying(self) -> None:
+        """Connects and sends, and tries again where that fails, until it is cancelled."""
+        waits_s = retry_waits_s()
+        try:
+            while True:
+                before, problem = self._sent, ""
+                try:
+                    await self.connection()
+                except OSError as error:
+                    problem = error.strerror or str(error)
+                except Exception as error:  # one receiver must not end the session
+                    problem = f"{type(error).__name__}: {error}"
+                waits_s = retry_waits_s() if self._sent > before else waits_s
+                wait_s = next(waits_s)
+                self.note_state(f"{problem}, trying again in {wait_s:g} s", False)
+                await asyncio.sleep(wait_s)
+        finally:
+            self.note_state("closed", False)
+
+    @abstractmethod
+    async def connection(self) -> None:
+        """Connects and sends frames, until it fails.
+
+        Raises:
+            OSError: the receiver is absent, refused, or closed; the message says which.
+        """
+
+    async def newest(self) -> tuple[LiveFrame, float]:
+        """Waits for a frame; returns it with the time at which it was offered."""
+        while self._waiting is None:
+            self._arrived.clear()
+            await self._arrived.wait()
+        waiting, self._waiting = self._waiting, None
+        return waiting
+
+    def note_sent(self, offered_s: float) -> None:
+        """Notes that a frame, offered at that time, has gone to the network."""
+        self._sent += 1
+        self._send_s.append(time.perf_counter() - offered_s)
+        self.note_state("sending", True)
+
+    def note_state(self, message: str, working: bool) -> None:
+        """Notes how it goes."""
+        self._message, self._working = message, working
+
+
+class DatagramSender(Sender):
+    """Sends VMC messages to one receiver.
+
+    UDP tells of an absent receiver only where the other machine reports the closed port. Frames go
+    out all the same, so that a receiver that is started later has them at once.
+    """
+
+    async def connection(self) -> None:
+        """See `Sender.connection`."""
+        with socket.socket(self.family, socket.SOCK_DGRAM) as outlet:
+            outlet.setblocking(False)
+            outlet.connect((self.host, self.address.port))
+            while True:
+                frame, offered_s = await self.newest()
+                refused = [_refused(outlet, datagram) for datagram in vmc_datagrams(frame)]
+                if any(refused):
+                    self.note_state("nobody listens there, sending all the same", False)
+                else:
+                    self.note_sent(offered_s)
+                await asyncio.sleep(0)
+
+
+def _refused(outlet: socket.socket, datagram: bytes) -> bool:
+    """Sends a datagram; returns whether an earlier one was reported as refused.
+
+    Raises:
+        OSError: the network cannot be reached.
+    """
+    with suppress(BlockingIOError):  # the network takes no more: this one is lost, as UDP may
+        try:
+            outlet.send(datagram)
+        except ConnectionRefusedError:
+            with suppress(ConnectionRefusedError):
+                outlet.send(datagram)  # the report took this one's place
+            return True
+    return False
+
+
+_OPEN_S = 3
+_SILENT_S = 5
+
+
+class WebSocketSender(Sender):
+    """Sends JSON lines to one receiver.
+
+    Each frame is followed by a ping, and the next one waits for its pong, which every WebSocket
+    implementation gives by itself: so frames do not pile up in buffers before a slow receiver.
+    What the receiver sends is ignored.
+    """
+
+    async def connection(self) -> None:
+        """See `Sender.connection`."""
+        try:
+            async with connect(
+                self.address.text,
+                host=self.host,
+                port=self.address.port,
+                open_timeout=_OPEN_S,
+                close_timeout=0.5,
+                ping_interval=None,
+                compression=None,
+                proxy=None,
+            ) as link:
+                self.note_state("connected, waiting for a frame", True)
+                await self._converse(link)
+        except TimeoutError:
+            raise ConnectionError("no answer") from None
+        except ConnectionRefusedError:
+            raise ConnectionError("nobody listens there") from None
+        except ConnectionClosed as error:
+            reason = error.rcvd.reason if error.rcvd is not None else ""
+            raise ConnectionError(f"it closed the connection{reason and f' ({reason})'}") from None
+        except InvalidStatus as error:
+            raise ConnectionError(
+                f"it refused the connection (HTTP {error.response.status_code})"
+            ) from None
+        except (InvalidHandshake, EOFError):
+            raise ConnectionError("it does not speak WebSocket") from None
+
+    async def _converse(self, link: ClientConnection) -> None:
+        """Sends and reads until either fails.
+
+        Raises:
+            ConnectionClosed: the receiver closed.
+            TimeoutError: it does not read.
+        """
+        tasks = asyncio.create_task(self._feed(link)), asyncio.create_task(self._read(link))
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        for task in done:
+            task.result()
+
+    async def _feed(self, link: ClientConnection) -> None:
+        while True:
+            frame, offered_s = await self.newest()
+            await link.send(json_message(frame, time.time()))
+            self.note_sent(offered_s)
+            async with asyncio.timeout(_SILENT_S):
+                await (await link.ping())
+
+    async def _read(self, link: ClientConnection) -> None:
+        while True:
+            await link.recv()
 
 
 class Senders:
@@ -36,10 +320,7 @@ class Senders:
         self._thread.start()
 
     def send(self, frame: LiveFrame) -> None:
-        """Hands a frame to all receivers; returns at once and never raises.
-
-        Pictures are not sent, and not kept.
-        """
+        """Hands a frame, but no pictures, to all receivers; returns at once and never raises."""
         slim = replace(frame, pictures={}, silhouettes={})
         with suppress(RuntimeError):  # closed
             self._loop.call_soon_threadsafe(self._offer, slim, time.perf_counter())

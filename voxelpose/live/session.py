@@ -15,17 +15,66 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
-from voxelpose.live.camera_source import CameraReader, CameraSource
+from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
 from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.live_silhouettes import EmptyView, long_side_px
-from voxelpose.live.shots import Newest, Shot, ShotMatcher
-from voxelpose.live.silhouette_process import SilhouetteProcess
-from voxelpose.live.stage_times import StageTimes
+from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
 from voxelpose.tuning import LIVE
+
+_RECENT = 60  # frames
+_KEPT = 20_000  # frames: a session may last for days
+
+
+class StageTimes:
+    """Durations by stage; may be read by any thread while one adds to them."""
+
+    def __init__(self) -> None:
+        """Starts without frames."""
+        self._lock = threading.Lock()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all frames, for example those of the first seconds."""
+        with self._lock:
+            self.frames = 0
+            self._stages: dict[str, deque[float]] = {}
+            self._ends: deque[float] = deque(maxlen=_RECENT)
+
+    def add(self, stage_s: Mapping[str, float]) -> None:
+        """Adds one frame's seconds by stage."""
+        with self._lock:
+            self.frames += 1
+            self._ends.append(time.monotonic())
+            for name, seconds in stage_s.items():
+                self._stages.setdefault(name, deque(maxlen=_KEPT)).append(seconds)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second, of the last ones."""
+        with self._lock:
+            ends = list(self._ends)
+        return (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 else 0.0
+
+    def medians(self) -> dict[str, float]:
+        """Median seconds of every stage in the last frames."""
+        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._spent().items()}
+
+    def summary(self) -> dict[str, list[float]]:
+        """Shortest, longest, mean, median, 95 and 99 % quantile of every stage, s, since the start;
+        of a long session in the last 20 000 frames.
+        """
+        return {
+            name: [s.min(), s.max(), s.mean(), *np.quantile(s, (0.5, 0.95, 0.99))]
+            for name, s in self._spent().items()
+        }
+
+    def _spent(self) -> dict[str, NDArray[np.float64]]:
+        with self._lock:
+            return {name: np.array(seconds) for name, seconds in self._stages.items()}
+
 
 Picture = NDArray[np.uint8]
 
@@ -45,13 +94,11 @@ class SessionSettings:
     """Settings of a session.
 
     Attributes:
-        rig: the cameras, as they take their pictures.
         sources: of the cameras' pictures, by camera name.
         empty: pictures of the empty view by camera name; cameras that are missing make the session
             begin with learning the background.
         regions: (H, W) bool, where the person may be, by camera name.
         silhouettes_given: whether the pictures are silhouettes already.
-        subject: what is known about the person.
         fps: rate at which files are played; None: their own.
         loop: whether files begin again at their end.
         countdown_s: from the button to the learning of the background.
@@ -85,16 +132,7 @@ class _Observed:
 
 
 class LiveSession:
-    """Runs from `start` to `close`; the controls may be used by any thread.
-
-    Args:
-        settings: cameras, sources, person, recording.
-        estimator: finds the person.
-
-    Attributes:
-        receivers: each is called with every frame, by the stages' threads, and returns at once.
-        times: durations of the stages since the session's start.
-    """
+    """Runs from `start` to `close`; any thread may use the controls; tells its `receivers`."""
 
     def __init__(self, settings: SessionSettings, estimator: LiveEstimator):
         """Prepares the cameras, and begins the process of the silhouettes."""
@@ -133,9 +171,7 @@ class LiveSession:
         self._recordings, self._record_next = 0, False
 
     def start_cameras(self, record: bool = False) -> None:
-        """Starts all threads, and perhaps recording as soon as the empty view is known, which is
-        recorded too.
-        """
+        """Starts all threads, and recording, if wanted, as soon as the empty view is known."""
         self._record_next = record
         if self.settings.silhouettes_given or set(self._empty) >= set(self.settings.rig.names):
             self._subtract()

@@ -20,13 +20,13 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.quality.motion_quality import motion_quality
+from voxelpose.multiview.quality.quality import motion_quality
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
     prepare_silhouettes,
 )
 from voxelpose.multiview.tracking.recording_track import TrackWork
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
 _REPAIRS = "auto", "say", "off"
@@ -89,15 +89,15 @@ class MultiViewEstimator:
         given = None if known is None or known.person is not None else known
         set_threads(settings.threads)
         clock = StageClock()
-        tracking = PoseTrackerSettings(source.fps, MatchSettings(interference=options.interference))
+        matching = MatchSettings(interference=options.interference)
         preparation = PreparationSettings(
             options.voxel_size_m,
             options.tolerance,
             options.repair,
-            tracking.match,
+            matching,
             *((0.0, True) if given is None else (CARVING.joined * given.extent_m, False)),
         )
-        work = TrackWork(settings, tracking, known, clock, reporter)
+        work = TrackWork(settings, source.fps, matching, known, clock, reporter)
         with (
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
             ExitStack() as kept,
@@ -140,7 +140,7 @@ def _motion(
             "no body was found in any frame: look at the hull with `voxelpose carve`, and check"
             " background and calibration"
         )
-    fps = tracker.settings.fps
+    fps = tracker.fps
     root = np.stack([pose.root_m for pose in poses])
     angles = np.stack([pose.angles_rad for pose in poses])
     rotation = quaternions(np.stack([pose.root_rotation for pose in poses]))
@@ -148,6 +148,5 @@ def _motion(
     motion = conditioned(motion, settings.applied_conditioning)
     reporter.stage("quality", len(posed))
     own = motion.select(np.flatnonzero(~motion.filled))
-    found = motion_quality(tracker, own, posed, clock, reporter)
-    quality = quality_with_filled(motion.filled, found.arrays)
-    return replace(motion, quality=quality), found.half_turn_ratio
+    arrays, ratio = motion_quality(tracker, own, posed, clock, reporter)
+    return replace(motion, quality=quality_with_filled(motion.filled, arrays)), ratio

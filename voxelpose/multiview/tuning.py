@@ -40,8 +40,6 @@ class Tracking:
     bad: float = 1.4
     """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
     does not tell which body it is. By eye."""
-    recent: int = 12
-    """Frames whose median error is the usual one: 0.4 s. Chosen by eye."""
     long_steps: float = 2.5
     """1 / FPS. Time between frames from which a refinement reaches as far as after a search. Tuned
     on walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
@@ -55,11 +53,6 @@ class Tracking:
 class OffLine:
     """Repair of a whole recording's poses (`tracking.tracking`)."""
 
-    again_placements: int = 20
-    """Placements of the torso that are tried where an improbable track is begun again, and of a
-    sitting person. By eye."""
-    beside: int = 3
-    """Frames beside a searched one that are not searched as well. Chosen by eye."""
     limbs_again_s: float = 0.5
     """s. Time between the frames in which arms and legs are searched. Chosen by eye."""
     jump_m: float = 0.10
@@ -78,8 +71,6 @@ class OffLine:
 class Live:
     """What the live follower does beside the step (`tracking.follower`, `tracking.track_jobs`)."""
 
-    first_placements: int = 4
-    """Placements of the torso in a first search: the fewer, the sooner it catches up."""
     longest_gap_s: float = 0.5
     """s. Time after which a track is given up. Chosen by eye."""
     longest_gap: float = 3.5
@@ -88,21 +79,13 @@ class Live:
     """s. Least time between searches where poses are bad. Chosen by eye."""
     limbs_again_s: float = 3.0
     """s. Least time between searches of arms and legs where nothing is wrong. Chosen by eye."""
-    adapted: int = 8
-    """Frames to which proportions are adapted. Chosen by eye."""
     apart_s: tuple[float, ...] = (0.4, 1.5, 4.0)
     """s. Time between these, for a first adaptation and for later ones. Chosen by eye."""
     foreground: float = 0.002
     """1. Least fraction of a picture that a person takes. Chosen by eye."""
-    caught_up: int = 2
-    """Frames that may still be missing when a search has caught up. Chosen by eye."""
-    forgotten_s: float = 6.0
-    """s. Age after which the frames since a search began are forgotten. Chosen by eye."""
     longest_step_s: float = 0.14
     """s. Longest step of a track that catches up: frames are passed over up to it. Tuned on walk4
     by `python -m benchmarks.follower --every 3 --late 2`."""
-    most_wrong: int = 5
-    """Frames running that are wrong, after which a track that catches up is given up. As above."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +96,6 @@ class Carving:
     """m. Edge of the voxels that are matched, and of those of objects. By eye."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
-    limb_m: float = 1.0
-    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
     explained: float = 0.04
     """1. Largest unexplained share of a silhouette that the hull counts as explaining. By eye."""
     small: float = 0.02
@@ -136,9 +117,6 @@ class Carving:
     """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
     unlikely: float = 2.5
     """1. Hulls so many times larger or smaller than people are in a wrong unit. By eye."""
-    shrinkage: float = 0.9
-    """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
-    no accuracy."""
     off_axis: float = 1.5
     """1. Largest magnification toward an image's corners. An assumption about lenses."""
 
@@ -152,8 +130,6 @@ class Carving:
 class Matching:
     """Paper B's matching of limbs, and the search for the torso before it (`matching`)."""
 
-    placements: int = 10
-    """Placements of the torso that a search tries. By eye."""
     step_deg: float = 15.0
     """Degrees. Distance between sampled angles. Chosen by eye; Iiyama does not state his."""
     empty_cost: float = 1.0
@@ -168,11 +144,6 @@ class Matching:
     """Degrees. The same of turns, also of a limb whose turn is to show. Chosen by eye."""
     shown: float = 0.2
     """1. Of a limb's points, which leave its volume in a turn that shows. Chosen by eye."""
-    matched_again: int = 3
-    """Placements of the torso whose limbs are matched again. Of 70 single frames (seeds 121 to 124,
-    211 to 220) searched live, 6 are over 100 mm off; with one placement, and one below, 8."""
-    searched: int = 2
-    """Poses whose limbs are searched on the silhouettes. As `matched_again`."""
 
 
 @dataclass(frozen=True)
@@ -183,10 +154,6 @@ class Evidence:
     """m. Half the side of the square around a joint. Chosen by eye."""
     least_seen: float = 0.3
     """1. Of such a square, which must be known. Chosen by eye."""
-    least: float = 0.01
-    """1. Share below which a joint's surroundings count as alike. Chosen by eye."""
-    most_turned: float = 4.0
-    """1. Largest half-turn ratio that counts. Chosen by eye."""
     at_limit_rad: float = 0.02
     """Radians. From an angle's limit, up to which it is at it. Chosen by eye."""
     unsupported: float = 0.2
@@ -239,10 +206,6 @@ class PersonCost:
 class PersonSearch:
     """Candidates for a person, and frames in which they are compared (`person`)."""
 
-    frames_per_anchor: int = 60
-    """Frames of a recording for each in which bodies are compared. Source unknown: by eye."""
-    fewest_anchors: int = 5
-    """Frames of these, at least. Source unknown: by eye."""
     stature_step: float = 1.07
     """1. Ratio of neighbouring statures that are tried; adaptation bridges half of it."""
 
@@ -260,14 +223,6 @@ class HullGirth:
     """1. Smallest girth by a hull, relative to the usual one. By eye."""
     most: float = 1.5
     """1. Largest one: beyond, the hull holds other things. By eye."""
-
-
-@dataclass(frozen=True)
-class SittingSearch:
-    """Search for sitting postures (`person.sitting`)."""
-
-    head_m: float = 0.12
-    """m. Of the hull below its top, which is taken for the head: half of a head's height."""
 
 
 @dataclass(frozen=True)
@@ -378,7 +333,7 @@ class UpSearch:
 
 
 PERSON_COST, PERSON_SEARCH = PersonCost(), PersonSearch()
-HULL_GIRTH, SITTING_SEARCH = HullGirth(), SittingSearch()
+HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
 COMPLETION, FLOOR_SHADOWS, COLOURS, UP_SEARCH = Completion(), FloorShadows(), Colours(), UpSearch()
 BODY_EVIDENCE = BodyEvidence()

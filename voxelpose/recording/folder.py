@@ -213,10 +213,7 @@ class Recording:
         return UprightFrame.from_up(up_from_cameras(self.rig) if self.up is None else self.up)
 
     def file_times(self) -> dict[str, NDArray[np.float64]]:
-        """Returns the time of every frame of every camera's file, s, by camera name.
-
-        Times are those of timestamps.csv, or else follow from the file's rate and a common start.
-        """
+        """Time of every frame of every camera's file, s, by timestamps.csv or rate, by camera."""
         readers = {name: FrameReader.open(reader.path) for name, reader in self.readers.items()}
         if (self.folder / TIMESTAMPS).exists():
             return read_timestamps(self.folder / TIMESTAMPS, readers)

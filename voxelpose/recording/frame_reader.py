@@ -100,9 +100,7 @@ class FrameReader:
             yield frame
 
     def select(self, numbers: Sequence[int]) -> "FrameReader":
-        """Returns a reader of frames with these numbers, in ascending order; a number may be
-        repeated.
-        """
+        """Reader of frames with these numbers, in ascending order, perhaps repeated."""
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
@@ -140,8 +138,6 @@ def read_together(
 
     Args:
         readers: frame readers by camera name.
-        start: first frame.
-        stop: one past the last frame.
 
     Yields:
         Frames by camera name.
@@ -248,9 +244,7 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
 
 @cache
 def _pillow() -> Any:
-    """Pillow, which is loaded when there is an image, without its warnings: what matters of them is
-    reported here, from any thread.
-    """
+    """Pillow, loaded with the first image, without its warnings: what matters is told here."""
     from PIL import Image
 
     warnings.filterwarnings("ignore", module=r"PIL\.")
@@ -258,9 +252,7 @@ def _pillow() -> Any:
 
 
 def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
-    """Whether the chunks of a PNG are in the file; OpenCV makes room for them before it looks.
-    Other formats have none.
-    """
+    """Whether the chunks of a PNG are in the file: OpenCV makes room before it looks."""
     position = len(_PNG)
     if data[:position].tobytes() != _PNG:
         return True

@@ -31,7 +31,6 @@ def onsets(path: Path, camera: str, seconds: float) -> Signal:
     """How suddenly it becomes loud, (T, 1), each millisecond: a clap is a peak, noise is zero.
 
     Args:
-        camera: name of its camera.
         seconds: length of the part, from the beginning, that is used.
 
     Returns:

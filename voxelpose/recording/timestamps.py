@@ -69,7 +69,6 @@ def write_timestamps(path: Path, times: Mapping[str, Times]) -> None:
     """Writes timestamps.csv.
 
     Args:
-        path: the file; it is written whole or not at all.
         times: (frames,) s, by camera name.
 
     Raises:
@@ -167,9 +166,7 @@ def times_by_rate(
 
 
 def rates_differ(rates: Iterable[float]) -> bool:
-    """Whether videos' rates differ by over a percent: cameras that are triggered together write
-    average rates that differ a little.
-    """
+    """Whether rates differ by over a percent: those of triggered cameras differ a little."""
     rates = list(rates)
     return bool(rates) and max(rates) > 1.01 * min(rates)
 

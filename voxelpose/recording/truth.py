@@ -15,7 +15,7 @@ from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion
-from voxelpose.export.joints import FARTHEST_M, column_names, list_joints, read_joints
+from voxelpose.export.tables import FARTHEST_M, column_names, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 
 TRUTH = "truth.json"

@@ -81,12 +81,7 @@ def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> Unknown
 
 
 def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Pixels (H, W) bool within any of the polygons.
-
-    Args:
-        polygons: corners (N, 2) each, in px.
-        size: width and height in px.
-    """
+    """Pixels (H, W) bool within any of the polygons, (N, 2) px each, of a picture of a size."""
     image = np.zeros(size[::-1], np.uint8)
     for polygon in polygons:
         cv2.fillPoly(image, [np.rint(np.asarray(polygon)).astype(np.int32)], 1)

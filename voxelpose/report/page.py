@@ -17,10 +17,9 @@ from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
-from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import findings, noun_of, overall
+from voxelpose.report.verdict import check_cameras, findings, noun_of, overall
 from voxelpose.results import Result
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
@@ -106,12 +105,7 @@ def write_report(
 
 
 def render_page(package: str, template: str, contents: Mapping[str, object]) -> str:
-    """A page whose texts are escaped.
-
-    Args:
-        template: name of its file.
-        contents: the template's variables, all of them.
-    """
+    """A page whose texts are escaped, of a template with all its variables."""
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )

@@ -30,7 +30,6 @@ class Preview:
 
     Attributes:
         pictures: data URIs.
-        frames: frame number of each.
         time_s: time of each, seconds.
         cameras: names, in the pictures from left to right and top to bottom.
         size: width and height, pixels.

@@ -7,7 +7,7 @@ from typing import Any
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on
-from voxelpose.calibration.check_picture import draw_check
+from voxelpose.calibration.pictures import draw_check
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images.canvas import png
 

@@ -1,20 +1,30 @@
-"""Regions and unknown places: as the files of a recording have them, as drawn, and saved."""
+"""Regions, unknown places and settings of `fit`: as the files of a recording have them, as drawn,
+and saved.
+
+regions/CAMERA.png keeps the polygons it was drawn from, so that their corners can be moved later.
+The picture alone decides: polygons count only where they paint exactly what it shows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import tomlkit
+from msgspec import UNSET
 from numpy.typing import NDArray
+from PIL import Image, PngImagePlugin
 from tomlkit.exceptions import TOMLKitError
 
-from calib.atomic import write_whole
+from calib.atomic import unwritable, write_whole
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.upright import direction_of
 from voxelpose.recording.folder import Recording, pictures_by_camera
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
@@ -22,8 +32,107 @@ from voxelpose.recording.unknown_places import (
     painted_mask,
     unknown_polygons,
 )
-from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon
-from voxelpose.setup_page.region_files import RegionFile, drawn_region, read_regions, write_region
+from voxelpose.setup_page.page_requests import (
+    FitChosen,
+    PlacesDrawn,
+    Polygon,
+    Polygons,
+    RegionDrawing,
+    check_camera_names,
+)
+
+_KEY = "voxelpose polygons"
+
+
+@dataclass(frozen=True, eq=False)
+class RegionFile:
+    """A camera's region file: mask (H, W) bool, and polygons, px, unless it was painted."""
+
+    path: Path
+    mask: NDArray[np.bool_]
+    polygons: list[Polygon]
+
+    @property
+    def painted(self) -> bool:
+        """Whether the file is no drawing of polygons alone."""
+        return not self.polygons
+
+
+def read_regions(folder: Path, masks: Mapping[str, NDArray[np.bool_]]) -> dict[str, RegionFile]:
+    """Region files of a recording by camera name; masks as of `Recording.regions`."""
+    paths, files = pictures_by_camera(folder / "regions", stills=True), {}
+    for name, mask in masks.items():
+        polygons = _stored_polygons(paths[name])
+        if not np.array_equal(painted_mask(polygons, mask.shape[::-1]), mask):
+            polygons = []
+        files[name] = RegionFile(paths[name], mask, polygons)
+    return files
+
+
+def drawn_region(
+    drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
+) -> NDArray[np.bool_] | None:
+    """Where the person may be, (H, W) bool, by a drawing over the present file; None: all."""
+    mask = painted_mask(drawing.polygons, size) if drawing.polygons else None
+    if drawing.painted and file is not None and file.painted:
+        mask = file.mask if mask is None else mask | file.mask
+    return mask
+
+
+def write_region(
+    folder: Path, name: str, drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
+) -> tuple[list[Path], list[Path]]:
+    """Writes the region of a camera; returns the files that were written and removed.
+
+    Args:
+        file: its present file.
+        size: width and height in px.
+
+    Raises:
+        InputError: the region leaves nothing, or the system refuses.
+    """
+    if file is not None and file.path.is_dir():
+        raise InputError(f"{file.path} is a folder: replace it by {name}.png, then draw")
+    mask = drawn_region(drawing, file, size)
+    if mask is not None and not mask.any():
+        raise InputError(f"the region of {name} is outside of its picture: draw it within")
+    path = folder / "regions" / f"{name}.png"
+    written, removed = [], []
+    if mask is not None:
+        try:
+            path.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            raise unwritable(path, error) from error
+        write_whole(path, _png(mask, drawing.polygons))
+        written.append(path)
+    if file is not None and file.path not in written:
+        try:
+            file.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(f"{file.path} cannot be removed: {error.strerror or error}") from error
+        removed.append(file.path)
+    return written, removed
+
+
+def _png(mask: NDArray[np.bool_], polygons: list[Polygon]) -> bytes:
+    notes = PngImagePlugin.PngInfo()
+    notes.add_text(_KEY, msgspec.json.encode(polygons).decode())
+    file = io.BytesIO()
+    Image.fromarray(mask.view(np.uint8) * np.uint8(255)).save(file, "PNG", pnginfo=notes)
+    return file.getvalue()
+
+
+def _stored_polygons(path: Path) -> list[Polygon]:
+    """Polygons in the notes of a PNG; none where they are not there or not understood."""
+    if path.suffix.lower() != ".png" or not path.is_file():
+        return []
+    try:
+        with Image.open(path) as image:
+            text = getattr(image, "text", {}).get(_KEY, "")
+        return msgspec.json.decode(text, type=Polygons)
+    except (OSError, ValueError, SyntaxError, msgspec.DecodeError):
+        return []
+
 
 _LARGEST_BYTES = 1_000_000
 
@@ -167,3 +276,33 @@ def _short(pixel: float) -> int | float:
     """A coordinate to tenths of a pixel, whole ones without a point."""
     rounded = round(pixel, 1)
     return int(rounded) if rounded == int(rounded) else rounded
+
+
+def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
+    """Checks what depends on the recording, which has cameras of these names.
+
+    Raises:
+        InputError: there is no such camera, or up is no direction.
+    """
+    if chosen.cameras is not UNSET and chosen.cameras is not None:
+        check_camera_names(chosen.cameras, names)
+        if any("," in name for name in chosen.cameras):
+            raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
+    if chosen.up is not UNSET and chosen.up is not None:
+        direction_of(chosen.up)
+
+
+def save_choices(path: Path, chosen: FitChosen) -> bool:
+    """Writes settings into [fit] of a voxelpose.toml; whether there was anything to write.
+
+    Args:
+        path: the file; made where there is none.
+        chosen: the settings; None takes one out of the file, so that the usual value counts.
+
+    Raises:
+        InputError: the file is no TOML, or cannot be written.
+    """
+    values: dict[str, Any] = msgspec.to_builtins(chosen)  # without what is unset
+    if isinstance(values.get("cameras"), list):
+        values["cameras"] = ",".join(values["cameras"])
+    return change_section(path, "fit", values)

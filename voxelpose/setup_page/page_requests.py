@@ -43,12 +43,7 @@ class RegionDrawing(Struct, forbid_unknown_fields=True):
 
 
 class PlacesDrawn(Struct, forbid_unknown_fields=True):
-    """Regions and unknown places, by camera name; cameras that are not named stay as in the files.
-
-    Attributes:
-        regions: where the person may be.
-        unknown: polygons in px where nothing is known.
-    """
+    """Regions and unknown polygons, px, by camera name; cameras not named stay as in the files."""
 
     regions: dict[Name, RegionDrawing] = {}
     unknown: dict[Name, Polygons] = {}
@@ -75,7 +70,6 @@ class FitChosen(Struct, forbid_unknown_fields=True):
     """Settings of `fit`; None: the usual value, absent: as it is.
 
     Attributes:
-        background: method of the silhouettes.
         tolerance: cameras that may see background where the body is.
         voxel: edge of a voxel, metres.
         repair: what is done about cameras that do not agree.
@@ -93,13 +87,7 @@ class FitChosen(Struct, forbid_unknown_fields=True):
 
 
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):
-    """Silhouettes of a moment, with what is drawn but not saved.
-
-    Attributes:
-        moment: time step, from 0.
-        background: method.
-        places: what is drawn.
-    """
+    """Silhouettes of a moment, from 0, with what is drawn but not saved."""
 
     moment: Annotated[int, Meta(ge=0, le=10_000_000)]
     background: Literal["refined", "paper"] = "refined"
@@ -110,7 +98,6 @@ class StageRequest(SilhouetteRequest, forbid_unknown_fields=True, kw_only=True):
     """A stage of a camera's silhouette, or what one of its pixels is taken for.
 
     Attributes:
-        camera: its name.
         stage: what is to be drawn; None: nothing is.
         pixel: px of the camera's picture; None: none is asked about.
     """
@@ -139,13 +126,7 @@ class GroundRequest(Struct, forbid_unknown_fields=True):
 
 
 class SaveRequest(Struct, forbid_unknown_fields=True):
-    """What is to be written; what is absent stays as it is.
-
-    Attributes:
-        places: regions and unknown places.
-        points: all points of the scene.
-        fit: settings.
-    """
+    """What is to be written; what is absent stays as it is."""
 
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
     points: Points | UnsetType = UNSET

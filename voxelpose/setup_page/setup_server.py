@@ -20,8 +20,7 @@ from voxelpose.setup_page.page_requests import (
     parse_request,
 )
 from voxelpose.setup_page.setup_session import SetupSession
-from voxelpose.view.serving.gate import Address, Gate
-from voxelpose.view.serving.gate_request import GateRequest, Reply
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply
 
 _BODY_S = 60
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
@@ -37,19 +36,13 @@ _HEADERS = {
 
 
 class SetupServer:
-    """Serves the page until it is closed.
-
-    Attributes:
-        url: address for the browser, the token included.
-        port: of the gate.
-    """
+    """Serves the page until it is closed."""
 
     def __init__(self, session: SetupSession, address: Address) -> None:
         """Starts, in a thread of its own.
 
         Args:
             session: what is shown; closed with the server.
-            address: where, and to whom.
 
         Raises:
             InputError: the address cannot be used.

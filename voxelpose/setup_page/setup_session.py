@@ -13,18 +13,23 @@ from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.recording.settings_files import SETTINGS_FILE
+from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
     check_points,
+    ground_lines,
     point_errors,
     read_clicked,
     save_clicked,
+    up_choices,
 )
-from voxelpose.setup_page.drawn_places import DrawnRecording, PlaceFiles
-from voxelpose.setup_page.fit_choices import check_choices, save_choices
-from voxelpose.setup_page.ground import ground_lines, up_choices
+from voxelpose.setup_page.drawn_places import (
+    DrawnRecording,
+    PlaceFiles,
+    check_choices,
+    save_choices,
+)
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
     GroundRequest,
@@ -36,12 +41,14 @@ from voxelpose.setup_page.page_requests import (
     check_camera_names,
 )
 from voxelpose.setup_page.previews import (
+    SILHOUETTE,
     BackgroundModels,
     MomentFrames,
     SettingValues,
+    draw_stage,
+    explain_pixel,
     overlay_png,
 )
-from voxelpose.setup_page.stage_pictures import SILHOUETTE, draw_stage, explain_pixel
 from voxelpose.view.images.canvas import encoded
 
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)

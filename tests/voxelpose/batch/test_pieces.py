@@ -11,8 +11,7 @@ from silhouette_core.motion.conditioning import Conditioning, conditioned
 from tests.clips import waving
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.batch.jobs import jobs_of
-from voxelpose.batch.pieces import joined, pieces_of
-from voxelpose.batch.run import BatchSettings, run_batch
+from voxelpose.batch.run import BatchSettings, joined, pieces_of, run_batch
 from voxelpose.evaluation import score_motion
 from voxelpose.results import Result
 

@@ -17,8 +17,8 @@ from calib.files import read_rig, write_rig
 from calib.signals import offsets_from_signals
 from tests.sources import figure_masks, ring, write_figure
 from tests.voxelpose.recording.test_sound import clap_at, write_heard
-from voxelpose.calibration.board_moments import frames_around
-from voxelpose.calibration.sync_signals import board_speed
+from voxelpose.calibration.board_views import frames_around
+from voxelpose.calibration.sync import board_speed
 from voxelpose.cli import run
 
 BOARD = Board(8, 5, 0.15)

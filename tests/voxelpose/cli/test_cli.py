@@ -12,8 +12,8 @@ import pytest
 from tests.networks import red_network
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, run
-from voxelpose.demo.filming import make_recording
-from voxelpose.result_schema import load_settings
+from voxelpose.demo.room import make_recording
+from voxelpose.results import load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")

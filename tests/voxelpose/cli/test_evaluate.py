@@ -14,7 +14,7 @@ from tests.clips import waving
 from tests.other_bodies import TURNED_DEG, write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.export.joints import write_joints
+from voxelpose.export.tables import write_joints
 from voxelpose.export.trc import write_trc
 
 

@@ -7,10 +7,9 @@ import pytest
 
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, _parse, run
-from voxelpose.cli.folder_settings import load_command
-from voxelpose.cli.options import options_of
+from voxelpose.cli.options import load_command, options_of
 from voxelpose.cli.settings import _all_sections
-from voxelpose.recording.settings_files import SETTINGS_FILE, settings_files
+from voxelpose.recording.subject import SETTINGS_FILE, settings_files
 
 
 @pytest.fixture(autouse=True)
@@ -18,7 +17,7 @@ def user(desk, monkeypatch) -> Path:
     """The user's configuration folder; a recording `lab/walk` is on the desk."""
     folder = desk / "config"
     folder.mkdir()
-    monkeypatch.setattr("voxelpose.recording.settings_files.user_config_path", lambda _: folder)
+    monkeypatch.setattr("voxelpose.recording.subject.user_config_path", lambda _: folder)
     (desk / "lab" / "walk").mkdir(parents=True)
     return folder
 

@@ -13,7 +13,7 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.cli.terminal import VisibleStream, message, plain, visible
-from voxelpose.demo.filming import make_recording
+from voxelpose.demo.room import make_recording
 
 HOSTILE = "\x1b[31mred\x07\x9b2J\u202e[bold]"
 

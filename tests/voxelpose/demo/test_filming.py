@@ -10,8 +10,8 @@ import trimesh
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.demo.choreography import performances
-from voxelpose.demo.filming import make_recording
 from voxelpose.demo.mannequin import STATURE_M, Mannequin
+from voxelpose.demo.room import make_recording
 from voxelpose.recording.folder import Recording
 
 

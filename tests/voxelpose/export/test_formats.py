@@ -8,7 +8,7 @@ import pytest
 from calib.errors import InputError
 from calib.upright import UprightFrame
 from tests.clips import waving
-from voxelpose.export import mot
+from voxelpose.export import opensim
 from voxelpose.export.formats import FORMATS, export_motion
 
 
@@ -50,7 +50,7 @@ def test_nothing_is_left_of_what_fails(tmp_path, monkeypatch, error):
         path.write_text("half")
         raise error
 
-    monkeypatch.setattr(mot, "write_mot", fail)
+    monkeypatch.setattr(opensim, "write_mot", fail)
     with pytest.raises(InputError if isinstance(error, OSError) else type(error)) as raised:
         export_motion(waving(3), tmp_path / "out", ["csv", "trc"])
     assert list(tmp_path.iterdir()) == []

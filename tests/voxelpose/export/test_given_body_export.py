@@ -25,9 +25,8 @@ from tests.voxelpose.export.glb_reader import Glb
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.formats import export_motion
 from voxelpose.export.gltf import write_glb
-from voxelpose.export.joints import column_names, read_joints
-from voxelpose.export.mot import write_mot
-from voxelpose.export.tables import write_angles
+from voxelpose.export.opensim import write_mot
+from voxelpose.export.tables import column_names, read_joints, write_angles
 from voxelpose.view.images.figure import FigurePainter, skeleton_bones, skeleton_joints
 
 MOTION = example_motion("quadruped", 3)

@@ -8,7 +8,7 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.clips import waving
-from voxelpose.export.joints import read_joints, write_joints
+from voxelpose.export.tables import read_joints, write_joints
 
 
 def test_one_row_per_frame_and_joint(tmp_path):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
-from voxelpose.export.mot import write_mot
+from voxelpose.export.opensim import write_mot
 from voxelpose.export.skeleton import named_points
 from voxelpose.export.trc import write_trc
 

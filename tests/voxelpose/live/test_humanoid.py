@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import PART_NAMES
 from tests.voxelpose.live.live_scenes import person, posed
-from voxelpose.live.humanoid import BONE_NAMES, BONE_PARENTS, BONE_PARTS, humanoid_pose
 from voxelpose.live.live_frame import PosedBody
+from voxelpose.live.messages import BONE_NAMES, BONE_PARENTS, BONE_PARTS, humanoid_pose
 
 HALF = np.sqrt(0.5)
 T_POSE = {"left_upper_arm.abduction": 45.0, "right_upper_arm.abduction": 45.0}

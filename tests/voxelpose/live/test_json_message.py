@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.motion import kinematics
 from tests.voxelpose.live.live_scenes import bare_frame, posed
-from voxelpose.live.json_message import json_message
+from voxelpose.live.messages import json_message
 
 
 def test_a_receiver_can_rebuild_the_pose():

@@ -16,11 +16,10 @@ from tests.browsing import new_page
 from tests.sources import ring
 from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
-from voxelpose.live.camera_views import small_picture
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.live_page import Page
-from voxelpose.live.page_texts import links_html, status_html, timings_html
-from voxelpose.live.sender import ReceiverState
+from voxelpose.live.live_page import Page, links_html, status_html, timings_html
+from voxelpose.live.live_scene import small_picture
+from voxelpose.live.senders import ReceiverState
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.legend import SILHOUETTE
 
@@ -92,7 +91,7 @@ def test_a_new_body_is_built_anew_but_not_with_every_frame():
 
 def test_bones_move_the_skin_as_the_body_model_does():
     from silhouette_core.motion import kinematics
-    from voxelpose.live.skinned_figure import _BONE_OF, _BONES
+    from voxelpose.live.live_scene import _BONE_OF, _BONES
 
     body = posed({"left_upper_arm.abduction": 50.0, "left_shin.flexion": 70.0, "neck.rotation": 30})
     with serving() as (page, _):

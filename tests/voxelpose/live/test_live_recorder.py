@@ -7,8 +7,8 @@ import pytest
 from calib.errors import InputError
 from tests.sources import ring
 from voxelpose.live import live_recorder
+from voxelpose.live.camera_source import Shot
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.shots import Shot
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import Subject
 

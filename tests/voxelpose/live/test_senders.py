@@ -13,8 +13,7 @@ from websockets.sync.server import Server, ServerConnection, serve
 
 from calib.errors import InputError
 from tests.voxelpose.live.live_scenes import bare_frame, posed
-from voxelpose.live.receiver_address import parse_receiver
-from voxelpose.live.senders import Senders
+from voxelpose.live.senders import Senders, parse_receiver
 
 BODY = posed({"left_forearm.flexion": 40.0})
 
@@ -243,7 +242,7 @@ def test_what_a_receiver_says_is_ignored():
 
 
 def test_a_receiver_that_stops_reading_is_given_up(monkeypatch):
-    monkeypatch.setattr("voxelpose.live.websocket_sender._SILENT_S", 0.3)
+    monkeypatch.setattr("voxelpose.live.senders._SILENT_S", 0.3)
     go_on = threading.Event()
     with receiver(lambda _: bool(go_on.wait(10)), max_queue=1) as (_, url), sending(url) as senders:
         wait_until(lambda: senders.states[0].working)

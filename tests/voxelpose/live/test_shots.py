@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from voxelpose.live.shots import Newest, ShotMatcher
+from voxelpose.live.camera_source import Newest, ShotMatcher
 
 PICTURE = np.zeros((2, 2, 3), np.uint8)
 

@@ -8,8 +8,8 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from tests.sources import ring, write_staged
 from tests.voxelpose.live.sessions import MOTION
-from voxelpose.live import silhouette_process
-from voxelpose.live.silhouette_process import SilhouetteProcess
+from voxelpose.live import live_silhouettes
+from voxelpose.live.live_silhouettes import SilhouetteProcess
 from voxelpose.recording.folder import Recording
 
 
@@ -44,7 +44,7 @@ def test_too_little_shared_memory_is_said(monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     before = set(Path("/dev/shm").iterdir())
-    monkeypatch.setattr(silhouette_process.os, "posix_fallocate", full)
+    monkeypatch.setattr(live_silhouettes.os, "posix_fallocate", full)
     with pytest.raises(InputError, match="shared memory"):
         SilhouetteProcess(ring(2))
     assert not [path for path in set(Path("/dev/shm").iterdir()) - before if "psm_" in path.name]

@@ -5,8 +5,7 @@ import pytest
 from oscpy.parser import read_packet
 
 from tests.voxelpose.live.live_scenes import bare_frame, posed
-from voxelpose.live.humanoid import BONE_NAMES
-from voxelpose.live.vmc import vmc_datagrams
+from voxelpose.live.messages import BONE_NAMES, vmc_datagrams
 
 # Performer to marionette, of protocol.vmc.info: the address, and the types of its arguments.
 PROTOCOL = {

@@ -17,8 +17,8 @@ from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.report.cameras import check_cameras
 from voxelpose.report.charts import TimeChart, time_chart
+from voxelpose.report.verdict import check_cameras
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 SECTIONS = (

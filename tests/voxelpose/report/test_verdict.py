@@ -7,8 +7,7 @@ import pytest
 
 from tests.clips import waving
 from tests.sources import ring
-from voxelpose.report.cameras import CameraCheck, CameraLine
-from voxelpose.report.verdict import findings, overall, ranges_text
+from voxelpose.report.verdict import CameraCheck, CameraLine, findings, overall, ranges_text
 from voxelpose.results import Result
 
 

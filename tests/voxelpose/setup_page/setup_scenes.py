@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.clips import waving
 from tests.sources import ring, write_staged
-from voxelpose.cli.folder_settings import folder_settings
+from voxelpose.cli.options import folder_settings
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupServer
 from voxelpose.setup_page.setup_session import SettingValues, SetupSession

@@ -8,7 +8,7 @@ import pytest
 from tests.browsing import new_page
 from tests.voxelpose.setup_page.setup_scenes import SIZE, served, staged
 from voxelpose.calibration.points_file import read_points
-from voxelpose.cli.folder_settings import folder_settings
+from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
 
 

@@ -13,11 +13,16 @@ from calib.upright import UprightFrame
 from tests.sources import ring, write_recording
 from tests.voxelpose.setup_page.setup_scenes import SIZE, opened, staged
 from voxelpose.calibration.points_file import read_points
-from voxelpose.cli.folder_settings import folder_settings
+from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
-from voxelpose.setup_page.clicked_points import point_errors, read_clicked, save_clicked
-from voxelpose.setup_page.fit_choices import save_choices
-from voxelpose.setup_page.ground import ground_lines, up_choices
+from voxelpose.setup_page.clicked_points import (
+    ground_lines,
+    point_errors,
+    read_clicked,
+    save_clicked,
+    up_choices,
+)
+from voxelpose.setup_page.drawn_places import save_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
     FitChosen,

@@ -5,7 +5,7 @@ import pytest
 
 from silhouette_core.body.mesh_measurements import enclosed_volume
 from silhouette_core.body.presets import body_preset
-from voxelpose.view.images.body_picture import bent_vertices, bodies_picture
+from voxelpose.view.images.hull_picture import bent_vertices, bodies_picture
 
 
 @pytest.mark.parametrize("name", ["92A5", "104E6", "5AP", "13BR"])

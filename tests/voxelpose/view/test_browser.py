@@ -16,8 +16,8 @@ from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.legend import frame_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
+from voxelpose.view.viewer.scene import frame_html
 
 
 @pytest.fixture

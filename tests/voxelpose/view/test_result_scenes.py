@@ -15,14 +15,14 @@ from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.export.hypotheses import read_hypotheses
+from voxelpose.export.tables import read_hypotheses
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.legend import area_text, frame_html, legend_html, overlap_colours
+from voxelpose.view.viewer.legend import area_text, legend_html, overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene_renderer import camera_picture
+from voxelpose.view.viewer.scene import camera_picture, frame_html
 
 CAMERAS, FRAMES = 4, 4
 

@@ -11,9 +11,8 @@ from scipy.optimize import linprog
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError
-from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.carver import CarveRule, Masks, carve, mask_list
 from voxelpose.multiview.carving.grid import LARGEST, VoxelGrid
-from voxelpose.multiview.carving.views import Masks, mask_list
 from voxelpose.multiview.tuning import CARVING
 
 _SEARCH_VOXELS = 64  # along the longest edge of the box while it shrinks
@@ -88,7 +87,6 @@ def grid_within(
     Args:
         low_m: (3,) float64, low corner, world.
         high_m: (3,) float64, high corner, world.
-        voxel_size_m: Edge of a voxel.
 
     Raises:
         InputError: The box is empty, or the grid would not fit into memory.
@@ -173,9 +171,7 @@ def _frame(camera: Camera) -> NDArray[np.float64]:
 
 
 def _box(planes: NDArray[np.float64]) -> _Box | None:
-    """Bounding box of the points inside all planes (N, 4), infinite where unbounded; None if there
-    are none.
-    """
+    """Bounding box of points inside all planes (N, 4), infinite if unbounded; None if empty."""
     corners = np.empty((2, 3))
     for axis in range(3):
         for side, sign in enumerate((1.0, -1.0)):
@@ -245,9 +241,7 @@ def _intersection(
 
 
 def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:
-    """Bounding box inside all planes that are not image borders, or inside all planes if those do
-    not bound it.
-    """
+    """Bounding box inside all planes but image borders; those count where it is unbounded."""
     box = _box(np.concatenate([planes[~cut] for planes, cut in sides]))
     if box is not None and not np.isfinite(box).all():
         box = _box(np.concatenate([planes for planes, _ in sides]))
@@ -313,7 +307,7 @@ def _shrink(
         volume = (high - low).prod()
         low = np.maximum(low, cropped.origin_m)
         high = np.minimum(high, cropped.origin_m + cropped.size_m)
-        if (high - low).prod() / volume > CARVING.shrinkage:
+        if 10 * (high - low).prod() > 9 * volume:
             break
     return low, high
 

@@ -1,17 +1,252 @@
-"""Visual hull of silhouettes, as voxels."""
+"""Visual hull of silhouettes, as voxels; cameras and masks packed for the kernels."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from threading import local
+from typing import Any, Literal
+from weakref import WeakKeyDictionary
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
+from calib.checks import check_array
+from calib.lens import FisheyeLens, RationalLens
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels import blocks
-from voxelpose.multiview.carving.views import Masks, block_order, mask_list, pack_masks, pack_rig
+
+Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
+
+_MOST_CAMERAS = 62  # a set of cameras is the bits of an int64
+_BINS = 256
+_ANGLES = 24
+_WIDEST = 100  # tangent of 89.4 degrees
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One camera for the kernels; see `blocks.carve_blocks`.
+
+    Attributes:
+        row: (COLUMNS,) float64.
+        kind: PINHOLE, RATIONAL or FISHEYE.
+        bound: (2, bins) float64.
+    """
+
+    row: NDArray[np.float64]
+    kind: int
+    bound: NDArray[np.float64]
+
+
+class _Reused:
+    """Array reused between calls: allocating memory would take longer than filling it."""
+
+    def __init__(self, dtype: type) -> None:
+        self._array = np.empty(0, dtype=dtype)
+
+    def take(self, count: int) -> NDArray[Any]:
+        """The first `count` elements, with arbitrary contents."""
+        if len(self._array) < count:
+            self._array = np.empty(count, dtype=self._array.dtype)
+        return self._array[:count]
+
+
+class _Workspace(local):
+    """Reused arrays of one thread."""
+
+    def __init__(self) -> None:
+        self.pixels, self.sums = _Reused(np.uint8), _Reused(np.uint16)
+
+
+_workspace = _Workspace()
+_views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
+_rigs: WeakKeyDictionary[
+    Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
+] = WeakKeyDictionary()
+
+
+def view(camera: Camera) -> _View:
+    """Camera for the kernels, cached, since the bounds of a lens take milliseconds."""
+    if camera not in _views:
+        _views[camera] = _make_view(camera)
+    return _views[camera]
+
+
+def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
+    if rig not in _rigs:
+        if len(rig) > _MOST_CAMERAS:
+            raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
+        views = [view(camera) for camera in rig]
+        rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
+        _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
+    return _rigs[rig]
+
+
+def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
+    """Masks in the order of the rig, checked against their cameras.
+
+    Returns:
+        (h, w) uint8 each, 0 or 1.
+
+    Raises:
+        ValueError: A mask is missing, or differs in size from its camera's image.
+        TypeError: A mask is not bool.
+    """
+    if isinstance(masks, Mapping):
+        missing = [name for name in rig.names if name not in masks]
+        if missing:
+            raise ValueError(f"no mask for {', '.join(missing)}")
+        masks = [masks[name] for name in rig.names]
+    if len(masks) != len(rig):
+        raise ValueError(f"{len(rig)} cameras but {len(masks)} masks")
+    for camera, mask in zip(rig, masks, strict=True):
+        check_array(f"mask of {camera.name}", mask, camera.size[::-1], np.bool_)
+    return [np.ascontiguousarray(mask).view(np.uint8) for mask in masks]
+
+
+def pack_masks(
+    masks: list[NDArray[np.uint8]], unknown: Sequence[NDArray[np.bool_]] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
+    """Frames, sums and pixels of all masks, as in `blocks.carve_blocks`, cropped to the foreground
+    and to what is unknown, (h, w) bool each.
+
+    The last two are overwritten by the next call in the same thread.
+    """
+    counts = [1] * len(masks)
+    if unknown is not None:
+        counts = [2 if where.any() else 1 for where in unknown]
+        masks = [
+            np.where(where, np.uint8(blocks.BLIND), mask) if count > 1 else mask
+            for mask, where, count in zip(masks, unknown, counts, strict=True)
+        ]
+    frames = np.zeros((len(masks), 9), dtype=np.int64)
+    pixel_count, sum_count = 3, 0
+    for frame, mask, count in zip(frames, masks, counts, strict=True):
+        left, top, wide, high = cv2.boundingRect(mask)
+        # One pixel more on every side, even beyond the image: the rim is empty, and no crop is.
+        frame[:] = (
+            mask.shape[1],
+            mask.shape[0],
+            left - 1,
+            top - 1,
+            wide + 2,
+            high + 2,
+            pixel_count,
+            sum_count,
+            count,
+        )
+        pixel_count += (wide + 2) * (high + 2)
+        sum_count += (wide + 3) * (high + 3)
+    pixels, sums = _workspace.pixels.take(pixel_count), _workspace.sums.take(sum_count)
+    pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
+    for (_, _, left, top, wide, high, pixel, total, count), mask in zip(
+        frames.tolist(), masks, strict=True
+    ):
+        crop = pixels[pixel : pixel + wide * high].reshape(high, wide)
+        crop[0], crop[-1], crop[:, 0], crop[:, -1] = 0, 0, 0, 0
+        crop[1:-1, 1:-1] = mask[top + 1 : top + high - 1, left + 1 : left + wide - 1]
+        counted = crop if count == 1 else np.where(crop == blocks.BLIND, np.uint8(1), 2 * crop)
+        sums[total : total + (wide + 1) * (high + 1)].reshape(high + 1, wide + 1)[:] = cv2.integral(
+            counted
+        )  # wraps around
+    return frames, sums, pixels
+
+
+@lru_cache(maxsize=16)
+def block_order(count: int) -> NDArray[np.int64]:
+    """Order of `count` blocks, as in `blocks.carve_blocks`.
+
+    Neighbouring blocks have similar cost; sorting by multiples of the golden section distributes
+    them evenly over the threads.
+    """
+    return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
+
+
+def _make_view(camera: Camera) -> _View:
+    """Row, kind and bound of a camera; see the columns' names in `blocks`."""
+    row = np.zeros(blocks.COLUMNS)
+    bound = np.zeros((2, _BINS))
+    if camera.is_pinhole:
+        row[:12] = camera.projection.ravel()
+        return _View(row, blocks.PINHOLE, bound)
+    row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
+    matrix = camera.matrix
+    row[blocks.FX : blocks.CY + 1] = (
+        matrix[0, 0],
+        matrix[0, 1],
+        matrix[0, 2],
+        matrix[1, 1],
+        matrix[1, 2],
+    )
+    lens = camera.lens
+    distortion = np.zeros(14)
+    distortion[: len(camera.distortion)] = camera.distortion
+    if camera.fisheye:
+        row[[blocks.K1, blocks.K2, blocks.K3, blocks.K4]] = distortion[:4]
+    else:
+        k1, k2, p1, p2, *rest = distortion[:12]
+        row[[blocks.K1, blocks.K2, blocks.P1, blocks.P2]] = k1, k2, p1, p2
+        row[blocks.K3 : blocks.K3 + 8] = rest
+        if isinstance(lens, RationalLens) and lens._tilt is not None:
+            row[blocks.TILT : blocks.TILT + 9] = lens._tilt.ravel()
+    row[blocks.FIELD_SQUARED] = lens.field_radius**2
+    row[blocks.SEEN_RADIUS] = _seen_radius(camera)
+    row[blocks.REACH] = min(lens.field_radius * (1 - 1e-6), 2 * row[blocks.SEEN_RADIUS], _WIDEST)
+    bound[:] = _lens_bound(lens, row[blocks.REACH])
+    return _View(row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound)
+
+
+def _seen_radius(camera: Camera) -> float:
+    """Radius of ideal coordinates, by the image's border, beyond which nothing is projected."""
+    width, height = camera.size
+    x, y = np.arange(-1.0, width + 1), np.arange(-1.0, height + 1)
+    border = np.concatenate(
+        [np.column_stack([x, np.full(len(x), row)]) for row in (-1.0, height)]
+        + [np.column_stack([np.full(len(y), column), y]) for column in (-1.0, width)]
+    )
+    _, directions = camera.rays(border)
+    forward = directions @ camera.rotation.T
+    radius = np.linalg.norm(forward[:, :2], axis=1) / forward[:, 2]
+    field = camera.lens.field_radius * (1 + 1e-9)
+    return field if np.isnan(radius).any() else min(field, float(radius.max()) * 1.01)
+
+
+def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.float64]:
+    """Bounds of a lens's Jacobian J over discs around the axis.
+
+    Args:
+        reach: Radius of the largest disc, ideal coordinates.
+
+    Returns:
+        (2, bins) float64: at least the largest |J| and |J - 1| (spectral norms) within radius
+        (bin + 1) / bins * reach.
+    """
+    # Sampled at both ends and the middle of every bin, and widened for the points between.
+    radii = np.linspace(0, reach, 2 * _BINS + 1)
+    angles = np.linspace(0, 2 * np.pi, _ANGLES, endpoint=False)
+    points = np.stack(
+        [np.outer(radii, np.cos(angles)), np.outer(radii, np.sin(angles))], axis=-1
+    ).reshape(-1, 2)
+    step = 1e-6 * max(reach, 1e-3)
+    columns = [
+        (lens.distort(points + shift) - lens.distort(points - shift)) / (2 * step)
+        for shift in step * np.eye(2)
+    ]
+    jacobian = np.stack(columns, axis=-1)
+    norms = np.stack([_spectral_norm(jacobian), _spectral_norm(jacobian - np.eye(2))])
+    norms = np.where(np.isnan(norms), np.inf, norms).reshape(2, len(radii), _ANGLES).max(axis=2)
+    norms = np.maximum.accumulate(norms, axis=1)[:, 2::2]
+    return norms * 1.05 + 1e-3
+
+
+def _spectral_norm(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest singular values (N,) of matrices (N, 2, 2); NaN where an entry is NaN."""
+    a, b, c, d = matrices.reshape(-1, 4).T
+    return 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))
 
 
 @dataclass(frozen=True)
@@ -85,7 +320,6 @@ def carve(
     Args:
         rig: C cameras.
         masks: Silhouettes, (h, w) bool each: by camera name, or in the order of the rig.
-        grid: The volume.
         rule: Condition for a voxel; by default every camera that sees it agrees, and three quarters
             of all cameras do.
         unknown: Pixels about which nothing is known, (h, w) bool each, in the order of the rig: a

@@ -61,16 +61,6 @@ class VoxelGrid:
         nx, ny, nz = (int(n) for n in np.maximum(high - low, 1))
         return cls(low * voxel_size_m, voxel_size_m, (nx, ny, nz))
 
-    @classmethod
-    def around(
-        cls, centre_m: ArrayLike, voxel_size_m: float, shape: tuple[int, int, int]
-    ) -> "VoxelGrid":
-        """Makes a window of the given shape whose middle is within half a voxel of `centre_m` (3,),
-        world, m.
-        """
-        centre = np.asarray(centre_m, dtype=np.float64)
-        return cls(centre - 0.5 * voxel_size_m * np.array(shape), voxel_size_m, shape)
-
     @property
     def lattice(self) -> NDArray[np.int64]:
         """(3,) int64: the lattice coordinates of voxel (0, 0, 0), in voxels."""
@@ -84,12 +74,7 @@ class VoxelGrid:
     def axes(
         self, multiple: int = 1
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the world coordinates of the voxel centres along x (nx,), y (ny,) and z (nz,),
-        float64, m.
-
-        Args:
-            multiple: Continues each beyond the grid to a multiple of so many voxels.
-        """
+        """World coordinates (n,) of the centres along x, y, z, m, on to a multiple of so many."""
         # From the lattice and not from the origin, so that the same voxel has the same bits in
         # every grid.
         counts = (-(-n // multiple) * multiple for n in self.shape)
@@ -106,23 +91,14 @@ class VoxelGrid:
         )
 
     def indices(self, points_m: ArrayLike) -> NDArray[np.int64]:
-        """Returns the voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside
-        the grid.
-        """
+        """Voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside the grid."""
         return (
             np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64)
             - self.lattice
         )
 
-    def contains(self, indices: ArrayLike) -> NDArray[np.bool_]:
-        """Says which voxels (N, 3) int lie inside the grid, (N,) bool."""
-        indices = np.asarray(indices)
-        return np.logical_and.reduce((indices >= 0) & (indices < np.array(self.shape)), axis=-1)
-
     def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Returns the centres (N, 3) float64, world, m, of the occupied voxels of `occupancy` (nx,
-        ny, nz) bool.
-        """
+        """Centres (N, 3) float64, world, m, of the voxels in `occupancy` (nx, ny, nz) bool."""
         check_array("occupancy", occupancy, self.shape)
         return self.centres(np.argwhere(occupancy))
 

@@ -24,7 +24,6 @@ def surface(
     is smooth, separates the same voxel centres, and keeps thin structures.
 
     Args:
-        grid: Positions of the voxels.
         occupancy: (nx, ny, nz) bool.
 
     Returns:
@@ -62,8 +61,6 @@ def write_ply(
     """Writes the hull as a binary PLY file, in metres; no partial file is left behind.
 
     Args:
-        path: The file.
-        grid: Positions of the voxels.
         occupancy: (nx, ny, nz) bool, not all False.
         style: "surface" is a triangle mesh, "voxels" the centres of the occupied voxels as points.
 

@@ -49,13 +49,7 @@ class FrameObservation:
 def observation_at(
     views: PinholeViews, masks: list[np.ndarray], place_m: np.ndarray
 ) -> Observation:
-    """Silhouettes (h, w) bool of C views, with the contour points that a body at a place needs.
-
-    Args:
-        views: the cameras.
-        masks: their silhouettes.
-        place_m: (3,) about where the body is.
-    """
+    """Silhouettes (h, w) bool of C views, with contour points for a body near a place (3,)."""
     distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
     spacing = REFINING.spacing_m, REFINING.margin
     return Observation.from_masks(views, masks, distance, *spacing)
@@ -126,7 +120,6 @@ def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRul
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
 
     Args:
-        cameras: number of cameras.
         tolerance: number of them that may be wrong about a voxel.
         partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
 
@@ -151,7 +144,6 @@ class HullObserver:
     """Turns a frame's raw silhouettes into one body's hull and silhouettes.
 
     Args:
-        views: the cameras.
         volume: where the body may be.
         voxel_size_m: of the fine window.
         rule: how many cameras may object to a voxel.
@@ -217,12 +209,7 @@ class HullObserver:
     def carve(
         self, masks: list[np.ndarray], grid: VoxelGrid
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Silhouettes confirmed by the other cameras, and their hull (nx, ny, nz) bool in a window.
-
-        Args:
-            masks: a raw silhouette (h, w) bool per camera.
-            grid: the window.
-        """
+        """Silhouettes (h, w) bool confirmed by others, and their hull (nx, ny, nz) in a window."""
         masks = self._confirmed_by_others(masks, self._surroundings(grid))
         wide, unknown = self._dilated(masks, grid), self.views.unknown
         return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
@@ -233,7 +220,8 @@ class HullObserver:
         """
         if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
             return grid
-        low, high = grid.origin_m - CARVING.limb_m, grid.origin_m + grid.size_m + CARVING.limb_m
+        leg_m = 1.0  # with the foot
+        low, high = grid.origin_m - leg_m, grid.origin_m + grid.size_m + leg_m
         return VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
 
     def select(

@@ -9,12 +9,61 @@ import numpy as np
 
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
-from voxelpose.multiview.matching.limbs import Limb
-from voxelpose.multiview.matching.tree_limbs import chains_of, has_person_limbs, limbs_of
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.matching.limbs import Limb, chains_of, limbs_of
+
+FREE_FROM_BODY, TAKEN = -1, -2
+
+
+class VoxelSet:
+    """The occupied voxels (nx, ny, nz) of one hull, numbered, so that sets of them are bits."""
+
+    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend = CPU):
+        """Numbers the occupied voxels."""
+        self.grid, self.backend = grid, backend
+        self.occupied = np.argwhere(occupancy)
+        self.ids = np.full(occupancy.shape, FREE_FROM_BODY, np.int32)
+        self.ids[tuple(self.occupied.T)] = np.arange(len(self.occupied), dtype=np.int32)
+        self.words = max((len(self.occupied) + 63) // 64, 1)
+
+    def __len__(self) -> int:
+        """Returns the number of occupied voxels."""
+        return len(self.occupied)
+
+    def cover(
+        self, points: np.ndarray, rotations: np.ndarray, translations_m: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Voxels that placed points cover.
+
+        Args:
+            points: (n, 3) in the frame that is placed, m.
+            rotations: (K, 3, 3), world from that frame.
+            translations_m: (K, 3), world from that frame.
+
+        Returns:
+            Bits (K, words) uint64, a set of free occupied voxels each; (K,) int64, how many points
+            lie in empty space; (K,) int64, how many lie in voxels that were taken.
+        """
+        return self.backend.voxel_cover(
+            self.grid, self.ids, self.words, points, rotations, translations_m
+        )
+
+    def take(self, bits: np.ndarray) -> None:
+        """Gives the voxels of one set (words,) to a part: nothing placed later can claim them."""
+        self.ids[tuple(self.voxels(bits).T)] = TAKEN
+
+    def voxels(self, bits: np.ndarray) -> np.ndarray:
+        """Returns the indices (n, 3) int64 of the voxels of one set (words,)."""
+        return self.occupied[
+            np.flatnonzero(
+                np.unpackbits(bits.view(np.uint8), bitorder="little")[: len(self.occupied)]
+            )
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +71,9 @@ class BodyVolume:
     """A body filled with points, about one per voxel.
 
     Attributes:
-        model: The body.
         points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
             limb's first part.
         part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
-        backend: Scores many placements at once.
         limbs: What is placed, the root limb first.
     """
 
@@ -55,7 +102,7 @@ class BodyVolume:
     @property
     def is_person(self) -> bool:
         """Whether the body has all limbs of a person."""
-        return has_person_limbs(self.model)
+        return is_person_tree(self.model.tree)
 
     @cached_property
     def chains(self) -> tuple[tuple[Limb, ...], ...]:
@@ -68,7 +115,6 @@ class BodyVolume:
         """Placements of a limb for K choices of angles.
 
         Args:
-            limb: The limb.
             root: Gives root position and rotation.
             angles_rad: (K, D).
 
@@ -118,9 +164,7 @@ class BodyVolume:
 
 @lru_cache(maxsize=512)
 def _chain(tree: KinematicTree, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the parts from the root to one part, their parents within that chain, the angles that
-    turn them, and the part of each.
-    """
+    """Parts from the root to one part, their parents therein, their angles, and whose each is."""
     chain = [part]
     while tree.parents[chain[0]] >= 0:
         chain.insert(0, int(tree.parents[chain[0]]))

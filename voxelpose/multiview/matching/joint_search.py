@@ -23,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 
 from voxelpose.multiview.matching.kernels.bits import count_common, count_new, find_dominated
-from voxelpose.multiview.tuning import CARVING
 
 MOST_BYTES = 200_000_000
 """Memory that partial choices of one search may take."""
@@ -32,13 +31,7 @@ _ENTRY_BYTES = 400  # of a partial choice, beside its voxels
 
 
 class JointChoice(NamedTuple):
-    """Result of a joint search.
-
-    Attributes:
-        choice: the chosen placement of each part.
-        score: of them together.
-        exact: whether no combination is better; False: the search stopped at a bound.
-    """
+    """Result of a joint search; not exact where it stopped at a bound."""
 
     choice: tuple[int, ...]
     score: float
@@ -72,7 +65,6 @@ class _Part:
     """The K placements of one part that are still candidates.
 
     Attributes:
-        number: index of the part in the group.
         rows: (K,) the placements' original indices, ascending.
         bits: (K, W) uint64, the contested voxels that each covers.
         gain: (K,) float64, uncontested voxels that each covers, less its cost.
@@ -218,9 +210,8 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
         solved = [_solve([fewer[i] for i in group], memory) for group in groups]
         return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
-    if sum(len(part.rows) for part in reduced) < CARVING.shrinkage * sum(
-        len(part.rows) for part in parts
-    ):
+    left, before = (sum(len(part.rows) for part in one) for one in (reduced, parts))
+    if 10 * left < 9 * before:
         return _solve(reduced, memory)
     # The part that can explain most is decided first: its choice restricts the others most.
     empty = np.zeros(reduced[0].bits.shape[1], np.uint64)

@@ -39,14 +39,7 @@ def place_limb(
     pose: Pose,
     chain: tuple[Limb, ...],
 ) -> Pose:
-    """Pose with one arm, leg or other chain where it explains most of what the rest does not.
-
-    Args:
-        body_volume: The body.
-        observation: The frame.
-        pose: Everything but the limb is taken from it.
-        chain: Upper and lower part, or one that carries none.
-    """
+    """Pose with one arm, leg or other chain where it explains most of what the rest does not."""
     upper, tree = chain[0], body_volume.model.tree
     step_rad = np.radians(MATCHING.step_deg)
     covering = _Covering(body_volume.model, observation)
@@ -89,9 +82,7 @@ def _carried(limb: Limb | None, upper: Limb, limbs: Sequence[Limb]) -> bool:
 
 
 def _pixel_values(observation: Observation) -> np.ndarray:
-    """Value (C, h, w) int8 of each pixel for a limb, where no other part covers it; what is
-    unknown is worth nothing.
-    """
+    """Value (C, h, w) int8 of each pixel for a limb, if no part covers it; 0 if unknown."""
     masks, unknown = observation.masks, observation.views.unknown
     height, width = (max(mask.shape[axis] for mask in masks) for axis in (0, 1))
     images = np.zeros((len(masks), height, width), np.int8)
@@ -126,7 +117,6 @@ class _Covering:
 
         Args:
             images: (C, h, w) int8, values so far; outside of the silhouettes they stay.
-            pose: of the body.
             limbs: whose parts are drawn.
             rest: all parts but those are drawn instead.
         """

@@ -9,10 +9,9 @@ import numpy as np
 
 from silhouette_core.motion.pose import Pose
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.joint_search import best_together, interference_groups
 from voxelpose.multiview.matching.limbs import Limb, sample_angles
-from voxelpose.multiview.matching.voxel_set import VoxelSet
 from voxelpose.multiview.tuning import MATCHING
 
 
@@ -21,7 +20,6 @@ class MatchSettings:
     """Settings of the matcher.
 
     Attributes:
-        step_rad: distance between sampled angles.
         interference: match parts jointly where their movable areas share voxels; False is the
             paper's plain matcher.
         empty_cost: cost of a voxel of a part in empty space, in explained voxels.
@@ -39,7 +37,6 @@ class Match:
     """Result of the matcher.
 
     Attributes:
-        pose: with the best sampled angles.
         score: explained voxels less the cost of parts in empty space.
         explained: fraction of the hull's voxels that some part covers.
         groups: the limbs matched jointly, in the order in which they were decided.
@@ -59,7 +56,6 @@ class LimbPlacements:
     """The K sampled placements of one selectable limb.
 
     Attributes:
-        limb: the limb.
         angles_rad: (K, D), one row a placement.
         bits: (K, words) uint64, the free voxels that each covers.
         cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already
@@ -94,7 +90,6 @@ class LimbArea:
     """Where one limb could be when the matcher is about to place it.
 
     Attributes:
-        limb: the limb.
         voxels: (n, 3) int64, its movable area as indices into the grid.
         interferes: names of the limbs that would be matched jointly with it, its own included.
         disputed: (m, 3) int64, the voxels of its area that also lie in that of another of them.
@@ -128,11 +123,8 @@ def match(
     interfere are decided jointly instead (:eq:`iiyama-4`).
 
     Args:
-        body_volume: the body.
-        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
         start: places the root part; its other angles are the initial values.
-        settings: see MatchSettings.
 
     Source: Iiyama, Kameda and Minoh, step (1): section 2, with section 3 for interfering parts.
     Ours: a score that subtracts a cost for empty space; the torso's voxels are taken before the
@@ -169,11 +161,8 @@ def movable_areas(
     """Movable area of every limb but the root's, with its parents placed as in a given pose.
 
     Args:
-        body_volume: the body.
-        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
         pose: places the limbs that are decided before each.
-        settings: see MatchSettings.
 
     Source: Iiyama, Kameda and Minoh, section 3.
     """
@@ -240,8 +229,6 @@ class _Search:
         """Places the limbs of a group.
 
         Args:
-            group: n limbs.
-            choice: the chosen placement of each.
             before_rad: (D,) the angles around which the placements were sampled; what other groups
                 have changed since then is kept.
         """

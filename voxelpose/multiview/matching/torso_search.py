@@ -33,9 +33,7 @@ class _Overlap:
     def ranked(
         self, positions: np.ndarray, rotations: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns positions, rotations and scores, best first: fraction of the points in the hull
-        less the fraction in empty space.
-        """
+        """Positions, rotations and scores, best first: share of points in the hull less outside."""
         inside, outside = self.backend.voxel_overlap(
             self.grid,
             self.occupancy,
@@ -60,10 +58,7 @@ def find_torso(
     stands still is upright.
 
     Args:
-        body_volume: The body.
-        grid: The grid of the hull.
         occupancy: (nx, ny, nz) bool, the voxels of one body.
-        count: Number of placements, at most.
 
     Returns:
         Poses with the relaxed stance's angles, best first, clearly different from one another.

@@ -5,37 +5,86 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
+from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    MORE_PLACEMENTS,
     SEARCHED,
     BodyGeometry,
     PoseFit,
     find_pose,
+    move_limbs,
     refine_fits,
 )
-from voxelpose.multiview.person.candidates import POSTURES, Candidate, StatureEvidence
-from voxelpose.multiview.person.girth import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
-from voxelpose.multiview.person.posterior import ShapePrior, is_improbable, posterior_cost
-from voxelpose.multiview.person.sitting import find_sitting_pose
+from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.person.posterior import (
+    GIRTH_CAMERAS,
+    POSTURES,
+    Candidate,
+    ShapePrior,
+    StatureEvidence,
+    chest_from_hull,
+    hull_volume_m3,
+    is_improbable,
+    posterior_cost,
+)
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
+_HEADINGS, _BEST = 12, 5
+
+
+def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
+    """Poses near an upright chair's, best first: the legs begin as a sitting person's and are not
+    searched in the hull, where they would be found in a chair's.
+    """
+    model, points = body.model, frame.grid.occupied_points(frame.occupancy)
+    angles = relaxed_rad(model.tree).copy()
+    bent_deg = {"thigh.flexion": 80, "thigh.abduction": 8, "shin.flexion": 80}  # on a chair
+    for k, name in enumerate(model.tree.dof_names):
+        joint = name.partition("_")[2]
+        if joint in bent_deg:
+            angles[k] = np.radians(bent_deg[joint])
+    root = _below_head(model, points)
+    headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
+    places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
+    torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
+    places += [(torso.root_m, torso.root_rotation) for torso in torsos]
+    starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
+    fits = sorted(refine_fits(body, frame.observation, starts), key=attrgetter("error"))
+    moved = [move_limbs(body, frame.observation, fit) for fit in fits[:_BEST]]
+    return sorted(moved, key=attrgetter("error"))
+
+
+def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
+    """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
+    top_m = points_m[:, 2].max()
+    half_head_m = 0.12
+    head = points_m[points_m[:, 2] > top_m - half_head_m]
+    trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
+    return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
+
+
+_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
 _STARTS = 3  # poses of a frame from which candidates are refined
 _ROUNDS = 2  # of adaptation about the stature that was found
 
@@ -45,10 +94,8 @@ class Start:
     """What tracking starts from.
 
     Attributes:
-        candidate: who it is.
         body: with adapted proportions.
         prior: of these.
-        evidence: what tells the stature.
         poses: frame -> pose, for the anchor frames that are clear.
         errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
     """
@@ -86,10 +133,7 @@ def choose_body(
     best candidate is improbable, see `is_improbable`.
 
     Args:
-        observations: of every frame.
         settings: for stature, chest girth and sex, as far as known.
-        matching: settings of the full search.
-        reporter: receives the progress.
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
         objects: whether something beside the person was left out of the silhouettes.
@@ -125,7 +169,7 @@ def choose_body(
 def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]:
     """Some frames of a recording in which a body is seen, by number."""
     total = len(observations)
-    most = max(PERSON_SEARCH.fewest_anchors, total // PERSON_SEARCH.frames_per_anchor)
+    most = max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR)
     chosen = even_moments(total, most).tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
 
@@ -137,12 +181,7 @@ def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
 
 
 def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
-    """Start with its body adapted to its poses; one that stays as it is, is left so.
-
-    Args:
-        start: with poses, and the errors of other frames.
-        frames: those that are posed.
-    """
+    """Start, and errors, with its body adapted to its poses; one that stays is left so."""
     if start.prior.covariance is None:
         return start
     observed = [frames[t] for t in start.poses]
@@ -228,7 +267,7 @@ class _Search:
                 t: refine_fits(body, frame.observation, starts[t])
                 for t, frame in self.frames.items()
             }
-            fits = {t: min(poses, key=_error) for t, poses in found.items() if poses}
+            fits = {t: min(poses, key=attrgetter("error")) for t, poses in found.items() if poses}
             return self._start(candidate, body, self._prior(candidate, body), evidence, fits)
 
         return min(side_by_side(refined, candidates), key=Start.cost)
@@ -301,5 +340,54 @@ class _Search:
         return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
 
 
-def _error(fit: PoseFit) -> float:
-    return fit.error
+def start_given(
+    observations: ObservationStore,
+    settings: Settings,
+    matching: MatchSettings,
+    reporter: Reporter,
+    model: BodyModel,
+) -> tuple[BodyGeometry, dict[int, PoseFit]]:
+    """Searches anchor frames without a prior, with a body that stays as it is.
+
+    A root that stands still is placed once, by all anchor frames together.
+
+    Returns:
+        The body, and the fits of the frames in which it explains the silhouettes nearly as well as
+        in the best.
+
+    Raises:
+        InputError: no frame shows a body.
+    """
+    frames = anchor_frames(observations)
+    reporter.stage("first poses", max(len(frames), 1))
+    body = BodyGeometry.from_model(
+        model, observations.observer.voxel_size_m, load_backend(settings.backend)
+    )
+    fits = _searched(body, frames, matching)
+    if fits and model.tree.root_fixed:
+        best = min(fits.values(), key=lambda fit: fit.error)
+        fits = _searched(replace(body, root=best.pose), frames, matching)
+        seen, poses = [frames[t].observation for t in fits], [fit.pose for fit in fits.values()]
+        root = still_root(body.surface, seen, poses, SEARCHED)
+        body = replace(body, root=root)
+        fits = _searched(body, frames, matching)
+    reporter.advance(max(len(frames), 1))
+    if not fits:
+        raise InputError(
+            "the silhouettes leave no hull in which the body is found: look at it with `voxelpose"
+            " carve RECORDING --frame 0 --out hull.ply`, and check the background pictures, the"
+            " calibration and the body's size"
+        )
+    for group in sorted({group for fit in fits.values() for group in fit.stopped}):
+        reporter.note(
+            f"the joint search of {', '.join(group)} stopped at its bound of memory or work: the"
+            " best of what it had tried stands (larger voxels make it shorter)"
+        )
+    return body, clear_fits(fits)
+
+
+def _searched(
+    body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
+) -> dict[int, PoseFit]:
+    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    return {t: fit for t, best in zip(frames, found, strict=True) for fit in best}

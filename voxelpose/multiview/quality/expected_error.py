@@ -41,6 +41,7 @@ RIGHT_MM = 80
 """Mean error of the joints relative to the pelvis up to which a frame counts as right."""
 ADDED_MM = 3
 """Added to errors before their logarithm is taken."""
+_MOST_TURNED = 4  # largest half-turn ratio that counts
 
 # Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
 # standard deviation over a centimetre, log of the mean share, log of the median one, log of the
@@ -90,10 +91,7 @@ def frame_evidence(
     """Compares a posed body with the silhouettes of its frame.
 
     Args:
-        body: the body.
-        pose: its pose.
         joints_m: (15, 3) its joints.
-        frame: the silhouettes.
         outside: share of the body's volume outside the hull.
     """
     model, vertices_m = body.model, posed_mesh(body.model, pose)
@@ -133,19 +131,7 @@ def frame_evidence(
 def half_turn_ratio(
     body: BodyGeometry, pose: Pose, frame: FrameObservation, settings: MatchSettings
 ) -> float:
-    """How much worse the body turned half round explains a frame.
-
-    Its limbs are matched and refined again, so that only the heading is another one.
-
-    Args:
-        body: the body.
-        pose: its pose.
-        frame: silhouettes and hull.
-        settings: of the matcher.
-
-    Returns:
-        Silhouette error of the turned body over that of the pose itself, both refined.
-    """
+    """How much worse the body turned half round, its limbs matched again, explains a frame."""
     turned = Pose(
         pose.root_m,
         pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
@@ -200,12 +186,7 @@ class MotionEvidence:
 
     @classmethod
     def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
-        """Evidence of a motion with its quality.
-
-        Args:
-            motion: the motion of a person by several cameras.
-            half_turn: median half-turn ratio.
-        """
+        """Evidence of a motion with its quality."""
         quality = motion.quality
         low, high = motion.model.dof_limits_rad.T
         angles, free = motion.angles_rad, high > low
@@ -238,12 +219,12 @@ def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
-    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, QUALITY.most_turned)))
+    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, _MOST_TURNED)))
     clothes = np.full(len(mean), 100 * evidence.clothes)
     cameras = np.full(len(mean), np.log(camera_error.shape[1] / 4))
     shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
-    near = np.log(evidence.joint_error + QUALITY.least)
+    near = np.log(evidence.joint_error + 0.01)  # below a hundredth they are alike
     sigma = np.log(evidence.joint_sigma_m / 0.01)
     constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
     of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
-from silhouette_core.motion.kinematics import forward, quaternions
+from silhouette_core.motion.kinematics import forward, quaternions, rotation_matrices
+from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
 from voxelpose.multiview.carving.observe import FrameObservation
-from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.voxel_set import VoxelSet
+from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
+from voxelpose.multiview.quality.expected_error import (
+    MotionEvidence,
+    expected_errors,
+    frame_evidence,
+    half_turn_ratio,
+)
+from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import QUALITY
 
 
@@ -53,7 +64,8 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
             union |= bits[0]
     covered = np.zeros(frame.occupancy.shape, bool)
     covered[tuple(voxel_set.voxels(union).T)] = True
-    unexplained = np.argwhere(frame.occupancy & ~_dilated(covered))
+    near = np.asarray(maximum_filter(covered, 3), np.bool_)
+    unexplained = np.argwhere(frame.occupancy & ~near)
     return Quality(
         overlap,
         overlap < QUALITY.unsupported,
@@ -62,12 +74,92 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
     )
 
 
-def _dilated(mask: np.ndarray) -> np.ndarray:
-    """A volume with all neighbours of its voxels, those at corners included."""
-    for axis in range(mask.ndim):
-        moved = np.moveaxis(mask, axis, 0)
-        wider = moved.copy()
-        wider[1:] |= moved[:-1]
-        wider[:-1] |= moved[1:]
-        mask = np.moveaxis(wider, 0, axis)
-    return mask
+_TOGETHER = 8  # frames
+_TURNED = 5  # frames in which the body is turned half round
+
+
+def motion_quality(
+    tracker: PoseTracker, motion: Motion, steps: list[int], clock: StageClock, reporter: Reporter
+) -> tuple[dict[str, np.ndarray], float]:
+    """Assesses a motion.
+
+    Args:
+        motion: T poses in the tracker's world.
+        steps: T time steps of the poses.
+
+    Returns:
+        Arrays of T rows by name, as of `Motion.quality`; and the median ratio by which bodies
+        turned half round explain the silhouettes worse, 1: as well, NaN where no frame shows the
+        person.
+    """
+    body, joints_m = tracker.body, motion.landmarks()
+    points = np.array([len(part) for part in body.body_volume.part_points])
+    rotation = rotation_matrices(motion.root_quaternion)
+    marks = np.full(len(body.model.landmarks_m), np.nan)
+    nothing = {
+        "part_overlap": np.full(len(points), np.nan),
+        "unexplained": np.array(np.nan),
+        "outside": np.array(np.nan),
+        "camera_agreement": np.full(len(tracker.observations.observer.views.rig), np.nan),
+        "joint_disagreement": marks,
+        "joint_sigma_mm": marks,
+    }
+
+    def pose_of(row: int) -> Pose:
+        return Pose(motion.root_m[row], rotation[row], motion.angles_rad[row])
+
+    def assessed(row: int) -> dict[str, np.ndarray]:
+        frame = tracker.observe(steps[row])
+        if frame is None:
+            return nothing
+        pose = pose_of(row)
+        quality = assess(body.body_volume, pose, frame)
+        outside = 1 - float(np.nansum(quality.part_overlap * points)) / points.sum()
+        seen = frame_evidence(body, pose, joints_m[row], frame, outside)
+        return {
+            "part_overlap": quality.part_overlap,
+            "unexplained": np.array(quality.unexplained),
+            "outside": np.array(outside),
+            "camera_agreement": 1 - seen.camera_error,
+            "joint_disagreement": seen.joint_error,
+            "joint_sigma_mm": 1000 * seen.joint_sigma_m,
+        }
+
+    found: list[dict[str, np.ndarray]] = []
+    for first in range(0, len(motion), _TOGETHER):
+        rows = range(first, min(first + _TOGETHER, len(motion)))
+        with clock("quality"):
+            found += side_by_side(assessed, rows)
+        for _ in rows:
+            reporter.advance()
+    ratio = np.nan
+    if body.model.person is not None:
+        with clock("half turn"):
+            ratio = _half_turn(tracker, pose_of, steps)
+    arrays = {name: np.stack([frame[name] for frame in found]) for name in nothing}
+    arrays["part_unsupported"] = arrays["part_overlap"] < QUALITY.unsupported
+    arrays["outline_agreement"] = arrays["camera_agreement"].mean(axis=1)
+    if body.model.person is None:  # the regression is of people
+        return arrays, ratio
+    evidence = MotionEvidence.from_motion(replace(motion, quality=arrays), ratio)
+    expected = expected_errors(evidence)
+    arrays |= {
+        "right_probability": np.nan_to_num(expected.right_probability),
+        "joint_error_mm": expected.median_mm,
+        "landmark_confidence": np.nan_to_num(expected.near_probability),
+    }
+    return arrays, ratio
+
+
+def _half_turn(tracker: PoseTracker, pose_of: Callable[[int], Pose], steps: list[int]) -> float:
+    """Median half-turn ratio of a few frames, NaN where none shows the person."""
+    rows = np.linspace(0, len(steps) - 1, min(len(steps), _TURNED)).round().astype(int)
+
+    def ratio(row: int) -> float:
+        frame = tracker.observe(steps[row])
+        if frame is None:
+            return np.nan
+        return half_turn_ratio(tracker.body, pose_of(row), frame, tracker.matching)
+
+    ratios = np.array(side_by_side(ratio, np.unique(rows).tolist()))
+    return float(np.nanmedian(ratios)) if np.isfinite(ratios).any() else np.nan

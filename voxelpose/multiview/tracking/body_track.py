@@ -32,17 +32,14 @@ from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
 
+RECENT = 12
+"""Frames whose median error is the usual one: 0.4 s."""
 _REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Silhouettes of one moment, packed.
-
-    Attributes:
-        time_s: of the moment.
-        bits: by camera name, (h, ceil(w / 8)) uint8 and the width w.
-    """
+    """Silhouettes of one moment by camera, packed as (h, ceil(w / 8)) uint8 with the width w."""
 
     time_s: float
     bits: dict[str, tuple[NDArray[np.uint8], int]]
@@ -66,8 +63,6 @@ class BodyTrack:
     """A body and its latest poses, in the order in which they were tracked.
 
     Attributes:
-        body: the body.
-        time_s: of the latest frame.
         fit: its pose and error.
         before: time and pose of the frame before it.
         errors: of recent frames, the latest included.
@@ -96,9 +91,6 @@ class BodyTrack:
 
         with the standard deviations :math:`\sigma_1` (6 + D,) of a step within :math:`1 / f`
         (`pose_step_sigma`). Time may run backward.
-
-        Args:
-            time_s: of the frame that is expected.
         """
         model, pose = self.body.model, self.fit.pose
         elapsed = elapsed_steps(self.time_s, time_s)
@@ -111,12 +103,7 @@ class BodyTrack:
         return PosePrior(pose, sigma)
 
     def step(self, observation: Observation, time_s: float) -> BodyTrack:
-        """Track with the next frame.
-
-        Args:
-            observation: the frame.
-            time_s: its time.
-        """
+        """Track with the next frame."""
         prior = self.predict(time_s)
         sudden = elapsed_steps(self.time_s, time_s) > TRACKING.long_steps or self.before is None
         settings = SEARCHED if sudden else STEP
@@ -126,13 +113,11 @@ class BodyTrack:
             prior = PosePrior(self.fit.pose, TRACKING.unexpected * prior.sigma)
             again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
             fit = min(fit, again, key=lambda one: one.error)
-        errors = (*self.errors[1 - TRACKING.recent :], fit.error)
+        errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 
     def with_limbs(self, observation: Observation) -> BodyTrack:
-        """Track whose arms and legs are searched again in its latest frame; itself where that is no
-        better.
-        """
+        """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
         if moved.error >= TRACKING.better * self.fit.error:
             return self
@@ -143,7 +128,6 @@ class BodyTrack:
 
         Args:
             rig: pinhole cameras.
-            time_s: time of the frame.
             masks: silhouettes (h, w) bool by camera name.
         """
         return self.step(observed_near(self.body, rig, masks, self.predict(time_s).pose), time_s)
@@ -164,7 +148,6 @@ def observed_near(body: BodyGeometry, rig: Rig, masks: Masks, pose: Pose) -> Obs
     """Silhouettes without what is farther from a pose than a limb moves in a few frames.
 
     Args:
-        body: the body.
         rig: pinhole cameras.
         masks: silhouettes (h, w) bool by camera name.
         pose: near which the silhouettes count.

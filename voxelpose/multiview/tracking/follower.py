@@ -7,25 +7,151 @@ one frame, and then catches up with the frames that have come since.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib.camera import Rig
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import BodySizes
+from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
-from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
-from voxelpose.multiview.tracking.body_track import BodyTrack, Masks, Moment
-from voxelpose.multiview.tracking.track_jobs import (
-    FollowSettings,
-    adapt_body,
-    catch_up,
-    search,
-    search_limbs,
+from silhouette_core.refinement.adaptation import Stature, adapt_shape
+from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.silhouette_error import silhouette_error
+from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid
+from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
+from voxelpose.multiview.matching.pose_search import (
+    FEW_PLACEMENTS,
+    PLACEMENTS,
+    BodyGeometry,
+    PoseFit,
+    find_pose,
 )
-from voxelpose.multiview.tuning import LIVE, MATCHING, TRACKING
+from voxelpose.multiview.person.posterior import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
+from voxelpose.multiview.tracking.body_track import (
+    BodyTrack,
+    Masks,
+    Moment,
+    observed_near,
+    views_of,
+)
+from voxelpose.multiview.tuning import CARVING, LIVE, PERSON_COST, TRACKING
+
+
+def search(
+    rig: Rig, settings: Settings, body: BodyGeometry | None, moment: Moment, count: int
+) -> BodyTrack | None:
+    """Searches a pose without a prior; None where there is no body.
+
+    Args:
+        rig: pinhole cameras.
+        body: the body; None: one as the settings say.
+        count: placements of the torso to try.
+    """
+    frame = _hull(rig, moment.masks())
+    if frame is None:
+        return None
+    body = body or _body(settings, frame)
+    fits = find_pose(body, frame, count=count)
+    tracks = [BodyTrack(body, moment.time_s, fit) for fit in fits]
+    if tracks and tracks[0].fit.error > TRACKING.suspect:
+        # Of another body than this one, the right pose need not be the one that fits best.
+        tracks += [
+            adapt_body(rig, settings, track, [(moment, track.fit.pose)]) for track in tracks[:3]
+        ]
+    return min(tracks, key=lambda track: track.fit.error, default=None)
+
+
+def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
+    """Searches every arm and leg in the track's latest frame; None where none is better."""
+    found = track.with_limbs(observed_near(track.body, rig, moment.masks(), track.fit.pose))
+    return None if found is track else found
+
+
+def adapt_body(
+    rig: Rig,
+    settings: Settings,
+    track: BodyTrack,
+    samples: Sequence[tuple[Moment, Pose]],
+) -> BodyTrack:
+    """Track with a body whose proportions are adapted to some frames."""
+    model = track.body.model
+    stature = model.sizes.stature_m
+    told = settings.stature_m is not None
+    sigma = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * stature
+    observations = [
+        observed_near(track.body, rig, moment.masks(), pose) for moment, pose in samples
+    ]
+    surface, poses = adapt_shape(
+        track.body.surface,
+        observations,
+        [pose for _, pose in samples],
+        Stature(stature, sigma),
+        model.shape,
+    )
+    body = BodyGeometry.from_surface(surface, CARVING.voxel_m)
+    if samples[-1][0].time_s != track.time_s:
+        return replace(track, body=body)
+    error = silhouette_error(surface.model, poses[-1], observations[-1], body.body_volume.backend)
+    return replace(track, body=body, fit=PoseFit(poses[-1], error))
+
+
+def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack | None:
+    """Track in the last of some moments that followed on its latest frame; None where it is lost.
+
+    Where it suddenly fits worse, arms and legs are searched: they move farthest between frames, and
+    what begins wrong here is followed wrong.
+
+    Args:
+        moments: in order; some are passed over, as long as no step becomes long.
+    """
+    usual, waiting, searched, wrong = track.usual, list(moments), False, 0
+    while waiting:
+        near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
+        moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
+        waiting = [one for one in waiting if one.time_s > moment.time_s]
+        track = track.follow(rig, moment.time_s, moment.masks())
+        if track.fit.error > TRACKING.bad * usual and not searched:
+            searched, track = True, search_limbs(rig, track, moment) or track
+        wrong = wrong + 1 if track.fit.error > max(TRACKING.suspect, TRACKING.bad * usual) else 0
+        if track.fit.error > TRACKING.lost or wrong == _MOST_WRONG:
+            return None
+    return track
+
+
+def _body(settings: Settings, frame: FrameObservation) -> BodyGeometry:
+    """Body of the stature and chest girth given, or of the hull's height and volume."""
+    stature = settings.stature_m
+    if stature is None:
+        rows = np.flatnonzero(frame.occupancy.any((0, 1)))
+        stature = float(np.clip((np.ptp(rows) + 1) * frame.grid.voxel_size_m, 0.6, 2.4))
+    sex = "male" if settings.sex == "unknown" else settings.sex
+    model = BodyModel.from_sizes(BodySizes(stature, settings.chest_m, sex))
+    if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:
+        chest = chest_from_hull(model, hull_volume_m3(frame))
+        model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
+    return BodyGeometry.from_surface(Surface(model), CARVING.voxel_m)
+
+
+def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
+    """Silhouettes of one body and its hull; None where they do not meet in space."""
+    views, images = views_of(rig, tuple(masks)), list(masks.values())
+    rule = body_rule(len(images), 0)
+    try:
+        grid = place_grid(views.rig, images, voxel_size_m=CARVING.coarse_m, rule=rule)
+    except InputError:
+        return None
+    return HullObserver(views, grid, CARVING.voxel_m, rule).observe(images)
+
+
+_ADAPTED = 8  # frames to which proportions are adapted
+_CAUGHT_UP = 2  # frames that may still be missing when a search has caught up
+_FORGOTTEN_S = 6  # age after which the frames since a search began are forgotten
+_MOST_WRONG = 5  # frames running, after which a track that catches up is given up
 
 _Searched = Future[BodyTrack | None]
 
@@ -50,15 +176,9 @@ class _Followed:
 
 
 class PoseFollower:
-    """Follows one body.
+    """Follows one body with pinhole cameras; the executor does one long job at a time."""
 
-    Args:
-        rig: pinhole cameras, whose silhouettes are given.
-        settings: what is known about the person.
-        executor: does what takes longer than a frame, one job at a time.
-    """
-
-    def __init__(self, rig: Rig, settings: FollowSettings, executor: Executor):
+    def __init__(self, rig: Rig, settings: Settings, executor: Executor):
         """Starts without a body."""
         self.rig, self.settings = rig, settings
         self._executor = executor
@@ -79,7 +199,6 @@ class PoseFollower:
         """Pose in the next frame, or None where nobody is found.
 
         Args:
-            time_s: time of the frame.
             masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
                 missing at the moment are left out.
         """
@@ -99,7 +218,7 @@ class PoseFollower:
             self._begin_job(moment)
         else:
             self._since = [
-                one for one in (*self._since, moment) if time_s - one.time_s < LIVE.forgotten_s
+                one for one in (*self._since, moment) if time_s - one.time_s < _FORGOTTEN_S
             ]
         return None if self._track is None else self._track.fit
 
@@ -112,7 +231,7 @@ class PoseFollower:
         if track is None:
             return None
         later = [moment for moment in self._since if moment.time_s > track.time_s]
-        if len(later) <= LIVE.caught_up:
+        if len(later) <= _CAUGHT_UP:
             return track
         self._since = []
         self._submit(catch_up, self.rig, track, later)
@@ -125,7 +244,7 @@ class PoseFollower:
         if track is None:
             area = (mask.mean() for mask in moment.masks().values())
             if sum(fraction > LIVE.foreground for fraction in area) >= LEAST_CAMERAS:
-                first = moment, LIVE.first_placements
+                first = moment, FEW_PLACEMENTS
                 self._submit(search, self.rig, self.settings, self._known, *first)
             return
         self._known = track.body
@@ -141,8 +260,8 @@ class PoseFollower:
         if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
-            self._submit(search, self.rig, self.settings, body, moment, MATCHING.placements)
-        elif len(person.samples) >= LIVE.adapted:
+            self._submit(search, self.rig, self.settings, body, moment, PLACEMENTS)
+        elif len(person.samples) >= _ADAPTED:
             samples, person.samples = person.samples, []
             person.adapted += 1
             self._submit(adapt_body, self.rig, self.settings, track, samples)

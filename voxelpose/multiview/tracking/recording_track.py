@@ -3,48 +3,110 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.moments import even_moments
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.body_source import names_result
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import stature_of
-from voxelpose.multiview.person.body_choice import Start, choose_body
-from voxelpose.multiview.person.given_body import start_given
+from silhouette_core.refinement.surface import Surface
+from voxelpose.multiview.carving.observe import FrameObservation
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
+from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.body_evidence import cut_by_body
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
-from voxelpose.multiview.tracking.body_refit import REFIT_FRAMES, refit, spread_errors
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
-from voxelpose.multiview.tuning import OFF_LINE
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
+REFIT_FRAMES = 12
+"""Frames of a recording to which the body is adapted again, and by which tracks are compared."""
 _ROUNDS = 4  # in which something that stands beside the person is left out
 _CUTS = 2  # of the silhouettes by the body
+_OTHER_SEX = {"male": "female", "female": "male"}
+_NECK = LANDMARK_NAMES.index("neck")
 _Facts = dict[str, object]
+
+
+def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
+    """Adapts the tracker's body again. A body that stays as it is, is left so.
+
+    Args:
+        tracker: with poses, which follow where the other template is taken.
+        any_sex: whether the template of the other sex is tried as well; the more probable body of
+            both is taken.
+    """
+    if start.prior.covariance is None:
+        return
+    frames = _clear_frames(tracker)
+    poses = {t: pose for t in frames if (pose := tracker.poses[t]) is not None}
+    own = tracker.body.model
+    starts = [replace(start, body=tracker.body, poses=poses, errors={})]
+    if any_sex:
+        starts.append(_of_other_sex(starts[0], tracker))
+    best = min(side_by_side(lambda one: adapted(one, frames), starts), key=Start.cost)
+    tracker.body = best.body
+    if best.body.model.sizes.sex != own.sizes.sex:
+        tracker.poses = [
+            None if pose is None else with_joints_of(best.body.model, own, pose)
+            for pose in tracker.poses
+        ]
+
+
+def spread_errors(tracker: PoseTracker) -> list[float]:
+    """Silhouette errors of frames that are spread over a recording."""
+    return tracker.error[even_moments(len(tracker.error), REFIT_FRAMES)].tolist()
+
+
+def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
+    """Frames whose poses explain the silhouettes as well as usual, spread over the recording."""
+    posed = np.flatnonzero(np.isfinite(tracker.error))
+    clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
+    chosen = clear[even_moments(len(clear), REFIT_FRAMES)].tolist()
+    return {t: frame for t in chosen if (frame := tracker.observe(t)) is not None}
+
+
+def _of_other_sex(start: Start, tracker: PoseTracker) -> Start:
+    """Start with the template of the other sex, of the same deviations."""
+    own, backend = start.body.model, start.body.body_volume.backend
+    sizes = replace(own.sizes, sex=_OTHER_SEX[own.sizes.sex])
+    template = BodyModel.from_sizes(sizes)
+    surface = Surface(template.reshaped(own.shape), taken=sampled_vertices(sizes.sex))
+    voxel_size_m = tracker.observations.observer.voxel_size_m
+    return replace(
+        start,
+        candidate=replace(start.candidate, template=sizes.sex),
+        body=BodyGeometry.from_surface(surface, voxel_size_m, backend),
+        prior=replace(start.prior, expected=template.shape),
+        poses={t: with_joints_of(surface.model, own, pose) for t, pose in start.poses.items()},
+    )
+
+
+def with_joints_of(model: BodyModel, other: BodyModel, pose: Pose) -> Pose:
+    """A pose of another body with the root where a body has it whose neck is in the same place."""
+    higher = (other.landmarks_m[_NECK] - other.joints_m[0]) - (
+        model.landmarks_m[_NECK] - model.joints_m[0]
+    )
+    return Pose(pose.root_m + pose.root_rotation @ higher, pose.root_rotation, pose.angles_rad)
 
 
 @dataclass(frozen=True, eq=False)
 class TrackWork:
-    """Tracking of one recording.
-
-    Attributes:
-        settings: of the estimator.
-        tracking: of the tracker.
-        known: the body; None: it is estimated.
-        clock: told the durations.
-        reporter: told the progress, and what was found.
-    """
+    """Tracking of one recording, of a known body or one that is estimated."""
 
     settings: Settings
-    tracking: PoseTrackerSettings
+    fps: float
+    matching: MatchSettings
     known: BodyModel | None
     clock: StageClock
     reporter: Reporter
@@ -52,12 +114,7 @@ class TrackWork:
     def track(
         self, prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[PoseTracker, dict[str, object]]:
-        """Poses of all frames, and facts for the summary.
-
-        Args:
-            prepared: the silhouettes.
-            kept: closes what the tracker needs.
-        """
+        """Poses of all frames, and facts for the summary; `kept` closes what the tracker needs."""
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
         tracker, start, objects, shown = self._person(prepared, kept)
@@ -84,8 +141,8 @@ class TrackWork:
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[PoseTracker, Start, StaticObjects | None, PreparedSilhouettes]:
-        """Tracks a person; while that is improbable, again without what stands beside, and the more
-        probable is taken, with its silhouettes.
+        """Tracks a person; while improbable, again without what stands beside; keeps the best, and
+        its silhouettes.
         """
         tracker, start = self._tracked(self._observations(prepared, kept))
         objects, shown = None, prepared
@@ -144,11 +201,9 @@ class TrackWork:
         settings, known = self.settings, self.known
         with self.clock("first poses"):
             keep = known is not None and names_result(str(settings.options["body"]))
-            given = self.tracking.match, self.reporter, known, keep, objects
+            given = self.matching, self.reporter, known, keep, objects
             start = choose_body(observations, settings, *given)
-        tracker = PoseTracker(
-            start.body, observations, self.tracking, self.clock, self.reporter.advance
-        )
+        tracker = self._tracker(start.body, observations)
         self._follow(tracker, start.poses, start.errors)
         return tracker, start
 
@@ -157,13 +212,17 @@ class TrackWork:
     ) -> tuple[PoseTracker, dict[str, object]]:
         """As `track`, with a body that no person's measurements make."""
         with self.clock("first poses"):
-            search = self.settings, self.tracking.match, self.reporter
+            search = self.settings, self.matching, self.reporter
             body, fits = start_given(observations, *search, model)
-        tracker = PoseTracker(body, observations, self.tracking, self.clock, self.reporter.advance)
+        tracker = self._tracker(body, observations)
         poses = {t: fit.pose for t, fit in fits.items()}
         self._follow(tracker, poses, {t: fit.error for t, fit in fits.items()})
         self._polish(tracker)
         return tracker, _found(tracker, poses)
+
+    def _tracker(self, body: BodyGeometry, observations: ObservationStore) -> PoseTracker:
+        told = self.clock, self.reporter.advance
+        return PoseTracker(body, observations, self.fps, self.matching, *told)
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
         work = self.clock, self.reporter
@@ -213,7 +272,7 @@ def begin_again(tracker: PoseTracker) -> None:
     """
     for t in even_moments(len(tracker.observations), REFIT_FRAMES).tolist():
         improbable = is_improbable(spread_errors(tracker))
-        if improbable and tracker.anchor(t, OFF_LINE.again_placements):
+        if improbable and tracker.anchor(t, MORE_PLACEMENTS):
             tracker.carry(t)
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from itertools import pairwise
 from threading import Lock
 
@@ -20,6 +19,7 @@ from silhouette_core.refinement.refine import PosePrior
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    PLACEMENTS,
     BodyGeometry,
     PoseFit,
     find_pose,
@@ -27,51 +27,32 @@ from voxelpose.multiview.matching.pose_search import (
     refinement,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_track import BodyTrack, process_noise
-from voxelpose.multiview.tuning import MATCHING, OFF_LINE, REFINING, TRACKING
+from voxelpose.multiview.tracking.body_track import RECENT, BodyTrack, process_noise
+from voxelpose.multiview.tuning import OFF_LINE, REFINING, TRACKING
 
+_BESIDE = 3  # frames beside a searched one that are not searched as well
 _SMOOTH = refinement(REFINING.smooth_reach_m)
 
 Clock = Callable[[str], AbstractContextManager[None]]
 """Times a block under a stage's name."""
 
 
-@dataclass(frozen=True)
-class PoseTrackerSettings:
-    """How poses are propagated from frame to frame.
-
-    Attributes:
-        fps: frames per second; the expected step of a joint shrinks with it.
-        match: settings of the matcher for a search over the whole range.
-    """
-
-    fps: float
-    match: MatchSettings
-
-
 class PoseTracker:
-    """Poses of a recording's frames, improved step by step.
-
-    Args:
-        body: the body that is fitted.
-        observations: of every frame.
-        settings: see PoseTrackerSettings.
-        clock: times every step.
-        advance: called once for every frame whose pose was worked on.
-    """
+    """Poses of a recording's frames, improved step by step; tells every frame."""
 
     def __init__(
         self,
         body: BodyGeometry,
         observations: ObservationStore,
-        settings: PoseTrackerSettings,
+        fps: float,
+        matching: MatchSettings,
         clock: Clock,
         advance: Callable[[], None],
     ):
         """Starts without poses."""
         self.body = body
         self.observations = observations
-        self.settings = settings
+        self.fps, self.matching = fps, matching
         self.poses: list[Pose | None] = [None] * len(observations)
         self.error = np.full(len(observations), np.inf)
         self._clock = clock
@@ -91,38 +72,25 @@ class PoseTracker:
         return self.observations.observe(t, near)
 
     def begin(self, poses: dict[int, Pose], errors: dict[int, float]) -> None:
-        """Tracks from frames fitted on their own to their neighbours, smallest error first.
-
-        Args:
-            poses: frame -> pose.
-            errors: frame -> its silhouette error.
-        """
+        """Tracks from frames fitted on their own to their neighbours, smallest error first."""
         for t, pose in poses.items():
             self._keep(t, PoseFit(pose, errors[t]))
         for t in sorted(poses, key=lambda k: errors[k]):
             self.carry(t)
 
-    def anchor(self, t: int, count: int = MATCHING.placements) -> bool:
-        """Searches one frame without a prior; whether that gave a better pose than before.
-
-        Args:
-            t: the frame.
-            count: torso placements to try.
-        """
+    def anchor(self, t: int, count: int = PLACEMENTS) -> bool:
+        """Searches one frame without a prior, `count` torsos; whether that gave a better pose."""
         frame = self.observe(t)
         if frame is None:
             return False
-        fits = find_pose(self.body, frame, self.settings.match, count)
+        fits = find_pose(self.body, frame, self.matching, count)
         if not fits or fits[0].error > min(TRACKING.lost, TRACKING.better * self.error[t]):
             return False
         self._keep(t, fits[0])
         return True
 
     def carry(self, start: int) -> None:
-        """Tracks the body from a posed frame forward and backward, while poses improve.
-
-        Both ways at once: neither sees what the other changes.
-        """
+        """Tracks from a posed frame both ways at once, while poses improve."""
         ways = [(self._track_at(start, direction), direction) for direction in (+1, -1)]
         side_by_side(lambda way: self._carry(*way), ways)
 
@@ -144,7 +112,7 @@ class PoseTracker:
             return None
         past = [
             k
-            for k in range(t, t - TRACKING.recent * direction, -direction)
+            for k in range(t, t - RECENT * direction, -direction)
             if 0 <= k < len(self.poses) and np.isfinite(self.error[k])
         ]
         before = None
@@ -155,9 +123,7 @@ class PoseTracker:
         return BodyTrack(self.body, self._time_s(t), fit, before, errors)
 
     def _step(self, track: BodyTrack, t: int) -> BodyTrack | None:
-        """Track with one more frame, whose arms and legs are searched where it stays poor; None
-        where no pose explains the silhouettes.
-        """
+        """Track with one more frame, its limbs searched if poor; None where no pose fits."""
         if not 0 <= t < len(self.poses):
             return None
         frame = self.observations.observe(t, track.fit.pose.root_m)
@@ -177,7 +143,7 @@ class PoseTracker:
             t = int(bad.argmax())
             if bad[t] < TRACKING.bad * self._usual():
                 return
-            tried[max(t - OFF_LINE.beside, 0) : t + OFF_LINE.beside + 1] = True
+            tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
             if self.anchor(t):
                 self.carry(t)
 
@@ -202,16 +168,14 @@ class PoseTracker:
             self._continue(range(end - 1, first - 1, -1), -1)
 
     def _continue(self, frames: range, direction: int) -> None:
-        """Tracks on into some frames, unless they explain the silhouettes clearly better as they
-        are.
-        """
+        """Tracks on into some frames, unless they explain the silhouettes clearly better now."""
         track, fits = self._track_at(frames[0] - direction, direction), {}
         for t in frames:
             track = track and self._step(track, t)
             if track is None:
                 return
             fits[t] = track.fit
-        short = len(fits) <= OFF_LINE.short_s * self.settings.fps
+        short = len(fits) <= OFF_LINE.short_s * self.fps
         most = OFF_LINE.continued_short if short else OFF_LINE.continued
         if np.mean([fit.error for fit in fits.values()]) < most * self.error[list(fits)].mean():
             for t, fit in fits.items():
@@ -229,9 +193,9 @@ class PoseTracker:
         joints = joints - joints[:, :1]
         steps = np.full(len(self.poses) - 1, np.nan)
         steps[both] = np.linalg.norm(joints[index[both + 1]] - joints[index[both]], axis=2).mean(1)
-        half = TRACKING.recent // 2
+        half = RECENT // 2
         around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
-        farthest = OFF_LINE.jump_m * FPS / self.settings.fps
+        farthest = OFF_LINE.jump_m * FPS / self.fps
         return both[steps[both] > np.maximum(farthest, OFF_LINE.jump_ratio * np.array(around))]
 
     def recheck(self) -> None:
@@ -240,7 +204,7 @@ class PoseTracker:
         A limb that is wrong in all frames of a stretch shows no rise of the error. Where the limb
         explains the silhouettes better, its neighbours are tracked from there.
         """
-        stride = max(round(self.settings.fps * OFF_LINE.limbs_again_s), 1)
+        stride = max(round(self.fps * OFF_LINE.limbs_again_s), 1)
         chosen = list(range(stride // 2, len(self.poses), stride))
         poses = list(self.poses)
         searched = dict(zip(chosen, side_by_side(self._searched, chosen), strict=True))
@@ -285,7 +249,7 @@ class PoseTracker:
         self.poses[t], self.error[t] = fit.pose, fit.error
 
     def _time_s(self, t: int) -> float:
-        return t / self.settings.fps
+        return t / self.fps
 
     def _frame_of(self, track: BodyTrack) -> int:
-        return round(track.time_s * self.settings.fps)
+        return round(track.time_s * self.fps)

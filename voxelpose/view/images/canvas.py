@@ -113,12 +113,7 @@ def tint(
 
 
 def hatched(image: Image, unknown: NDArray[np.bool_]) -> Image:
-    """Image (h, w, 3) uint8 with stripes where nothing is known.
-
-    Args:
-        image: of any size.
-        unknown: (H, W) bool, of the same view.
-    """
+    """Image (h, w, 3) uint8 with stripes where nothing is known, (H, W) bool of that view."""
     height, width = image.shape[:2]
     size = width, height
     inside = cv2.resize(unknown.view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0

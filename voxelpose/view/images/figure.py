@@ -77,13 +77,7 @@ def skeleton_joints(
 def body_parts(
     model: BodyModel, vertices_m: NDArray[np.float64], camera: Camera, cull_back: bool = False
 ) -> NDArray[np.integer]:
-    """Part numbers (h, w) of a body as a pinhole camera sees it: 0 beside it, else part + 1.
-
-    Args:
-        vertices_m: (V, 3) its skin in the world.
-        camera: without distortion.
-        cull_back: whether triangles that face away are left out.
-    """
+    """Part numbers (h, w), 0 beside it, else part + 1, of vertices (V, 3) m by a pinhole."""
     in_camera = vertices_m @ camera.rotation.T + camera.translation
     mesh = in_camera, model.faces, model.face_part
     return render_parts(*mesh, camera.matrix, camera.size, cull_back=cull_back)[0]

@@ -1,15 +1,27 @@
-"""Pictures and windows of a carved body and its skeleton."""
+"""Pictures, videos and windows of carved and modelled bodies, by the project's own rasteriser."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.atomic import replacing, write_whole
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
+from silhouette_core.motion import kinematics
+from silhouette_core.progress import Reporter
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
+from voxelpose.view.images.canvas import FAINT, Image, png, text_width, write_text
+from voxelpose.view.images.figure import bone_ends
+from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d
+from voxelpose.view.viewer.result_scenes import ResultScenes
+from voxelpose.view.viewer.scene import Scene
 
 SIZE = 480, 720
 """Width and height of a hull's picture from one side, px."""
@@ -20,12 +32,7 @@ _BONE = (40, 60, 200)
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints and the bones between them.
-
-    Attributes:
-        joints_m: (J, 3) float64, world, m; rows with NaN are not drawn.
-        bones: (B, 2) int, joint numbers.
-    """
+    """Joints (J, 3) m, world, not drawn where NaN, and numbers (B, 2) of the bones' ends."""
 
     joints_m: NDArray[np.float64]
     bones: NDArray[np.integer]
@@ -42,9 +49,7 @@ def hull_picture(
     sides, side by side; needs no screen.
 
     Args:
-        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, not empty.
-        skeleton: drawn over the surface.
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
@@ -70,7 +75,6 @@ def shaded_view(
     Args:
         skin: vertices (V, 3) float64, m, and faces (F, 3) int, outward oriented.
         box_m: lowest and highest corner (3,) of what fills the picture.
-        skeleton: drawn over the surface.
         azimuth_deg: position of the viewer, see `hull_picture`.
         size: width and height, pixels.
     """
@@ -103,9 +107,7 @@ def show_hull(
     """Opens a window with the hull's surface and the skeleton; returns when it is closed.
 
     Args:
-        grid: position and size of the voxels.
         occupancy: (nx, ny, nz) bool, not empty.
-        skeleton: drawn as lines inside the surface.
 
     Raises:
         InputError: open3d cannot be imported, or there is no screen.
@@ -155,3 +157,153 @@ def _shade(
     bright = 0.35 + 0.65 * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1)
     shaded = np.where(body[..., None], bright[..., None] * _SKIN, np.array(_BACKGROUND))
     return shaded.astype(np.uint8)
+
+
+def skeleton_of(scene: Scene) -> Skeleton | None:
+    """The fitted skeleton of a scene; None where there is no pose."""
+    if scene.body is None:
+        return None
+    return Skeleton(scene.body.joints_m, bone_ends(scene.body.bones))
+
+
+def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
+    """Writes hull and skeleton of one frame, from four sides, as PNG; returns the hull's volume,
+    litres.
+
+    Raises:
+        InputError: there is no hull to show, or the file cannot be written.
+    """
+    scene = scenes.scene(frame)
+    if scene.hull is None:
+        raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
+    picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
+    write_whole(path, png(picture))
+    return scene.hull.litres(scene.hull.occupancy)
+
+
+def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
+    """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM;
+    returns the number of frames written: those without a hull are left out.
+
+    Raises:
+        InputError: there is nothing to show, or the file cannot be written.
+    """
+    motion = scenes.motion
+    if motion is None:
+        raise InputError(
+            f"{scenes.title} is a recording without a fit: --video wants a result; --png shows one"
+            " frame's hull"
+        )
+    reach = motion.landmarks() - motion.root_m[:, None]
+    margin_m = 0.12  # around the joints: flesh, and the excess of the hull
+    low, high = reach.min((0, 1)) - margin_m, reach.max((0, 1)) + margin_m
+    if path.suffix != ".webm":
+        raise InputError(f"{path} must end in .webm: that is the format of the video")
+    sides = (-90, -30, 30)
+    reporter.stage("film", len(scenes.frames))
+    with replacing(path) as partial:
+        writer = WebmWriter(partial, scenes.fps, (len(sides) * SIZE[0], SIZE[1]))
+        try:
+            for frame in scenes.frames.tolist():
+                scene = scenes.scene(frame)
+                if scene.hull is not None:
+                    middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
+                    box_m, hull = (middle + low, middle + high), scene.hull
+                    picture = hull_picture(
+                        hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m
+                    )
+                    caption = f"frame {frame} · {scene.time_s:.2f} s"
+                    write_text(picture, caption, 16, picture.shape[0] - 16, 18, FAINT)
+                    writer.write(picture)
+                reporter.advance()
+            if not writer.frames:
+                raise InputError(
+                    "no frame has a hull: look at the silhouettes with `voxelpose carve`"
+                )
+            writer.close()
+        finally:
+            writer.release()
+    return writer.frames
+
+
+_FRONT, _QUARTER, _SIDE = -90, -50, 0  # azimuths, degrees
+_CAPTION_PX, _LINE_PX, _MARGIN_PX = 14, 20, 8
+_CAPTION = (60, 52, 46)  # BGR
+_MOST_COLUMNS = 8
+# A pose that bends every large joint: a lunge with one arm forward and one raised, degrees.
+_BENT_DEG = {
+    "left_thigh.flexion": 85,
+    "left_shin.flexion": 90,
+    "left_foot.dorsiflexion": 10,
+    "right_thigh.flexion": -10,
+    "right_shin.flexion": 70,
+    "right_foot.dorsiflexion": -20,
+    "lumbar.flexion": 20,
+    "thorax.flexion": 15,
+    "thorax.rotation": 20,
+    "neck.flexion": -15,
+    "left_upper_arm.abduction": 75,
+    "left_forearm.flexion": 100,
+    "right_upper_arm.forward": 70,
+    "right_forearm.flexion": 60,
+    "right_hand.flexion": 30,
+}
+
+
+def body_picture(body: BodyModel) -> Image:
+    """A body at rest from the front, obliquely and the side, and bent: (h, w, 3) uint8, BGR."""
+    rest, bent, size = body.vertices_m, bent_vertices(body), (420, 500)
+    views = [_standing(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)]
+    return np.concatenate([*views, _standing(bent, body, _QUARTER, rest, size)], axis=1)
+
+
+def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
+    """Several bodies from the front, all at the same scale and on the same floor: (h, w, 3) uint8,
+    BGR, in rows of at most eight.
+
+    Args:
+        bodies: at least one.
+        captions: two lines of text for each, separated by a newline.
+    """
+    size = 230, 270
+    tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))
+    cells = []
+    for body, caption in zip(bodies, captions, strict=True):
+        view = _standing(body.vertices_m, body, _FRONT, tallest, size)
+        lines = caption.split("\n")
+        under = np.full((len(lines) * _LINE_PX + _MARGIN_PX, size[0], 3), view[0, 0], np.uint8)
+        for k, line in enumerate(lines):
+            left = max((size[0] - text_width(line, _CAPTION_PX)) // 2, 0)
+            write_text(under, line, left, (k + 1) * _LINE_PX - 4, _CAPTION_PX, _CAPTION)
+        cells.append(np.concatenate([view, under]))
+    columns = min(len(cells), _MOST_COLUMNS)
+    blank = np.full_like(cells[0], cells[0][0, 0])
+    cells += [blank] * (-len(cells) % columns)
+    rows = [cells[k : k + columns] for k in range(0, len(cells), columns)]
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def bent_vertices(body: BodyModel) -> NDArray[np.float64]:
+    """Vertices (V, 3) of a body in a pose that bends its large joints, m."""
+    angles = np.zeros((1, body.dof_count))
+    for name, degrees in _BENT_DEG.items():
+        angles[0, body.dof_names.index(name)] = np.radians(degrees)
+    rotation, origin = kinematics.forward(
+        body, body.joints_m[:1], np.array([[1.0, 0.0, 0.0, 0.0]]), angles
+    )
+    return kinematics.skin(body, rotation[0], origin[0])
+
+
+def _standing(
+    vertices: NDArray[np.float64],
+    body: BodyModel,
+    azimuth_deg: float,
+    largest: NDArray[np.float64],
+    size: tuple[int, int],
+) -> Image:
+    """One picture, in a frame in which the largest body just fits, on a common floor."""
+    floor = np.array([0.0, 0.0, vertices[:, 2].min()])
+    reach = np.abs(largest[:, :2]).max()
+    box = np.array([-reach, -0.1, 0.0]), np.array([reach, 0.1, np.ptp(largest[:, 2])])
+    middle = np.r_[0.5 * (vertices.min(0) + vertices.max(0))[:2], 0.0]
+    return shaded_view((vertices - floor - middle, body.faces), box, None, azimuth_deg, size)

@@ -1,22 +1,179 @@
 """Overlays and contact sheet: the fitted body over the pictures it was fitted to."""
 
 from collections import deque
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.moments import even_moments
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.jit import cores
+from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
-from voxelpose.view.images.canvas import INK, PAPER, WARNING, Image, png, write_text
-from voxelpose.view.images.contact_sheet import ContactSheet
+from voxelpose.view.images.canvas import (
+    FAINT,
+    INK,
+    LEFT,
+    MIDDLE,
+    PAPER,
+    RIGHT,
+    WARNING,
+    Image,
+    dot,
+    has_sides,
+    png,
+    text_width,
+    write_text,
+)
 from voxelpose.view.images.figure import FigurePainter
 from voxelpose.view.images.webm import WebmWriter
+
+_GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
+_LEGEND = 360
+_WIDEST, _HIGHEST = 1900, 2000
+
+
+class ContactSheet:
+    """Collects tiles while frames are read; each camera is cropped to where the body moves."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        rotation: NDArray[np.float64],
+        origin: NDArray[np.float64],
+        cameras: Sequence[Camera],
+        unknown: Mapping[str, NDArray[np.bool_]],
+    ) -> None:
+        """Chooses at most six moments, and the crops.
+
+        Args:
+            rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
+            origin: (T, P, 3) metres, likewise.
+            cameras: one row each.
+            unknown: (H, W) bool by camera name, where nothing is known.
+        """
+        self.motion = motion
+        self.rotation, self.origin = rotation, origin
+        self.rows = even_moments(len(motion), 6, margin=0).tolist()
+        boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
+        aspects = [width / height for _, _, width, height in boxes]
+        aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
+        width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
+        height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
+        self.tile = round(height * aspect), round(height)
+        self.views = [
+            _View(motion, camera, box, self.tile, unknown.get(camera.name))
+            for camera, box in zip(cameras, boxes, strict=True)
+        ]
+        self.tiles: dict[tuple[int, int], Image] = {}
+
+    def add(self, row: int, images: Mapping[str, Image]) -> None:
+        """Keeps the tiles of one row of the motion, if it is one of the moments."""
+        if row in self.rows:
+            column, pose = self.rows.index(row), (self.rotation[row], self.origin[row])
+            for line, view in enumerate(self.views):
+                self.tiles[line, column] = view.crop(images[view.painter.camera.name], *pose)
+
+    def image(self, title: str) -> Image:
+        """The finished sheet, (h, w, 3) uint8 BGR."""
+        width, height = self.tile
+        sheet_width = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
+        sheet_width = max(sheet_width, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
+        sheet_height = _HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN
+        sheet = np.full((sheet_height, sheet_width, 3), PAPER, np.uint8)
+        write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
+        x = sheet_width - _MARGIN
+        sides = ("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)
+        for label, colour in sides if has_sides(self.motion.model.names) else ():
+            x -= text_width(label, 14)
+            write_text(sheet, label, x, 42, 14, FAINT)
+            dot(sheet, np.array([x - 12.0, 37.0]), 5, colour)
+            x -= 36
+        for line, view in enumerate(self.views):
+            top = _HEAD + line * (height + _GAP)
+            name = view.painter.camera.name
+            write_text(sheet, name, _MARGIN, top + height // 2, 16, INK, bold=True)
+            for column, row in enumerate(self.rows):
+                left = _MARGIN + _LABEL + column * (width + _GAP)
+                if line == 0:
+                    label = f"frame {self.motion.frames[row]} · {self.motion.time_s[row]:.2f} s"
+                    write_text(sheet, label, left, _HEAD - 10, 14, FAINT)
+                if (line, column) in self.tiles:
+                    sheet[top : top + height, left : left + width] = self.tiles[line, column]
+        return sheet
+
+
+class _View:
+    """One camera's crop, painted at the size at which it is shown."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        camera: Camera,
+        box: tuple[float, float, float, float],
+        tile: tuple[int, int],
+        unknown: NDArray[np.bool_] | None,
+    ) -> None:
+        left, top, width, height = box
+        self.tile = tile
+        # A distant figure is enlarged threefold at most: beyond that no more detail appears.
+        scale = min(3.0, tile[0] / width, tile[1] / height)
+        middle = (np.array([left + width / 2, top + height / 2]) + 0.5) * scale - 0.5
+        shift = np.array(tile) / 2 - middle
+        # Where the picture continues beyond the tile's edge, it is shown instead of an empty rim.
+        slack = np.array(tile) - np.array(camera.pinhole(scale).size)
+        shift = np.clip(shift, np.minimum(slack, slack / 2), np.maximum(0, slack / 2))
+        # Nothing is painted but what the tile shows.
+        low = np.maximum(np.floor(-shift / scale), 0).astype(int)
+        high = np.minimum(np.ceil((np.array(tile) - shift) / scale), camera.size).astype(int)
+        self.window = slice(low[1], high[1]), slice(low[0], high[0])
+        matrix = camera.matrix.copy()
+        matrix[:2, 2] -= low
+        size = int(high[0] - low[0]), int(high[1] - low[1])
+        part = replace(camera, matrix=matrix, size=size)
+        hidden = None if unknown is None else unknown[self.window]
+        self.painter = FigurePainter(motion.model, part, scale, hidden)
+        self.shift = shift + low * scale
+
+    def crop(
+        self, frame: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> Image:
+        image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
+        self.painter.paint(image, rotation, origin)
+        move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
+        rim = (48, 42, 38)
+        tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)
+        return np.asarray(tile, np.uint8)
+
+
+def _box(
+    motion: Motion,
+    rotation: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    camera: Camera,
+    rows: Sequence[int],
+) -> tuple[float, float, float, float]:
+    """Left, top, width, height, px, around the body in some rows; the picture if not visible."""
+    visible = []
+    for row in rows:
+        pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))
+        visible.append(pixels[np.isfinite(pixels).all(axis=1)])
+    pixels = np.clip(np.concatenate(visible), 0, np.array(camera.size) - 1)
+    low, high = np.zeros(2), np.array(camera.size, float)
+    if len(pixels):
+        low, high = pixels.min(0), pixels.max(0)
+    width, height = np.maximum(high - low, 16)
+    rim = 0.07 * max(width, height)
+    return low[0] - rim, low[1] - rim, width + 2 * rim, height + 2 * rim
+
 
 _LONGEST_PX = 960
 _PAINTED_AHEAD = 2  # time steps
@@ -31,9 +188,7 @@ def draw_pictures(
     next ones are painted.
 
     Args:
-        source: the frames that the motion was estimated from.
         motion: the poses; frames without one are shown unchanged and marked.
-        folder: where the files go.
         title: first line of the contact sheet.
 
     Raises:

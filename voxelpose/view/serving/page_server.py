@@ -1,15 +1,78 @@
-"""viser's server behind the page's gate."""
+"""viser's server behind the page's gate, and what pages need of viser beyond its public names.
+
+viser has no access control, and its public setters of a bone compare and check every value, which
+for a whole figure costs ten times the sending.
+"""
 
 import asyncio
 import io
 from asyncio import StreamReader, StreamWriter
+from collections.abc import Container
 from contextlib import redirect_stdout
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
+from viser import infra
 
-from voxelpose.view.serving.gate import Address, Gate
-from voxelpose.view.serving.gate_request import GateRequest
-from voxelpose.view.serving.viser_internals import guard_connections
+from calib.errors import InputError
+from voxelpose.view.serving.gate import Address, Gate, GateRequest
+
+
+def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
+    """Closes connections of strangers before anything is sent, and opens no public tunnel.
+
+    Otherwise every program of this machine, and every site in its browsers, could read what the
+    server shows by trying its port.
+
+    Args:
+        server: at an address of this machine.
+        peers: addresses (host, port) of those who may connect; asked at each connection.
+
+    Raises:
+        InputError: this version of viser is built otherwise.
+    """
+    try:
+        from viser._messages import ShareUrlRequest
+
+        inner = server._websock_server
+        links, callbacks = inner._live_connections, inner._client_connect_cb
+        # A page may ask viser for an address that anybody in the world can open.
+        inner.unregister_handler(ShareUrlRequest)
+    except (ImportError, AttributeError, AssertionError):
+        raise InputError(
+            f"the live page does not know viser {viser.__version__}: install another, with pip"
+            " install 'viser==1.1.*'"
+        ) from None
+
+    async def guard(client: infra.WebsockClientConnection) -> None:
+        # Callbacks are awaited before the first message; nothing can follow a closed connection.
+        link = links[client.client_id]
+        if tuple(link.remote_address[:2]) not in peers:
+            await link.close(1008, "Open the page through its gate.")
+
+    callbacks.insert(0, guard)
+    inner.disconnect_all_clients()  # who came before the guard
+
+
+def move_bones(
+    handle: viser.MeshSkinnedHandle, bones: NDArray[np.intp], places: NDArray[np.float64]
+) -> None:
+    """Moves bones of a mesh.
+
+    Args:
+        handle: of the mesh, which has not been removed.
+        bones: (n,) their indices.
+        places: (n, 7) float64, unit quaternion w, x, y, z and position (m) of each.
+    """
+    from viser._messages import SetBoneOrientationMessage, SetBonePositionMessage
+
+    for bone, place in zip(bones.tolist(), places.tolist(), strict=True):
+        state = handle.bones[bone]._impl
+        send = state.mesh_impl.api._queue_scene_message
+        state.wxyz[:], state.position[:] = place[:4], place[4:]
+        send(SetBoneOrientationMessage(state.name, bone, tuple(place[:4])))
+        send(SetBonePositionMessage(state.name, bone, tuple(place[4:])))
 
 
 class PageServer:
@@ -17,17 +80,10 @@ class PageServer:
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
-
-    Attributes:
-        viser: the server of scene and panel.
-        gate: before it.
     """
 
     def __init__(self, address: Address) -> None:
         """Starts both.
-
-        Args:
-            address: of the gate.
 
         Raises:
             InputError: see `Gate` and `guard_connections`.

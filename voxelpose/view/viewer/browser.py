@@ -12,26 +12,21 @@ import numpy as np
 from calib.errors import InputError
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
-from voxelpose.view.viewer.legend import area_text, display_name, frame_html, legend_html, text_html
+from voxelpose.view.viewer.legend import area_text, display_name, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene_renderer import LAYERS, PICTURES, Choice, SceneRenderer
+from voxelpose.view.viewer.scene import LAYERS, PICTURES, Choice, SceneRenderer, frame_html
 
 _NO_PART = "none"
 
 
 class Browser:
-    """Serves scenes to browsers.
-
-    Attributes:
-        scenes: what is shown.
-    """
+    """Serves scenes to browsers."""
 
     def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
         """Starts the server; nothing is drawn before the first `step`.
 
         Args:
             scenes: what is shown; closed with the server.
-            address: where, and to whom.
             frame: number of the frame shown first.
 
         Raises:
@@ -61,9 +56,7 @@ class Browser:
             self.step(0.5)
 
     def step(self, timeout_s: float) -> bool:
-        """Waits for a new choice, at most so many seconds, or for the next frame while playing;
-        returns whether anything was drawn.
-        """
+        """Waits for a choice, at most so long, or the next frame while playing; whether it drew."""
         if self._play.value:
             self._advance()
         elif not self._wake.wait(timeout_s):

@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour
-from voxelpose.view.viewer.scene import Scene
 
 # RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
 _RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
@@ -23,7 +21,7 @@ PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
 OUTLYING_CM = 5
 """Distance from the body above which a voxel is unexplained: a hull of few cameras is too large."""
-_FAR = f"more than {OUTLYING_CM} cm from the body"
+FAR = f"more than {OUTLYING_CM} cm from the body"
 
 
 def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -35,10 +33,7 @@ def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def faded(likelihood: float) -> NDArray[np.uint8]:
-    """Colour (3,) RGB of a hypothesis by its likelihood, relative to the likeliest one's.
-
-    Lines have no opacity: the less likely fade into the background instead.
-    """
+    """Colour (3,) RGB of a hypothesis by its relative likelihood: the less likely fade."""
     opacity = 0.15 + 0.85 * min(likelihood, 1.0)
     mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
     return mixed.round().astype(np.uint8)
@@ -54,7 +49,7 @@ def legend_html(with_hypotheses: bool) -> str:
     ramp = ", ".join(_css(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
     rows = [
         (HULL, "carved voxels: where all silhouettes allow a body"),
-        (UNEXPLAINED, f"voxels that no part explains, {_FAR}"),
+        (UNEXPLAINED, f"voxels that no part explains, {FAR}"),
         (AREA, "where the chosen part could be (its movable area)"),
         (DISPUTED, "where another part could be, too: they are matched together"),
         (UNKNOWN, "part too small to be measured"),
@@ -79,36 +74,6 @@ def legend_html(with_hypotheses: bool) -> str:
         '<div style="padding:0 0.8em 0.6em;font-size:0.8em;line-height:1.6"><b>Part inside the'
         f" hull</b>{bar}{ends}{lines}</div>"
     )
-
-
-def frame_html(scene: Scene) -> str:
-    """Description of a frame, as HTML; texts from files are escaped."""
-    lines = [f"Frame {scene.frame}, {scene.time_s:.2f} s"]
-    if scene.body is not None:
-        agreement = scene.body.outline_agreement
-        if agreement is not None and np.isfinite(agreement):
-            lines.append(
-                f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
-                " silhouettes."
-            )
-        weak = [
-            display_name(name)
-            for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
-            if overlap < REPORT.covered
-        ]
-        if weak:
-            lines.append(f"Little inside the hull: {', '.join(weak)}.")
-    if scene.hull is not None:
-        lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
-        if scene.body is not None:
-            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
-            lines.append(f"{far:.0f} litres of it are {_FAR}.")
-    lines += [f"⚠ {note}" for note in scene.notes]
-    lines += [
-        f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
-        for hypothesis in scene.hypotheses
-    ]
-    return text_html(lines)
 
 
 def text_html(lines: Sequence[str]) -> str:

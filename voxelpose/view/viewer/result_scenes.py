@@ -1,28 +1,145 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.motion import kinematics
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from voxelpose.export.hypotheses import HYPOTHESES, Hypothesis, read_hypotheses
-from voxelpose.multiview.carving.observe import FrameObservation, body_rule
-from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
+from voxelpose.multiview.carving.bounds import place_grid
+from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.hull_mesh import surface
+from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
+from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, is_result
-from voxelpose.view.viewer.camera_frames import CameraFrames
-from voxelpose.view.viewer.fitted_body import FittedBody
-from voxelpose.view.viewer.hull_carver import HullCarver
-from voxelpose.view.viewer.scene import BodyState, CameraFrame, Scene
+from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
+from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
+
+
+class FittedBody:
+    """Skin, skeleton and volume of a motion's body."""
+
+    def __init__(self, motion: Motion, voxel_size_m: float) -> None:
+        """Fills the body, one point per voxel of the given size."""
+        self.motion = motion
+        self.volume = BodyVolume.from_model(motion.model, voxel_size_m)
+        self._parts = motion.parts()
+
+    def row(self, frame: int) -> int | None:
+        """Row of the motion that holds a frame, or None."""
+        rows = np.flatnonzero(self.motion.frames == frame).tolist()
+        return rows[0] if rows else None
+
+    def state(self, row: int) -> BodyState:
+        """The body in a row of the motion."""
+        model, quality = self.motion.model, self.motion.quality
+        placed = [array[row] for array in self._parts]
+        overlap = quality.get("part_overlap")
+        agreement = quality.get("outline_agreement")
+        return BodyState(
+            kinematics.skin(model, *placed),
+            skeleton_joints(model, *placed),
+            skeleton_bones(model),
+            model.names,
+            np.full(len(model.names), np.nan) if overlap is None else np.array(overlap[row], float),
+            None if agreement is None else float(agreement[row]),
+        )
+
+    def pose(self, row: int) -> Pose:
+        """The pose in a row of the motion."""
+        motion = self.motion
+        rotation = kinematics.rotation_matrices(motion.root_quaternion[row])
+        return Pose(motion.root_m[row], rotation, motion.angles_rad[row])
+
+    def points(self, row: int) -> NDArray[np.float64]:
+        """Points (n, 3), metres, that fill the body in a row of the motion."""
+        placed = zip(self.volume.part_points, *(array[row] for array in self._parts), strict=True)
+        return np.concatenate(
+            [points @ rotation.T + origin for points, rotation, origin in placed if len(points)]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class HullCarver:
+    """Carves frames and compares their hulls with the fitted body.
+
+    Silhouettes, voxels and rule are those of the multi-view estimator; the volume is that around
+    the motion, or around the silhouettes where there is none.
+
+    Attributes:
+        rule: which voxels may belong to a body.
+        fitted: the body; None where there is none.
+    """
+
+    views: PinholeViews
+    voxel_size_m: float
+    rule: CarveRule
+    fitted: FittedBody | None
+
+    def observe(self, masks: list[NDArray[np.bool_]], row: int | None) -> FrameObservation | None:
+        """Hull and silhouettes of one body, or None where no hull of a body's size is left.
+
+        Args:
+            masks: a silhouette (h, w) bool per camera.
+            row: of the motion, whose root tells this body from others; None: the largest body.
+
+        Raises:
+            InputError: the silhouettes leave no volume to carve.
+        """
+        near = None if row is None or self.fitted is None else self.fitted.motion.root_m[row]
+        observer = HullObserver(self.views, self._volume(masks), self.voxel_size_m, self.rule)
+        return observer.observe(self.views.without_unknown(masks), near)
+
+    def hull(self, observation: FrameObservation, row: int | None) -> CarvedHull:
+        """Surface of an observed hull, and the voxels that the body of a row leaves unexplained."""
+        grid, occupancy = observation.grid, observation.occupancy
+        vertices, faces = surface(*grid.cropped(occupancy))
+        unexplained, distance = np.zeros((0, 3)), np.zeros(0)
+        if row is not None and self.fitted is not None:
+            quality = assess(self.fitted.volume, self.fitted.pose(row), observation)
+            unexplained = grid.centres(quality.unexplained_voxels)
+            distance = np.asarray(KDTree(self.fitted.points(row)).query(unexplained)[0], float)
+        return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
+
+    def areas(self, observation: FrameObservation, row: int) -> dict[str, LimbArea]:
+        """Movable areas by the name of the limb's first part; the limbs above as in a row's pose.
+
+        Source: Iiyama, Kameda and Minoh, section 3.
+        """
+        if self.fitted is None:
+            return {}
+        areas = movable_areas(
+            self.fitted.volume, observation.grid, observation.occupancy, self.fitted.pose(row)
+        )
+        return {area.limb.name: area for area in areas}
+
+    def _volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
+        coarse_m = 2 * self.voxel_size_m
+        if self.fitted is None:
+            hidden = self.views.unknown
+            return place_grid(self.views.rig, masks, coarse_m, rule=self.rule, unknown=hidden)
+        root = self.fitted.motion.root_m
+        reach_m = 1.3  # of a body from its root: an arm's length above the head
+        return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
+
 
 _KEPT = 24  # frames whose scenes stay in memory
 _DEFAULT_FPS = 25
@@ -50,7 +167,6 @@ class ResultScenes:
         """Opens a folder.
 
         Args:
-            folder: a result, or a recording.
             recording: where the result's recording is now, if it was moved.
             voxel_size_m: of the hull; None: as in the fit.
             unit: of the recording's calibration, where it does not state one.

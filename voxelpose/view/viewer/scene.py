@@ -1,14 +1,43 @@
-"""Contents of one frame of a result, before they are drawn."""
+"""Contents of one frame of a result, its cameras' pictures, and their drawing with viser."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
 
+import cv2
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from voxelpose.export.hypotheses import Hypothesis
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.segmenter import load_segmenter
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
+from silhouette_core.motion.kinematics import quaternions
+from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.view.images.canvas import Colour
+from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.frame_reader import Frame, read_together
+from voxelpose.tuning import REPORT
+from voxelpose.view.images.canvas import Colour, hatched, reduced
+from voxelpose.view.images.figure import bone_ends
+from voxelpose.view.viewer.legend import (
+    AREA,
+    DISPUTED,
+    FAR,
+    HULL,
+    OUTLYING_CM,
+    SILHOUETTE,
+    UNEXPLAINED,
+    display_name,
+    faded,
+    overlap_colours,
+    text_html,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +109,6 @@ class Scene:
 
     Attributes:
         time_s: its time, seconds.
-        camera_frames: one per camera.
         hull: None without silhouettes of two cameras.
         body: None where no pose was found.
         hypotheses: other poses that one camera leaves open, the likeliest first.
@@ -94,3 +122,294 @@ class Scene:
     body: BodyState | None
     hypotheses: tuple[Hypothesis, ...]
     notes: tuple[str, ...]
+
+
+Pictures = Literal["both", "picture", "silhouette"]
+PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
+LAYERS = {
+    "cameras": "Cameras",
+    "hull": "Voxels",
+    "unexplained": "Unexplained voxels",
+    "body": "Body",
+    "skeleton": "Skeleton",
+    "hypotheses": "Other likely poses",
+}
+"""What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
+_PICTURE_PX = 480  # longest side of a picture sent to the browser
+_NOTHING = np.zeros((0, 3))
+
+
+def frame_html(scene: Scene) -> str:
+    """Description of a frame, as HTML; texts from files are escaped."""
+    lines = [f"Frame {scene.frame}, {scene.time_s:.2f} s"]
+    if scene.body is not None:
+        agreement = scene.body.outline_agreement
+        if agreement is not None and np.isfinite(agreement):
+            lines.append(
+                f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
+                " silhouettes."
+            )
+        weak = [
+            display_name(name)
+            for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
+            if overlap < REPORT.covered
+        ]
+        if weak:
+            lines.append(f"Little inside the hull: {', '.join(weak)}.")
+    if scene.hull is not None:
+        lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
+        if scene.body is not None:
+            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
+            lines.append(f"{far:.0f} litres of it are {FAR}.")
+    lines += [f"⚠ {note}" for note in scene.notes]
+    lines += [
+        f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
+        for hypothesis in scene.hypotheses
+    ]
+    return text_html(lines)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Selection of what is shown.
+
+    Attributes:
+        row: of `ResultScenes.frames`.
+        shown: names of `LAYERS`.
+        part: name of the limb whose movable area is shown; None: none.
+    """
+
+    row: int = 0
+    pictures: Pictures = "both"
+    shown: frozenset[str] = frozenset(LAYERS)
+    part: str | None = None
+
+
+class SceneRenderer:
+    """The nodes of one viser scene."""
+
+    def __init__(self, api: viser.SceneApi, voxel_size_m: float, model: BodyModel | None) -> None:
+        """Prepares.
+
+        Args:
+            voxel_size_m: size of the points that represent voxels.
+            model: the body; None where there is none.
+        """
+        self._api = api
+        self._voxel_size_m = voxel_size_m
+        self._frusta: dict[str, viser.CameraFrustumHandle] = {}
+        self._names = () if model is None else model.names
+        self._skin = (
+            [] if model is None else [_part_mesh(model, p) for p in range(len(self._names))]
+        )
+        self._meshes: list[viser.MeshHandle] = []
+        self._hypotheses = 0
+
+    def draw(self, scene: Scene, areas: dict[str, LimbArea], choice: Choice) -> None:
+        """Shows what is chosen of a scene."""
+        for camera_frame in scene.camera_frames:
+            self._camera(camera_frame, choice)
+        self._hull(scene, choice.shown)
+        self._body(scene.body, choice.shown)
+        self._skeleton(scene.body if "skeleton" in choice.shown else None)
+        self._other_poses(scene.hypotheses if "hypotheses" in choice.shown else ())
+        area, size = areas.get(choice.part or ""), self._voxel_size_m
+        reach = disputed = _NOTHING
+        if area is not None and scene.hull is not None:
+            reach, disputed = map(scene.hull.grid.centres, (area.voxels, area.disputed))
+        self._points("area", reach, AREA, 0.7 * size)
+        self._points("disputed", disputed, DISPUTED, size)
+
+    def _camera(self, camera_frame: CameraFrame, choice: Choice) -> None:
+        camera = camera_frame.camera
+        handle = self._frusta.get(camera.name)
+        if handle is None:
+            handle, _ = add_camera(self._api, camera, scale=0.35, thickness=0.006)
+            self._frusta[camera.name] = handle
+        handle.visible = "cameras" in choice.shown
+        picture = camera_picture(camera_frame, choice.pictures) if handle.visible else None
+        if picture is not None:
+            handle.image = picture
+
+    def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
+        hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
+        if hull is not None and "hull" in shown and scene.body is None:
+            self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
+        else:
+            self._api.remove_by_name("/hull/surface")
+        # Dots where there is a body inside: a surface, even a transparent one, would hide it.
+        if hull is not None and "hull" in shown and scene.body is not None:
+            dots = hull.vertices_m
+        if hull is not None and "unexplained" in shown:
+            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_CM / 100]
+        self._points("hull/dots", dots, HULL, 0.003)
+        self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
+
+    def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
+        if body is None or "body" not in shown:
+            for mesh in self._meshes:
+                mesh.visible = False
+            return
+        if not self._meshes:
+            for name, (inside, faces) in zip(self._names, self._skin, strict=True):
+                self._meshes.append(
+                    self._api.add_mesh_simple(f"/body/{name}", body.vertices_m[inside], faces)
+                )
+        for mesh, (inside, _), colour in zip(
+            self._meshes, self._skin, overlap_colours(body.overlap), strict=True
+        ):
+            mesh.vertices = body.vertices_m[inside].astype(np.float32)
+            mesh.color = tuple(colour.tolist())
+            mesh.opacity = 0.7 if "skeleton" in shown else None
+            mesh.visible = True
+
+    def _skeleton(self, body: BodyState | None) -> None:
+        if body is None or not body.bones:
+            self._api.remove_by_name("/skeleton")
+            return
+        ends = body.joints_m[bone_ends(body.bones)]
+        colours = np.array([[colour[::-1]] * 2 for _, _, colour in body.bones], np.uint8)
+        self._api.add_line_segments("/skeleton", ends, colours, thickness=0.015)
+
+    def _other_poses(self, hypotheses: tuple[Hypothesis, ...]) -> None:
+        likeliest = max((hypothesis.probability for hypothesis in hypotheses), default=1.0)
+        for k, hypothesis in enumerate(hypotheses):
+            ends = hypothesis.joints_m[hypothesis.bones]
+            ends = ends[np.isfinite(ends).all((1, 2))]
+            colour = faded(hypothesis.probability / max(likeliest, 1e-9))
+            self._api.add_line_segments(f"/hypothesis_{k}", ends, colour, thickness=0.006)
+        for k in range(len(hypotheses), self._hypotheses):
+            self._api.remove_by_name(f"/hypothesis_{k}")
+        self._hypotheses = len(hypotheses)
+
+    def _points(self, name: str, points: NDArray[np.float64], colour: Colour, size: float) -> None:
+        if len(points):
+            look: dict[str, Any] = {"precision": "float32", "point_shape": "rounded"}
+            self._api.add_point_cloud(f"/{name}", points, colour, point_size=size, **look)
+        else:
+            self._api.remove_by_name(f"/{name}")
+
+
+def add_camera(
+    scene: viser.SceneApi, camera: Camera, **look: Any
+) -> tuple[viser.CameraFrustumHandle, viser.LabelHandle]:
+    """Draws a camera where it stands, with its name."""
+    width, height = camera.size
+    frustum = scene.add_camera_frustum(
+        f"/cameras/{camera.name}",
+        fov=2 * float(np.arctan(height / (2 * camera.matrix[1, 1]))),
+        aspect=width / height,
+        cast_shadow=False,
+        wxyz=quaternions(camera.rotation.T[None])[0],
+        position=camera.center_m,
+        **look,
+    )
+    return frustum, scene.add_label(f"/cameras/{camera.name}/name", camera.name)
+
+
+def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.uint8] | None:
+    """Picture (h, w, 3) uint8 RGB of at most 480 px; None where there is nothing to show."""
+    picture, mask = camera_frame.picture, camera_frame.mask
+    if mask is not None and (picture is None or pictures == "silhouette"):
+        picture = np.where(mask[..., None], 255, 30).astype(np.uint8).repeat(3, axis=2)
+    elif picture is not None and mask is not None and pictures == "both":
+        person = (0.55 * picture + 0.45 * np.array(SILHOUETTE)).astype(np.uint8)
+        picture = np.where(mask[..., None], person, picture // 2)
+    if picture is None:
+        return None
+    if camera_frame.unknown is not None:
+        picture = hatched(picture, camera_frame.unknown)
+    return reduced(picture, _PICTURE_PX / max(picture.shape[:2]))
+
+
+def _part_mesh(model: BodyModel, part: int) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Vertex numbers of one part's triangles, and the triangles as indices into those."""
+    inside, faces = np.unique(model.faces[model.face_part == part], return_inverse=True)
+    return inside, faces.reshape(-1, 3).astype(np.uint32)
+
+
+_MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
+
+
+class CameraFrames:
+    """Reads frames in any order.
+
+    A frame shortly after the last one is reached by reading on: videos are decoded from their
+    start.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        method: Literal["paper", "refined"],
+        views: Mapping[str, UndistortedView],
+        segmenter: str | None = None,
+    ) -> None:
+        """Prepares; nothing is read before the first frame.
+
+        Args:
+            views: undistorted view of every camera by name.
+            segmenter: that told where people are; without it where it cannot be used any more.
+        """
+        self._recording = recording
+        self._method: Literal["paper", "refined"] = method
+        self._views, self._segmenter = views, segmenter
+        self._next, self._frames = 0, None
+
+    @cached_property
+    def _silhouettes(self) -> Silhouettes:
+        segmenter = self._segmenter
+        try:
+            if segmenter is not None:
+                load_segmenter(segmenter)
+        except InputError:
+            segmenter = None
+        return Silhouettes(self._recording, self._method, LONG_SIDE_PX, segmenter=segmenter)
+
+    @cached_property
+    def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
+        """Where nothing is known, (h, w) bool in every view; None: nowhere."""
+        found = scaled_unknown(self._recording, LONG_SIDE_PX)
+        return unknown_views(found, list(self._views.values()))
+
+    def read(self, frame: int) -> tuple[CameraFrame, ...]:
+        """Undistorted pictures and silhouettes of a frame, one per camera."""
+        pictures = self._read(frame)
+        masks = self._silhouettes.of(pictures)
+        given, unknown = self._recording.silhouettes_given, self.unknown or [None] * len(masks)
+        return tuple(
+            CameraFrame(
+                view.pinhole,
+                None if given else _undistorted(pictures[name], view),
+                view.undistort(masks[name]),
+                hidden,
+            )
+            for (name, view), hidden in zip(self._views.items(), unknown, strict=True)
+        )
+
+    def _read(self, frame: int) -> dict[str, Frame]:
+        if self._frames is None or not 0 <= frame - self._next <= _MOST_SKIPPED:
+            self.close()
+            stop = self._recording.first + self._recording.frame_count
+            self._next, self._frames = frame, read_together(self._recording.readers, frame, stop)
+        pictures: dict[str, Frame] = {}
+        while self._next <= frame:
+            pictures = next(self._frames)
+            self._next += 1
+        return pictures
+
+    def close(self) -> None:
+        """Stops reading."""
+        if self._frames is not None:
+            self._frames.close()  # type: ignore[attr-defined]
+        self._frames = None
+
+
+def _undistorted(picture: Frame, view: UndistortedView) -> NDArray[np.uint8]:
+    """Picture (H, W, 3) BGR as the view's pinhole camera sees it, RGB."""
+    image = picture
+    if picture.shape[1::-1] != view.pinhole.size:
+        image = cv2.resize(picture, view.pinhole.size, interpolation=cv2.INTER_AREA)
+    if view.maps is not None:
+        image = cv2.remap(image, *view.maps, cv2.INTER_LINEAR)
+    return np.ascontiguousarray(image[..., ::-1], np.uint8)

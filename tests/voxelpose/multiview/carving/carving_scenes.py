@@ -4,10 +4,9 @@ import numpy as np
 
 from calib.camera import Camera, Rig
 from tests.oracles import carving as reference
-from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.carver import CarveRule, Masks, mask_list, pack_rig
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.blocks import BLIND, OBJECTS
-from voxelpose.multiview.carving.views import Masks, mask_list, pack_rig
 
 
 def look_at(

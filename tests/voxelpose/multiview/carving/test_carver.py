@@ -163,12 +163,10 @@ def test_what_stands_in_front_of_one_camera_only_is_no_body():
     rig = ring(4)
     masks = {name: np.ones((120, 160), bool) for name in rig.names}
     centre, forward = rig["cam_0"].center_m, rig["cam_0"].rotation[2]
-    behind = VoxelGrid.around(
-        centre + 7.0 * forward, 0.1, (6, 6, 6)
-    )  # far behind the others' backs
+    behind = VoxelGrid(centre + 7.0 * forward - 0.3, 0.1, (6, 6, 6))  # behind the others' backs
     assert not carve(rig, masks, behind).any()
     assert carve(rig, masks, behind, CarveRule(least_agreeing=1)).any()
-    middle = VoxelGrid.around((0, 0, 0.9), 0.1, (6, 6, 6))
+    middle = VoxelGrid(np.array([-0.3, -0.3, 0.6]), 0.1, (6, 6, 6))
     away = Rig((*ring(4), look_at("away", (0, -9, 1), (0, -20, 1))))
     assert carve(away, [*masks.values(), masks["cam_0"]], middle).all()
     assert not carve(
@@ -194,7 +192,7 @@ def test_three_quarters_of_the_cameras_agree_less_the_tolerance(seeing, others, 
     away = [look_at(f"away_{k}", (0, -9, 1 + k), (0, -20, 1)) for k in range(others)]
     rig = Rig((*(ring(seeing) if seeing else ()), *away))
     masks = {name: np.ones((120, 160), bool) for name in rig.names}
-    middle = VoxelGrid.around((0, 0, 0.9), 0.1, (4, 4, 4))
+    middle = VoxelGrid(np.array([-0.2, -0.2, 0.7]), 0.1, (4, 4, 4))
     assert carve(rig, masks, middle, CarveRule(tolerance)).all() == kept
 
 

@@ -71,7 +71,7 @@ def test_the_hull_holds_the_body(observer, masks):
     assert observed is not None and observed.occupancy.shape == observed.grid.shape
     body, pose = body_at(0.0)
     points = observed.grid.indices(np.concatenate([p @ r.T + o for p, r, o in _placed(body, pose)]))
-    assert observed.grid.contains(points).all()
+    assert (points >= 0).all() and (points < observed.grid.shape).all()
     assert observed.occupancy[tuple(points.T)].mean() > 0.97
     volume = observed.occupancy.sum() * observed.grid.voxel_size_m**3
     assert 0.05 < volume < 0.25

@@ -6,10 +6,9 @@ from carving_scenes import figure_points, ring, rule_numbers, silhouettes
 
 from tests.oracles import carving as reference
 from voxelpose.multiview.carving.bounds import place_grid
-from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.carver import CarveRule, carve, pack_rig
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.blocks import BLIND
-from voxelpose.multiview.carving.views import pack_rig
 
 PERSON = VoxelGrid.from_bounds((-0.9, -0.7, -0.1), (0.95, 0.7, 1.95), 0.045)
 RIG = ring(4)

@@ -30,7 +30,7 @@ from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.matching.torso_search import find_torso
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 TURNS = {"left_upper_arm.abduction": 20.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0}
 TORSO = [
@@ -145,7 +145,8 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
         track = PoseTracker(
             body,
             observations,
-            PoseTrackerSettings(15.0, MatchSettings()),
+            15.0,
+            MatchSettings(),
             lambda _: nullcontext(),
             lambda: advanced.append(1),
         )

@@ -22,11 +22,11 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.person import body_choice
 from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
-from voxelpose.multiview.person.candidates import StatureEvidence, hull_height_m
+from voxelpose.multiview.person.posterior import StatureEvidence, hull_height_m
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_refit import refit
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.recording_track import refit
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 CROUCH = {
@@ -92,8 +92,8 @@ def test_of_a_known_body_only_the_clothes_are_adapted():
     with filmed(dressed, [{"lumbar.flexion": 10.0 * t} for t in range(3)]) as store:
         at = store, Settings(), MatchSettings(), SilentReporter(), known
         start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
-        tracking = PoseTrackerSettings(30.0, MatchSettings())
-        tracker = PoseTracker(kept.body, store, tracking, StageClock(), lambda: None)
+        settings = 30.0, MatchSettings()
+        tracker = PoseTracker(kept.body, store, *settings, StageClock(), lambda: None)
         refit(tracker, kept, any_sex=False)
     shape = start.body.model.shape
     np.testing.assert_allclose(shape[~IS_CLOTHING], known.shape[~IS_CLOTHING], atol=1e-3)

@@ -5,7 +5,7 @@ import pytest
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from tests.voxelpose.multiview.matching_scenes import fitting_model
-from voxelpose.multiview.person.girth import chest_from_hull
+from voxelpose.multiview.person.posterior import chest_from_hull
 
 MODEL = fitting_model()
 BODY_M3 = MODEL.part_volumes_m3(0.02).sum()

@@ -32,8 +32,8 @@ from voxelpose.multiview.matching.pose_search import (
     find_pose,
     refine_fits,
 )
-from voxelpose.multiview.person import given_body
-from voxelpose.multiview.person.given_body import start_given
+from voxelpose.multiview.person import body_choice
+from voxelpose.multiview.person.body_choice import start_given
 
 VOXEL_M = 0.03
 
@@ -145,7 +145,7 @@ def test_anchors_begin_where_they_explain_the_silhouettes_nearly_as_well_as_the_
     errors = [0.10, 0.13, 0.15, 0.5, 0.12]
     still = Pose(np.zeros(3), np.eye(3), np.zeros(1))
     monkeypatch.setattr(
-        given_body, "find_pose", lambda body, frame, matching: [PoseFit(still, errors[frame])]
+        body_choice, "find_pose", lambda body, frame, matching: [PoseFit(still, errors[frame])]
     )
 
     class Observations(list):

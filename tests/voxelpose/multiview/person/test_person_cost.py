@@ -8,9 +8,10 @@ import pytest
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.refinement.adaptation import Stature
-from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
 from voxelpose.multiview.person.posterior import (
+    Candidate,
     ShapePrior,
+    StatureEvidence,
     cost_terms,
     is_improbable,
     posterior_cost,

@@ -22,7 +22,7 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 VOXEL_M = 0.04
 CARVES = 4  # of a frame: the volume, the silhouettes confirmed strictly and loosely, the window
@@ -94,9 +94,9 @@ def test_what_is_stored_is_what_is_observed(observer, frames, store):
 def test_each_body_of_a_frame_is_carved_once(store, carved):
     """However many stages observe the frame."""
     body = BodyGeometry.from_surface(Surface(fitting_model(), 600), VOXEL_M)
-    settings = PoseTrackerSettings(30.0, MatchSettings())
+    settings = 30.0, MatchSettings()
     for _ in range(3):
-        tracker = PoseTracker(body, store, settings, lambda _: nullcontext(), lambda: None)
+        tracker = PoseTracker(body, store, *settings, lambda _: nullcontext(), lambda: None)
         for t in (0, 1, 2, 0):
             tracker.observe(t)
     assert len(carved) == CARVES + CARVES + 1  # where nobody is, only the volume

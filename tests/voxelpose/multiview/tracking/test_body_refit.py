@@ -24,12 +24,11 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.person.body_choice import Start
-from voxelpose.multiview.person.candidates import Candidate, StatureEvidence
-from voxelpose.multiview.person.posterior import ShapePrior
+from voxelpose.multiview.person.posterior import Candidate, ShapePrior, StatureEvidence
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_refit import refit
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.recording_track import refit
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 VOXEL_M = 0.04
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
@@ -63,10 +62,10 @@ def test_the_other_template_is_taken_where_it_is_more_probable(sex):
     ):
         for t, pose in enumerate(poses):
             masks.put(t, photograph(seen_by, person, pose))
-        settings = PoseTrackerSettings(30.0, MatchSettings())
+        settings = 30.0, MatchSettings()
         found = {}
         for any_sex in (False, True):
-            tracker = PoseTracker(first, store, settings, StageClock(), lambda: None)
+            tracker = PoseTracker(first, store, *settings, StageClock(), lambda: None)
             tracker.begin(dict(enumerate(poses)), dict.fromkeys(range(len(poses)), 0.1))
             tracker.polish()
             refit(tracker, start, any_sex)

@@ -3,6 +3,7 @@ import pytest
 
 from benchmarks.follower import AtOnce
 from silhouette_core.body.sizes import SHAPE_AXES
+from silhouette_core.estimator import Settings
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import (
@@ -14,12 +15,11 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
-from voxelpose.multiview.tracking.follower import PoseFollower
-from voxelpose.multiview.tracking.track_jobs import FollowSettings, catch_up, search
+from voxelpose.multiview.tracking.follower import PoseFollower, catch_up, search
 
 SEEN_BY = views(4)
 PERSON = other_body(template="male")
-KNOWN = FollowSettings(STATURE_M)
+KNOWN = Settings(stature_m=STATURE_M)
 _TRUNK = ("trunk_width", "trunk_depth")
 
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from voxelpose.multiview.tracking import track_jobs
-from voxelpose.multiview.tracking.track_jobs import catch_up
+from voxelpose.multiview.tracking import follower
+from voxelpose.multiview.tracking.follower import catch_up
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def moments(count: int, interval_s: float) -> list:
 
 @pytest.fixture(autouse=True)
 def no_limbs_found(monkeypatch):
-    monkeypatch.setattr(track_jobs, "search_limbs", lambda *given: None)
+    monkeypatch.setattr(follower, "search_limbs", lambda *given: None)
 
 
 def test_every_other_frame_is_passed_over_but_not_the_last_ones():
@@ -70,7 +70,7 @@ def test_limbs_are_searched_once_where_the_error_jumps(monkeypatch):
         searched.append(moment.time_s)
         return replace(track, error=0.1)
 
-    monkeypatch.setattr(track_jobs, "search_limbs", search_limbs)
+    monkeypatch.setattr(follower, "search_limbs", search_limbs)
     later = moments(6, 0.2)
     track = Track({later[1].time_s: 0.3, later[3].time_s: 0.3})
     assert catch_up(None, track, later) is not None  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from tests.voxelpose.multiview.matching_scenes import fitting_model, stance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track, tracking
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 MODEL = fitting_model()
 
@@ -73,9 +73,9 @@ def rules(monkeypatch) -> Rules:
 
 def tracker_of(poses: list[Pose | None], error: float = np.inf, fps: float = 30.0) -> PoseTracker:
     body = SimpleNamespace(model=MODEL, body_volume=None)
-    settings = PoseTrackerSettings(fps, MatchSettings())
+    settings = fps, MatchSettings()
     frames = Frames(len(poses))
-    tracker = PoseTracker(body, frames, settings, lambda _: nullcontext(), lambda: None)  # type: ignore[arg-type]
+    tracker = PoseTracker(body, frames, *settings, lambda _: nullcontext(), lambda: None)  # type: ignore[arg-type]
     tracker.poses = list(poses)
     tracker.error[[pose is not None for pose in poses]] = error
     return tracker

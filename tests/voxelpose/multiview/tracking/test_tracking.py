@@ -25,7 +25,7 @@ from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import begin_again
-from voxelpose.multiview.tracking.tracking import PoseTracker, PoseTrackerSettings
+from voxelpose.multiview.tracking.tracking import PoseTracker
 
 pytestmark = pytest.mark.slow
 FRAMES = 7
@@ -54,8 +54,8 @@ def observations() -> Iterator[ObservationStore]:
 def tracker(observations) -> PoseTracker:
     model = fitting_model()
     body = BodyGeometry(model, BodyVolume.from_model(model, 0.03), Surface(model, 600))
-    settings = PoseTrackerSettings(30.0, MatchSettings())
-    return PoseTracker(body, observations, settings, lambda _: nullcontext(), lambda: None)
+    settings = 30.0, MatchSettings()
+    return PoseTracker(body, observations, *settings, lambda _: nullcontext(), lambda: None)
 
 
 def half_turned(pose: Pose) -> Pose:

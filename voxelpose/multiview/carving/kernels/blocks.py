@@ -172,9 +172,7 @@ def _judge(frames, sums, c, seen, boxes):
 
 @kernel
 def _visible_positions(rows, frames, c, points, positions):
-    """Fills positions (LEAF^3,) uint32: the index in `pixels` of each voxel of a leaf, all of which
-    a pinhole camera sees.
-    """
+    """Fills positions (LEAF^3,) uint32, in `pixels`, of a leaf that a pinhole sees as a whole."""
     u_x, u_y, u_z, u_1 = rows[c, 0], rows[c, 1], rows[c, 2], rows[c, 3]
     v_x, v_y, v_z, v_1 = rows[c, 4], rows[c, 5], rows[c, 6], rows[c, 7]
     w_x, w_y, w_z, w_1 = rows[c, 8], rows[c, 9], rows[c, 10], rows[c, 11]

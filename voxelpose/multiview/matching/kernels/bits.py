@@ -20,9 +20,7 @@ def popcount(word):
 
 @kernel
 def count_new(bits, taken, new):
-    """Fills new (K,) with the number of voxels of each row of bits (K, W) that are not in taken
-    (W,).
-    """
+    """Fills new (K,) with the number of voxels of each row of bits (K, W) not in taken (W,)."""
     for k in range(bits.shape[0]):
         total = np.uint64(0)
         for w in range(bits.shape[1]):
