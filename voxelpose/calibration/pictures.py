@@ -95,7 +95,8 @@ def coverage_picture(lenses: list[Lens]) -> Image:
     """Used corners of every camera, (H, W, 3) uint8 BGR; cells of the image without any are red."""
     columns = min(len(lenses), _ACROSS)
     rows = -(-len(lenses) // columns)
-    with matplotlib.rc_context(_style() | {"xtick.bottom": False, "ytick.left": False}):
+    style: dict[Any, Any] = {**_style(), "xtick.bottom": False, "ytick.left": False}
+    with matplotlib.rc_context(style):
         figure = Figure((5.2 * columns, 5 * rows), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes in panels[len(lenses) :]:
