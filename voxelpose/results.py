@@ -37,6 +37,10 @@ _Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
 _Sex = Literal["male", "female", "unknown"]
 _Up = Annotated[list[_Number], Meta(min_length=3, max_length=3)]
 _Schema = TypeVar("_Schema")
+SUMMARY = "summary.json"
+CALIBRATION = "calibration.toml"
+SETTINGS = "settings.toml"
+_MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 
 
 class _Frames(msgspec.Struct):
@@ -192,12 +196,6 @@ def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
     except (msgspec.ValidationError, OverflowError) as error:
         reason = " ".join(str(error).replace("`", "").replace("$.", "").split())
         raise InputError(f"{path}: {reason[:300]}: {_REMEDY}") from None
-
-
-SUMMARY = "summary.json"
-CALIBRATION = "calibration.toml"
-SETTINGS = "settings.toml"
-_MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ from voxelpose.version import __version__
 
 PIECES = "pieces"
 """Folder beside the results in which those of the pieces are until they are joined."""
+_JOB = "job.json"  # in a result's folder: the job of a batch that it was made for
 
 
 def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
@@ -178,7 +179,6 @@ def _chained(motions: Sequence[Motion]) -> Motion:
 
 
 Key = TypeVar("Key")
-_JOB = "job.json"  # in a result's folder: the job of a batch that it was made for
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,9 @@ def _draw_camera(axes: Axes, camera: Camera, up: int, length: float) -> None:
     axes.plot(*apex, "o", color=_rgb(LEFT), ms=6)
     back = -12 * forward / (np.linalg.norm(forward) + 1e-9)
     side = "right" if back[0] < 0 else "left"
-    axes.annotate(camera.name, tuple(apex), tuple(back), textcoords="offset points", ha=side, va="center")
+    axes.annotate(
+        camera.name, tuple(apex), tuple(back), textcoords="offset points", ha=side, va="center"
+    )
 
 
 def draw_check(check: Check) -> Image:

@@ -31,6 +31,8 @@ from voxelpose.tuning import SYNCHRONISATION
 
 _LEAST_VIEWS = 20
 _BOARD_HZ = 12  # how often the board is looked for: enough on the boards of docs/results.md
+_MAX_OFFSET_S = {"geometry": 2, "board": 20, "sound": 60, "silhouettes": 10}
+_SECONDS = {"geometry": 12, "board": 60, "sound": 600, "silhouettes": 40}
 
 
 def board_signals(
@@ -125,9 +127,6 @@ def _lens(lenses: Rig, name: str, reader: FrameReader) -> Camera:
 
 
 SyncMethod = Literal["geometry", "board", "sound", "silhouettes"]
-
-_MAX_OFFSET_S = {"geometry": 2, "board": 20, "sound": 60, "silhouettes": 10}
-_SECONDS = {"geometry": 12, "board": 60, "sound": 600, "silhouettes": 40}
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from voxelpose.live.live_page import Page
     from voxelpose.live.senders import Senders
     from voxelpose.live.session import LiveSession
+_STATUS_EVERY_S = 1
 
 
 class StateLine:
@@ -78,9 +79,6 @@ def print_session(session: LiveSession) -> None:
     if table.row_count:
         console.print(table)
     console.print(f"{state.frames} frames estimated, {state.dropped} dropped")
-
-
-_STATUS_EVERY_S = 1
 
 
 @dataclass(frozen=True, kw_only=True)

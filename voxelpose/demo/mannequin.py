@@ -58,6 +58,7 @@ _LANDMARKS = {"pelvis": "pelvis", "neck": "neck"} | {
 _MIRROR = np.array([-1, 1, 1])
 RING = 24
 """Vertices of each ring of a tube."""
+_TRUNK = ("pelvis", "belly", "chest")  # bones at the girths of hip, waist and chest
 
 
 @cache
@@ -236,9 +237,6 @@ def _mirrored(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     return vertices * _MIRROR, faces[:, ::-1]
-
-
-_TRUNK = ("pelvis", "belly", "chest")  # bones at the girths of hip, waist and chest
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ _POSITIONS = (
     (-110, 330, 110),
     (180, 340, 250),
 )
+_EMPTY_FRAMES = 24
 
 
 def demo_rig(count: int = 4) -> Rig:
@@ -227,9 +228,6 @@ def _paint_room(
     light = np.where(on_floor[:, None], floor, wall) * fall_off[:, None]
     light, floor = light.reshape(height, width, 3), on_floor.reshape(height, width, 1)
     return light.astype(np.float32), floor.astype(np.float32)
-
-
-_EMPTY_FRAMES = 24
 
 
 def make_recording(

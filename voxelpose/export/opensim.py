@@ -34,6 +34,13 @@ _COORDINATES = {
     "elbow": ("elbow_flex_{}", None, "pro_sup_{}"),
     "wrist": ("wrist_flex_{}", "wrist_dev_{}", None),
 }
+MODEL_FILE = "Rajagopal2016.osim"
+"""File name under which the setup files expect the model, beside them."""
+MARKERS_FILE, SCALE_FILE, IK_FILE = "opensim_markers.xml", "opensim_scale.xml", "opensim_ik.xml"
+STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
+_MOTION_FILE, _COORDINATES_FILE = "opensim_motion.trc", "motion.mot"
+_IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
+_STATIC_FRAMES = 3
 
 
 def write_mot(motion: Motion, path: Path) -> None:
@@ -106,16 +113,6 @@ def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         equivalent += 360 * np.round((angles[row - 1] - equivalent) / 360)
         angles[row] = equivalent[np.abs(equivalent - angles[row - 1]).sum(axis=1).argmin()]
     return angles.T
-
-
-MODEL_FILE = "Rajagopal2016.osim"
-"""File name under which the setup files expect the model, beside them."""
-
-MARKERS_FILE, SCALE_FILE, IK_FILE = "opensim_markers.xml", "opensim_scale.xml", "opensim_ik.xml"
-STATIC_FILE, SCALED_MODEL_FILE = "opensim_static.trc", "opensim_scaled.osim"
-_MOTION_FILE, _COORDINATES_FILE = "opensim_motion.trc", "motion.mot"
-_IK_RESULT, _PLACED_MARKERS = "opensim_ik.mot", "opensim_placed.xml"
-_STATIC_FRAMES = 3
 
 
 @dataclass(frozen=True)

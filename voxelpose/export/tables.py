@@ -28,6 +28,8 @@ FARTHEST_M = 100_000
 """Distance from the world's origin beyond which a position in a file is a mistake, m."""
 _MOST_JOINTS = 1000
 _HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
+HYPOTHESES = "hypotheses.csv"
+_HYPOTHESIS_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
 
 
 def write_joints(motion: Motion, path: Path) -> None:
@@ -212,10 +214,6 @@ def _write(
         ):
             cells = [str(frame), f"{time_s:.6f}", *(f"{value:.{digits}f}" for value in row)]
             file.write(",".join(cells) + mark + "\n")
-
-
-HYPOTHESES = "hypotheses.csv"
-_HYPOTHESIS_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
 
 
 @dataclass(frozen=True, eq=False)

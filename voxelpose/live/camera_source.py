@@ -26,6 +26,9 @@ Deliver = Callable[[str, float, Frame], None]
 _SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "rtp://")
 _TIMEOUT_MS = 4000  # for a stream to open, and for its next picture
 _DARK, _GRID = 14, 16  # brightest value of a black picture, and px between the pixels looked at
+_KEPT = 4  # pictures of each camera that wait for the others'
+_BEGINNING_S = 2  # in which every camera's first picture is waited for
+_SMOOTHED = 10  # intervals between pictures in their running mean
 
 
 @dataclass(frozen=True)
@@ -201,10 +204,6 @@ class CameraReader:
         self.pictures += 1
         self._deliver(self.source.name, taken_s, picture)
 
-
-_KEPT = 4  # pictures of each camera that wait for the others'
-_BEGINNING_S = 2  # in which every camera's first picture is waited for
-_SMOOTHED = 10  # intervals between pictures in their running mean
 
 _Item = TypeVar("_Item")
 

@@ -40,6 +40,8 @@ _BAR = (
     'background:#5492d6"></span></span>'
     '<span style="flex:0 0 4.2em;text-align:right">{:.1f} ms</span></div>'
 )
+_RECORD, _END = "Record", "End recording"
+_MOST_PER_S = 15
 
 
 def status_html(state: SessionState, note: str) -> str:
@@ -102,9 +104,6 @@ def _light(name: str, text: str, good: bool) -> str:
     )
 
 
-_RECORD, _END = "Record", "End recording"
-
-
 class PagePanel:
     """Buttons that ask the session, texts about it, and the layers chosen to be `shown`."""
 
@@ -162,9 +161,6 @@ class PagePanel:
             self.shown = self.shown | {name} if box.value else self.shown - {name}
 
         box.on_update(choose)
-
-
-_MOST_PER_S = 15
 
 
 class Page:

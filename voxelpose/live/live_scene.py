@@ -19,6 +19,21 @@ from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, SILHOUETTE, faded
 from voxelpose.view.viewer.scene import add_camera
 
 _PICTURE_PX = 320
+_REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame
+LAYERS = {
+    "figure": "Person",
+    "cameras": "Cameras",
+    "pictures": "Pictures",
+    "outlines": "Outlines",
+    "hull": "Voxels",
+    "hypotheses": "Other poses",
+}
+"""What can be shown, and how the page calls it: `pictures` of the cameras with silhouettes as
+`outlines`, `hypotheses` of one camera.
+"""
+_MOST_HYPOTHESES = 3
+_MOST_POINTS = 4000
+_SKY = (205, 214, 224), (247, 248, 249)  # from top to bottom
 
 
 class CameraViews:
@@ -77,9 +92,6 @@ def small_picture(
     if view.maps is not None:
         small = cv2.remap(small, *view.maps, cv2.INTER_LINEAR)
     return np.asarray(small, np.uint8)
-
-
-_REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame
 
 
 def _bone_parts() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -160,20 +172,6 @@ class SkinnedFigure:
         self._model, self._built_s = model, time.monotonic()
 
 
-LAYERS = {
-    "figure": "Person",
-    "cameras": "Cameras",
-    "pictures": "Pictures",
-    "outlines": "Outlines",
-    "hull": "Voxels",
-    "hypotheses": "Other poses",
-}
-"""What can be shown, and how the page calls it: `pictures` of the cameras with silhouettes as
-`outlines`, `hypotheses` of one camera.
-"""
-_MOST_HYPOTHESES = 3
-_MOST_POINTS = 4000
-_SKY = (205, 214, 224), (247, 248, 249)  # from top to bottom
 _NO_POINTS = np.zeros((0, 3), np.float32)
 
 

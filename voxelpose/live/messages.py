@@ -64,6 +64,9 @@ BONE_PARENTS = np.array(
     [BONE_NAMES.index(parent) if parent else -1 for _, parent, _ in _ALL], np.int32
 )
 """(22,) the parent of each bone; -1 for the hips."""
+SCHEMA_VERSION = 1
+_MOST_BYTES = 1400  # of a bundle: one network packet holds it, with its headers
+_BUNDLE_BYTES, _SIZE_BYTES = 16, 4  # head of a bundle, and the size before each message
 
 
 def _rest_from_t_pose() -> NDArray[np.float64]:
@@ -118,9 +121,6 @@ def humanoid_pose(body: PosedBody) -> HumanoidPose:
     return HumanoidPose(offset, quaternions(local)[:, [1, 2, 3, 0]])
 
 
-SCHEMA_VERSION = 1
-
-
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
     """One frame, sent at a Unix time, as a line of JSON: see docs/live.md; not finite is null."""
     message = {
@@ -158,10 +158,6 @@ def _body(body: PosedBody) -> dict[str, object]:
 def _rounded(values: ArrayLike) -> Any:
     """Numbers as lists, to a hundredth of a millimetre; JSON has those not finite as null."""
     return np.round(np.asarray(values, float), 5).tolist()
-
-
-_MOST_BYTES = 1400  # of a bundle: one network packet holds it, with its headers
-_BUNDLE_BYTES, _SIZE_BYTES = 16, 4  # head of a bundle, and the size before each message
 
 
 def vmc_datagrams(frame: LiveFrame) -> list[bytes]:

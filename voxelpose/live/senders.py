@@ -28,6 +28,9 @@ VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
 
 _FORMS = "vmc://HOST:PORT or ws://HOST:PORT/PATH"
+_RECENT = 60  # frames whose times are kept
+_OPEN_S = 3
+_SILENT_S = 5
 
 
 @dataclass(frozen=True)
@@ -88,9 +91,6 @@ def parse_receiver(text: str) -> ReceiverAddress:
     return ReceiverAddress(
         text.strip(), "vmc" if parts.scheme == "vmc" else "ws", parts.hostname, port
     )
-
-
-_RECENT = 60  # frames whose times are kept
 
 
 @dataclass(frozen=True)
@@ -225,10 +225,6 @@ def _refused(outlet: socket.socket, datagram: bytes) -> bool:
                 outlet.send(datagram)  # the report took this one's place
             return True
     return False
-
-
-_OPEN_S = 3
-_SILENT_S = 5
 
 
 class WebSocketSender(Sender):

@@ -26,6 +26,15 @@ from voxelpose.tuning import LIVE
 
 _RECENT = 60  # frames
 _KEPT = 20_000  # frames: a session may last for days
+_LEARNED_FRAMES = 45  # of the empty view
+_MESSAGES: dict[Phase, str] = {
+    "no background": "the empty view is not known: press Background and step out of the picture",
+    "countdown": "step out of the picture",
+    "learning": "learning the empty view: stay out of the picture",
+    "searching": "looking for a person",
+    "following": "following",
+    "stopped": "stopped",
+}
 
 
 class StageTimes:
@@ -77,16 +86,6 @@ class StageTimes:
 
 
 Picture = NDArray[np.uint8]
-
-_LEARNED_FRAMES = 45  # of the empty view
-_MESSAGES: dict[Phase, str] = {
-    "no background": "the empty view is not known: press Background and step out of the picture",
-    "countdown": "step out of the picture",
-    "learning": "learning the empty view: stay out of the picture",
-    "searching": "looking for a person",
-    "following": "following",
-    "stopped": "stopped",
-}
 
 
 @dataclass(frozen=True)

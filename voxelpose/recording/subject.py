@@ -15,6 +15,7 @@ from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000
 _SIZES_M = {"stature": STATURES_M, "chest_girth": CHESTS_M}
+SETTINGS_FILE = "voxelpose.toml"
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,6 @@ def _body_of(name: str, path: Path) -> str:
             f"{path}: body file {body} is missing: correct the path or remove the line"
         )
     return str(body.resolve())
-
-
-SETTINGS_FILE = "voxelpose.toml"
 
 
 def settings_files(folder: Path) -> list[Path]:

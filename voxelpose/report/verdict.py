@@ -22,6 +22,10 @@ from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOMENTS = 12
+_RANGES = 6  # listed one by one
+_WORST = 3  # joints that are named
+_TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
+_SMALL = ("thumb", "fingers", "toes")
 
 
 @dataclass(frozen=True)
@@ -133,11 +137,6 @@ def _compare(drawn: NDArray[np.bool_], mask: NDArray[np.bool_]) -> tuple[float, 
 
 
 Level = Literal["good", "look", "bad"]
-
-_RANGES = 6  # listed one by one
-_WORST = 3  # joints that are named
-_TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
-_SMALL = ("thumb", "fingers", "toes")
 
 
 @dataclass(frozen=True)

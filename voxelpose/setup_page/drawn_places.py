@@ -42,6 +42,7 @@ from voxelpose.setup_page.page_requests import (
 )
 
 _KEY = "voxelpose polygons"
+_LARGEST_BYTES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +133,6 @@ def _stored_polygons(path: Path) -> list[Polygon]:
         return msgspec.json.decode(text, type=Polygons)
     except (OSError, ValueError, SyntaxError, msgspec.DecodeError):
         return []
-
-
-_LARGEST_BYTES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)

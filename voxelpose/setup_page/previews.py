@@ -26,6 +26,9 @@ Method = Literal["refined", "paper"]
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
 _KEPT = 4  # moments
+SILHOUETTE = (64, 200, 255)  # RGB
+_FIRST = (255, 210, 63)
+_BACKGROUND = (176, 84, 40)
 
 
 class MomentFrames:
@@ -111,9 +114,6 @@ def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: in
 
 
 StageName = Literal["background", "difference", "odds", "first"]
-SILHOUETTE = (64, 200, 255)  # RGB
-_FIRST = (255, 210, 63)
-_BACKGROUND = (176, 84, 40)
 
 
 def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:

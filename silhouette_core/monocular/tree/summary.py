@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from calib.atomic import write_whole
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body
 
+_ROWS, _ACROSS = 9, 10
+_CROP_PX = (190, 208)  # width and height of the middle of the window; most silhouettes fit
+_GAP = 4
+
 
 def summary(library: PoseLibrary, path: Path) -> str:
     """A few lines on what a library holds."""
@@ -49,11 +53,6 @@ def summary(library: PoseLibrary, path: Path) -> str:
         ),
     ]
     return "\n".join(lines)
-
-
-_ROWS, _ACROSS = 9, 10
-_CROP_PX = (190, 208)  # width and height of the middle of the window; most silhouettes fit
-_GAP = 4
 
 
 def write_sheet(library: PoseLibrary, path: Path) -> None:

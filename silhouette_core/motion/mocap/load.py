@@ -17,6 +17,8 @@ from silhouette_core.motion.mocap.retarget import retarget
 from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.motion.motion import Motion
 
+SUFFIXES = (".bvh", ".csv")
+
 
 def motion_files(paths: Iterable[Path]) -> list[Path]:
     """Motion files among files and folders, each once, those of a folder sorted by name.
@@ -67,9 +69,6 @@ def load_motions(
         if clip.skeleton not in best or reference.doubt_deg < best[clip.skeleton].doubt_deg:
             best[clip.skeleton] = reference
     return [retarget(clip, model, best[clip.skeleton]) for clip in clips]
-
-
-SUFFIXES = (".bvh", ".csv")
 
 
 def read_clip(path: Path, names: Path | None = None) -> MocapClip:

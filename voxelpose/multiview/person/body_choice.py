@@ -51,6 +51,9 @@ from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
 _HEADINGS, _BEST = 12, 5
+_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
+_STARTS = 3  # poses of a frame from which candidates are refined
+_ROUNDS = 2  # of adaptation about the stature that was found
 
 
 def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
@@ -82,11 +85,6 @@ def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     head = points_m[points_m[:, 2] > top_m - half_head_m]
     trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
-
-
-_FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
-_STARTS = 3  # poses of a frame from which candidates are refined
-_ROUNDS = 2  # of adaptation about the stature that was found
 
 
 @dataclass(frozen=True, eq=False)

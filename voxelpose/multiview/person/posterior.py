@@ -28,6 +28,8 @@ from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST
 
 GIRTH_CAMERAS = 4
 """Fewest cameras whose hull says anything of the girth: that of fewer varies too much."""
+POSTURES = "any", "sitting"
+"""What a candidate does: anything, or sitting as on a chair in all frames."""
 
 
 def hull_volume_m3(frame: FrameObservation) -> float:
@@ -40,10 +42,6 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     usual_m3 = HULL_GIRTH.hull_over_body * model.part_volumes_m3(0.02).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), HULL_GIRTH.least, HULL_GIRTH.most))
     return float(np.clip(girth * HULL_GIRTH.usual_chest * model.sizes.stature_m, *CHESTS_M))
-
-
-POSTURES = "any", "sitting"
-"""What a candidate does: anything, or sitting as on a chair in all frames."""
 
 
 @dataclass(frozen=True)

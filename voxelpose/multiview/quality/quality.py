@@ -24,6 +24,9 @@ from voxelpose.multiview.quality.expected_error import (
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import QUALITY
 
+_TOGETHER = 8  # frames
+_TURNED = 5  # frames in which the body is turned half round
+
 
 @dataclass(frozen=True, eq=False)
 class Quality:
@@ -72,10 +75,6 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
         len(unexplained) / max(len(voxel_set), 1),
         unexplained,
     )
-
-
-_TOGETHER = 8  # frames
-_TURNED = 5  # frames in which the body is turned half round
 
 
 def motion_quality(

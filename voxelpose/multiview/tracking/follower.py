@@ -41,6 +41,11 @@ from voxelpose.multiview.tracking.body_track import (
 )
 from voxelpose.multiview.tuning import CARVING, LIVE, PERSON_COST, TRACKING
 
+_ADAPTED = 8  # frames to which proportions are adapted
+_CAUGHT_UP = 2  # frames that may still be missing when a search has caught up
+_FORGOTTEN_S = 6  # age after which the frames since a search began are forgotten
+_MOST_WRONG = 5  # frames running, after which a track that catches up is given up
+
 
 def search(
     rig: Rig, settings: Settings, body: BodyGeometry | None, moment: Moment, count: int
@@ -147,11 +152,6 @@ def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
         return None
     return HullObserver(views, grid, CARVING.voxel_m, rule).observe(images)
 
-
-_ADAPTED = 8  # frames to which proportions are adapted
-_CAUGHT_UP = 2  # frames that may still be missing when a search has caught up
-_FORGOTTEN_S = 6  # age after which the frames since a search began are forgotten
-_MOST_WRONG = 5  # frames running, after which a track that catches up is given up
 
 _Searched = Future[BodyTrack | None]
 

@@ -28,6 +28,28 @@ SIZE = 480, 720
 _BACKGROUND = (247, 244, 240)  # BGR
 _SKIN = np.array([168, 190, 208])
 _BONE = (40, 60, 200)
+_FRONT, _QUARTER, _SIDE = -90, -50, 0  # azimuths, degrees
+_CAPTION_PX, _LINE_PX, _MARGIN_PX = 14, 20, 8
+_CAPTION = (60, 52, 46)  # BGR
+_MOST_COLUMNS = 8
+# A pose that bends every large joint: a lunge with one arm forward and one raised, degrees.
+_BENT_DEG = {
+    "left_thigh.flexion": 85,
+    "left_shin.flexion": 90,
+    "left_foot.dorsiflexion": 10,
+    "right_thigh.flexion": -10,
+    "right_shin.flexion": 70,
+    "right_foot.dorsiflexion": -20,
+    "lumbar.flexion": 20,
+    "thorax.flexion": 15,
+    "thorax.rotation": 20,
+    "neck.flexion": -15,
+    "left_upper_arm.abduction": 75,
+    "left_forearm.flexion": 100,
+    "right_upper_arm.forward": 70,
+    "right_forearm.flexion": 60,
+    "right_hand.flexion": 30,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,30 +246,6 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
         finally:
             writer.release()
     return writer.frames
-
-
-_FRONT, _QUARTER, _SIDE = -90, -50, 0  # azimuths, degrees
-_CAPTION_PX, _LINE_PX, _MARGIN_PX = 14, 20, 8
-_CAPTION = (60, 52, 46)  # BGR
-_MOST_COLUMNS = 8
-# A pose that bends every large joint: a lunge with one arm forward and one raised, degrees.
-_BENT_DEG = {
-    "left_thigh.flexion": 85,
-    "left_shin.flexion": 90,
-    "left_foot.dorsiflexion": 10,
-    "right_thigh.flexion": -10,
-    "right_shin.flexion": 70,
-    "right_foot.dorsiflexion": -20,
-    "lumbar.flexion": 20,
-    "thorax.flexion": 15,
-    "thorax.rotation": 20,
-    "neck.flexion": -15,
-    "left_upper_arm.abduction": 75,
-    "left_forearm.flexion": 100,
-    "right_upper_arm.forward": 70,
-    "right_forearm.flexion": 60,
-    "right_hand.flexion": 30,
-}
 
 
 def body_picture(body: BodyModel) -> Image:

@@ -39,6 +39,8 @@ from voxelpose.view.images.webm import WebmWriter
 _GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
 _LEGEND = 360
 _WIDEST, _HIGHEST = 1900, 2000
+_LONGEST_PX = 960
+_PAINTED_AHEAD = 2  # time steps
 
 
 class ContactSheet:
@@ -173,10 +175,6 @@ def _box(
     width, height = np.maximum(high - low, 16)
     rim = 0.07 * max(width, height)
     return low[0] - rim, low[1] - rim, width + 2 * rim, height + 2 * rim
-
-
-_LONGEST_PX = 960
-_PAINTED_AHEAD = 2  # time steps
 
 
 def draw_pictures(

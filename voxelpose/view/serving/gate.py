@@ -22,6 +22,12 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 from calib.errors import InputError
 
 _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
+_HEAD_BYTES = 16384
+_HEAD_S = 10
+_MOST_LINKS = 100
+_MOST_PORTS = 20
+_LEAST_TOKEN = 8
+_LAST_PORT = 65_535
 
 
 @dataclass(frozen=True)
@@ -223,13 +229,6 @@ def _host_name(host: str) -> str:
         return host[1:].partition("]")[0]
     return host.partition(":")[0]
 
-
-_HEAD_BYTES = 16384
-_HEAD_S = 10
-_MOST_LINKS = 100
-_MOST_PORTS = 20
-_LEAST_TOKEN = 8
-_LAST_PORT = 65_535
 
 Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
 """Answers a request that may pass: reads what follows its head, and writes."""

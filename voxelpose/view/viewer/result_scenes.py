@@ -33,6 +33,9 @@ from voxelpose.results import Result, is_result
 from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
+_KEPT = 24  # frames whose scenes stay in memory
+_DEFAULT_FPS = 25
+
 
 class FittedBody:
     """Skin, skeleton and volume of a motion's body."""
@@ -139,10 +142,6 @@ class HullCarver:
         root = self.fitted.motion.root_m
         reach_m = 1.3  # of a body from its root: an arm's length above the head
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
-
-
-_KEPT = 24  # frames whose scenes stay in memory
-_DEFAULT_FPS = 25
 
 
 class ResultScenes:

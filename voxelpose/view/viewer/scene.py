@@ -39,6 +39,20 @@ from voxelpose.view.viewer.legend import (
     text_html,
 )
 
+Pictures = Literal["both", "picture", "silhouette"]
+PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
+LAYERS = {
+    "cameras": "Cameras",
+    "hull": "Voxels",
+    "unexplained": "Unexplained voxels",
+    "body": "Body",
+    "skeleton": "Skeleton",
+    "hypotheses": "Other likely poses",
+}
+"""What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
+_PICTURE_PX = 480  # longest side of a picture sent to the browser
+_MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
+
 
 @dataclass(frozen=True, eq=False)
 class CameraFrame:
@@ -124,18 +138,6 @@ class Scene:
     notes: tuple[str, ...]
 
 
-Pictures = Literal["both", "picture", "silhouette"]
-PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
-LAYERS = {
-    "cameras": "Cameras",
-    "hull": "Voxels",
-    "unexplained": "Unexplained voxels",
-    "body": "Body",
-    "skeleton": "Skeleton",
-    "hypotheses": "Other likely poses",
-}
-"""What can be shown, and how the page calls it; unexplained are voxels that no part explains."""
-_PICTURE_PX = 480  # longest side of a picture sent to the browser
 _NOTHING = np.zeros((0, 3))
 
 
@@ -326,9 +328,6 @@ def _part_mesh(model: BodyModel, part: int) -> tuple[NDArray[np.int64], NDArray[
     """Vertex numbers of one part's triangles, and the triangles as indices into those."""
     inside, faces = np.unique(model.faces[model.face_part == part], return_inverse=True)
     return inside, faces.reshape(-1, 3).astype(np.uint32)
-
-
-_MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
 
 
 class CameraFrames:
