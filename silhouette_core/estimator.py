@@ -32,6 +32,11 @@ GROUP = "silhouette_core.estimators"
 
 Frame = NDArray[np.uint8]
 """(H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included)."""
+BackgroundKind = Literal["auto", "uniform", "moving", "refined", "paper"]
+"""What the background of a camera without an empty view is taken from: a uniform backdrop where one
+is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
+is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1; `refined` is another
+name of `auto`."""
 
 
 class FrameSource(Protocol):
@@ -89,8 +94,8 @@ class Settings:
         stature_m: height of the person, metres; None: estimated.
         chest_m: chest girth, metres; None: usual for the stature.
         sex: sex of the person, which decides the proportions.
-        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
-            does against shadows and noise.
+        background: what the background of a camera without an empty view is taken from, and the
+            method: see `BackgroundKind`.
         segmenter: network that tells where people are, of cameras without an empty view: see
             `silhouette_core.image.segmenter.load_segmenter`. None: none does.
         up: direction of up in the world, three numbers; None: as the calibration states, else
@@ -106,7 +111,7 @@ class Settings:
     stature_m: float | None = None
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind = "auto"
     segmenter: str | None = None
     up: tuple[float, float, float] | None = None
     smooth: bool = True

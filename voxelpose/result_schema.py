@@ -15,6 +15,7 @@ from msgspec import Meta
 from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
+from silhouette_core.estimator import BackgroundKind
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
@@ -121,7 +122,7 @@ class _Settings(msgspec.Struct):
     stature_m: _Stature | None = None
     chest_m: _Chest | None = None
     sex: _Sex = "unknown"
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind = "refined"
     segmenter: _Name = ""
     up: _Up | None = None
     smooth: bool = True

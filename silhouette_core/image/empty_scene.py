@@ -11,6 +11,8 @@ together, so that
 4. it is not shown where somebody is in front of it: in the convex hull of all that differs from the
    background in a frame. Of who stays in place, limbs move, and the trunk between them does not.
 
+All this is needed where no uniform backdrop is found, see `image.backdrop`.
+
 The hulls come from labels that are first chosen without them. All frames are given the same
 exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
 the noise of a guess.
@@ -20,17 +22,21 @@ problem: Cohen (ICCV 2005), with another cost of steps.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.backdrop import Backdrop
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import aligned
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
-from silhouette_core.tuning import SCENE
+from silhouette_core.tuning import BACKDROP, SCENE
 
+Kind = Literal["auto", "uniform", "moving"]
+"""What the scene is taken from, see `silhouette_core.estimator.BackgroundKind`."""
 _MODES, _ROUNDS = 5, 12
 
 
@@ -44,19 +50,25 @@ class EmptyScene:
         unseen: (H, W) bool, where the background was never seen and the colours around it are
             continued.
         frames: (T, H, W, 3) uint8, the frames with the exposure of the mean.
+        uniform: whether it is a uniform backdrop, continued behind the person.
     """
 
     mean: NDArray[np.float32]
     variance: NDArray[np.float32]
     unseen: NDArray[np.bool_]
     frames: NDArray[np.uint8]
+    uniform: bool = False
 
     @classmethod
     def from_frames(
-        cls, stack: NDArray[np.uint8], people: NDArray[np.bool_] | None = None
+        cls,
+        stack: NDArray[np.uint8],
+        people: NDArray[np.bool_] | None = None,
+        kind: Kind = "auto",
     ) -> "EmptyScene":
         """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64;
-        where they are known to show people, (T, H, W), they do not show the scene.
+        where they are known to show people, (T, H, W), they do not show the scene. A uniform
+        backdrop is looked for (`auto`), there in any case (`uniform`), or not looked for.
         """
         stack = stack[:64]
         median = _median(stack)
@@ -65,8 +77,12 @@ class EmptyScene:
         factor = min(1.0, SCENE.side_px / min(height, width))
         size = max(round(width * factor), 1), max(round(height * factor), 1)
         small = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames]
-        rows, columns = np.arange(height) * size[1] // height, np.arange(width) * size[0] // width
         samples, hidden = np.stack(small).astype(np.float32), np.zeros(size[::-1], np.uint64)
+        if kind != "moving":
+            backdrop = Backdrop.found(samples, _radius(samples), kind == "uniform")
+            if backdrop is not None:
+                return cls._before(backdrop, frames)
+        rows, columns = _enlarging(size, (width, height))
         if people is not None:
             samples, hidden = _without_people(samples, people[: len(stack)])
         shown = (_background_frames(samples) & ~hidden)[np.ix_(rows, columns)]
@@ -81,6 +97,36 @@ class EmptyScene:
         )[unseen]
         variance[unseen] = SCENE.guess**2
         return cls(mean, variance, unseen, frames)
+
+    @classmethod
+    def _before(cls, backdrop: Backdrop, frames: NDArray[np.uint8]) -> "EmptyScene":
+        """Scene of a uniform backdrop and the things beside it."""
+        height, width = frames.shape[1:3]
+        rows, columns = _enlarging(backdrop.own.shape[::-1], (width, height))
+        shown, own = (array[np.ix_(rows, columns)] for array in (backdrop.shown, backdrop.own))
+        mean, variance = _moments(frames, shown)
+        field = np.asarray(cv2.resize(backdrop.mean, (width, height)), np.float32)
+        # Where two fields meet, the larger picture shows where.
+        own &= (shown == 0) | (np.abs(mean - field).sum(axis=2) < BACKDROP.tolerance)
+        variance += np.square(mean - field) * own[..., None]
+        variance[own & (shown == 0)] = np.median(variance[own & (shown > 0)], axis=0)
+        mean[own] = field[own]
+        variance = np.maximum(variance, SCENE.least_sigma**2)
+        return cls(mean, variance, own & (shown == 0), frames, True)
+
+
+def _enlarging(
+    small: tuple[int, ...], size: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of a small picture (width, height) at those of a larger one."""
+    return np.arange(size[1]) * small[1] // size[1], np.arange(size[0]) * small[0] // size[0]
+
+
+def _radius(samples: NDArray[np.float32]) -> float:
+    """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
+    median = np.median(samples, axis=0)
+    usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
+    return SCENE.changed * max(float(np.median(usual)), SCENE.least_noise)
 
 
 def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -110,9 +156,7 @@ def _without_people(
 def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Frames that show the background of each pixel, (h, w): bit t for frame t; 0: none does."""
     count, height, width = small.shape[:3]
-    median = np.median(small, axis=0)
-    usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in small]
-    radius = np.float32(SCENE.changed * max(float(np.median(usual)), SCENE.least_noise))
+    radius = np.float32(_radius(small))
     pixels = height * width
     mean = np.empty((pixels, _MODES, 3), np.float32)
     share = np.empty((pixels, _MODES), np.float32)

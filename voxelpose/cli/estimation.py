@@ -52,8 +52,12 @@ class EstimationArguments:
     filter_order: FilterOrder = None
     gap_limit: GapLimit = "0"
     gap_method: GapMethod = "linear"
-    background: Literal["refined", "paper"] = "refined"
-    """Silhouettes as in Okada and Stenger 5.1 (paper), or cleaned of shadows and noise."""
+    background: Annotated[
+        Literal["auto", "uniform", "moving", "refined", "paper"], arg(metavar="KIND")
+    ] = "auto"
+    """Where a camera without an empty view has its background from: a uniform backdrop where there
+    is one (auto), a backdrop known to be uniform, or the person's movement (moving). paper: as
+    auto, silhouettes as in Okada and Stenger 5.1; refined: as auto."""
     segmenter: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """Network that tells where people are, .onnx or .tflite, or a registered name; for cameras
     without an empty view. Default: none."""

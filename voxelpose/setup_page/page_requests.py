@@ -7,6 +7,7 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from calib.errors import InputError
+from silhouette_core.estimator import BackgroundKind
 
 LARGEST_BODY = 4_000_000
 """Bytes of a request: ten thousands of corners."""
@@ -75,7 +76,7 @@ class FitChosen(Struct, forbid_unknown_fields=True):
     """Settings of `fit`; None: the usual value, absent: as it is.
 
     Attributes:
-        background: method of the silhouettes.
+        background: see `BackgroundKind`.
         tolerance: cameras that may see background where the body is.
         voxel: edge of a voxel, metres.
         repair: what is done about cameras that do not agree.
@@ -83,7 +84,7 @@ class FitChosen(Struct, forbid_unknown_fields=True):
         up: direction of up, an axis or three numbers.
     """
 
-    background: Literal["refined", "paper"] | UnsetType | None = UNSET
+    background: BackgroundKind | UnsetType | None = UNSET
     tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
     voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
     repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
@@ -97,12 +98,12 @@ class SilhouetteRequest(Struct, forbid_unknown_fields=True):
 
     Attributes:
         moment: time step, from 0.
-        background: method.
+        background: see `BackgroundKind`.
         places: what is drawn.
     """
 
     moment: Annotated[int, Meta(ge=0, le=10_000_000)]
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind = "auto"
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 

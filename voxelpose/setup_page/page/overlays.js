@@ -113,7 +113,7 @@ export class Overlays {
   // Method of the silhouettes.
   get method() {
     const { doc, state } = this.app.store;
-    return doc.fit.background ?? state.settings.background?.value ?? "refined";
+    return doc.fit.background ?? state.settings.background?.value ?? "auto";
   }
 
   // What silhouettes depend on.

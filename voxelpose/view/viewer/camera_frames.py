@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from silhouette_core.estimator import BackgroundKind
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
@@ -29,7 +29,7 @@ class CameraFrames:
     def __init__(
         self,
         recording: Recording,
-        method: Literal["paper", "refined"],
+        kind: BackgroundKind,
         views: Mapping[str, UndistortedView],
         segmenter: str | None = None,
     ) -> None:
@@ -37,12 +37,12 @@ class CameraFrames:
 
         Args:
             recording: the frames.
-            method: of finding silhouettes.
+            kind: of their backgrounds.
             views: undistorted view of every camera by name.
             segmenter: that told where people are; without it where it cannot be used any more.
         """
         self._recording = recording
-        self._method: Literal["paper", "refined"] = method
+        self._kind: BackgroundKind = kind
         self._views, self._segmenter = views, segmenter
         self._next, self._frames = 0, None
 
@@ -54,7 +54,7 @@ class CameraFrames:
                 load_segmenter(segmenter)
         except InputError:
             segmenter = None
-        return Silhouettes(self._recording, self._method, LONG_SIDE_PX, segmenter=segmenter)
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, segmenter=segmenter)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
