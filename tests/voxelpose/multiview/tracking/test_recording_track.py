@@ -1,0 +1,82 @@
+"""An improbable person is tracked again in silhouettes that were cut where it was found."""
+
+from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calib.camera import Rig
+from silhouette_core.estimator import Settings
+from silhouette_core.progress import SilentReporter, StageClock
+from tests.voxelpose.multiview.carving.carving_scenes import look_at
+from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.tracking import recording_track
+from voxelpose.multiview.tracking.recording_track import TrackWork
+
+RIG = Rig((look_at("cam", (3, 0, 1), (0, 0, 1), (8, 6)),))
+RIGHT, WRONG = 0.08, 0.4
+
+
+def silhouettes(rows):
+    """Recording of two frames whose silhouettes fill so many rows."""
+    mask = np.zeros((6, 8), bool)
+    mask[:rows] = True
+    source = SimpleNamespace(silhouettes_given=False)
+    return SimpleNamespace(
+        store=[[mask], [mask]], rig=RIG, footage=SimpleNamespace(source=source), rows=rows
+    )
+
+
+def tracked(error):
+    """A tracker with the same error everywhere, and its start."""
+    start = SimpleNamespace(candidate=SimpleNamespace(objects=False), cost_of=np.mean)
+    body = SimpleNamespace(model=None)
+    return SimpleNamespace(error=np.full(2, error), body=body, poses=[None] * 2), start
+
+
+class Work(TrackWork):
+    """Finds persons whose errors are told beforehand."""
+
+    def _observations(self, prepared, kept):
+        return prepared
+
+    def _tracked(self, observations, *, objects=False):
+        return tracked(self.settings.options["errors"].pop(0))
+
+
+@pytest.fixture
+def result(monkeypatch):
+    """What comes of a person tracked with an error, and again with others."""
+
+    @contextmanager
+    def cut(prepared, *_):
+        yield silhouettes(3)
+
+    monkeypatch.setattr(recording_track, "cut_by_body", cut)
+
+    def result(first, *again, background="refined"):
+        settings = Settings(background=background, options={"errors": list(again)})
+        work = Work(settings, 10, MatchSettings(), None, StageClock(), SilentReporter())
+        with ExitStack() as kept:
+            (tracker, _), changed = work._cut_by_body(tracked(first), silhouettes(4), kept)
+        return tracker.error[0], changed, len(settings.options["errors"])
+
+    return result
+
+
+def test_a_probable_person_is_left_alone(result):
+    assert result(RIGHT, 0.01) == (RIGHT, {}, 1)
+
+
+def test_an_improbable_one_is_tracked_again_and_the_more_probable_taken(result):
+    assert result(WRONG, RIGHT, 0.01) == (RIGHT, {"cam": 0.25}, 1)
+    assert result(WRONG, 0.5, 0.01) == (WRONG, {}, 1)
+
+
+def test_it_is_cut_twice_at_most(result):
+    assert result(WRONG, 0.35, 0.3, 0.01) == (0.3, {"cam": 0.25}, 1)
+
+
+def test_the_papers_silhouettes_stay_as_they_are(result):
+    assert result(WRONG, RIGHT, background="paper") == (WRONG, {}, 1)
