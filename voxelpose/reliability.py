@@ -47,7 +47,8 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     silhouettes have less than three quarters of their union in common (one camera), or if the
     poses that one camera leaves are so far apart that the joints' mean error is likely above 75
     mm, or if it was joined of pieces that do not meet. So is one from which an object was left
-    out that nobody marked: legs that do not move may have been taken for it.
+    out that nobody marked: legs that do not move may have been taken for it; and one whose
+    silhouettes were cut by the body, with which they agree for that alone.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -95,6 +96,12 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             "doubtful",
             "something that stands beside the person, as a chair does, was left out: look at the"
             " contact sheet whether legs were taken for it; mark it as unknown to be sure",
+        )
+    if facts.get("cut_by_body"):
+        return Verdict(
+            "doubtful",
+            "the body explained the silhouettes poorly, so they were cut anew where it was found:"
+            " look at the contact sheet, above all at hands and feet, and record the empty view",
         )
     if error_mm is not None:
         return Verdict("reliable", error_mm=error_mm)

@@ -85,3 +85,12 @@ def test_a_result_most_of_whose_joints_are_likely_wrong_is_doubtful():
     assert verdict.level == "doubtful" and verdict.reason.startswith("3 of 4 joints")
     confidence["neck"] = 0.55
     assert verdict_of(numbers).level == "reliable"
+
+
+def test_silhouettes_that_the_body_made_are_no_witness_for_it():
+    numbers = summary(right=0.98)
+    numbers["facts"]["cut_by_body"] = {"cam_1": 0.2}
+    verdict = verdict_of(numbers)
+    assert verdict.level == "doubtful" and "cut anew where it was found" in verdict.reason
+    numbers["facts"]["cut_by_body"] = {}
+    assert verdict_of(numbers).level == "reliable"
