@@ -94,6 +94,11 @@ class Carving:
 
     voxel_m: float = 0.025
     """m. Edge of the voxels that are matched, and of those of objects. By eye."""
+    limb_m: float = 1.0
+    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
+    shrinkage: float = 0.9
+    """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
+    no accuracy."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
     explained: float = 0.04
@@ -132,6 +137,11 @@ class Matching:
 
     step_deg: float = 15.0
     """Degrees. Distance between sampled angles. Chosen by eye; Iiyama does not state his."""
+    matched_again: int = 3
+    """Placements of the torso whose limbs are matched again. Of 70 single frames (seeds 121 to 124,
+    211 to 220) searched live, 6 are over 100 mm off; with one placement, and one below, 8."""
+    searched: int = 2
+    """Poses whose limbs are searched on the silhouettes. As `matched_again`."""
     empty_cost: float = 1.0
     """Voxels. Cost of a part's voxel in empty space. Chosen by eye, not ablated."""
     taken_cost: float = 0.7
@@ -152,6 +162,10 @@ class Evidence:
 
     square_m: float = 0.12
     """m. Half the side of the square around a joint. Chosen by eye."""
+    least: float = 0.01
+    """1. Share below which a joint's surroundings count as alike. Chosen by eye."""
+    most_turned: float = 4.0
+    """1. Largest half-turn ratio that counts. Chosen by eye."""
     least_seen: float = 0.3
     """1. Of such a square, which must be known. Chosen by eye."""
     at_limit_rad: float = 0.02
@@ -208,6 +222,14 @@ class PersonSearch:
 
     stature_step: float = 1.07
     """1. Ratio of neighbouring statures that are tried; adaptation bridges half of it."""
+
+
+@dataclass(frozen=True)
+class SittingSearch:
+    """Search for sitting postures (`person.body_choice`)."""
+
+    head_m: float = 0.12
+    """m. Of the hull below its top, which is taken for the head: half of a head's height."""
 
 
 @dataclass(frozen=True)
@@ -337,3 +359,4 @@ HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
 COMPLETION, FLOOR_SHADOWS, COLOURS, UP_SEARCH = Completion(), FloorShadows(), Colours(), UpSearch()
 BODY_EVIDENCE = BodyEvidence()
+SITTING_SEARCH = SittingSearch()

@@ -307,7 +307,7 @@ def _shrink(
         volume = (high - low).prod()
         low = np.maximum(low, cropped.origin_m)
         high = np.minimum(high, cropped.origin_m + cropped.size_m)
-        if 10 * (high - low).prod() > 9 * volume:
+        if (high - low).prod() > CARVING.shrinkage * volume:
             break
     return low, high
 

@@ -220,8 +220,7 @@ class HullObserver:
         """
         if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
             return grid
-        leg_m = 1.0  # with the foot
-        low, high = grid.origin_m - leg_m, grid.origin_m + grid.size_m + leg_m
+        low, high = grid.origin_m - CARVING.limb_m, grid.origin_m + grid.size_m + CARVING.limb_m
         return VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
 
     def select(

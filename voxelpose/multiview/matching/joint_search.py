@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxelpose.multiview.matching.kernels.bits import count_common, count_new, find_dominated
+from voxelpose.multiview.tuning import CARVING
 
 MOST_BYTES = 200_000_000
 """Memory that partial choices of one search may take."""
@@ -211,7 +212,7 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
         return {number: row for group in solved for number, row in group.items()}
     reduced = [_undominated(part) for part in _contested(fewer)]
     left, before = (sum(len(part.rows) for part in one) for one in (reduced, parts))
-    if 10 * left < 9 * before:
+    if left < CARVING.shrinkage * before:
         return _solve(reduced, memory)
     # The part that can explain most is decided first: its choice restricts the others most.
     empty = np.zeros(reduced[0].bits.shape[1], np.uint64)

@@ -30,7 +30,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import REFINING
+from voxelpose.multiview.tuning import MATCHING, REFINING
 
 PLACEMENTS, MORE_PLACEMENTS, FEW_PLACEMENTS = 10, 20, 4
 """Placements of the torso that a search tries; where an improbable track is begun again, and of a
@@ -39,7 +39,6 @@ sitting person; and in a first search live, which the fewer, the sooner catches 
 # Placements whose limbs are matched again, and poses whose limbs are searched on the silhouettes.
 # Of 70 single frames (seeds 121 to 124, 211 to 220) searched live, 6 are over 100 mm off; with one
 # placement, and one pose, 8.
-_MATCHED_AGAIN, _SEARCHED = 3, 2
 
 
 def refinement(first_reach_m: float) -> RefineSettings:
@@ -142,9 +141,9 @@ def find_pose(
     first = sorted(_matches(body, frame, placements, settings), key=attrgetter("error"))
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[:_MATCHED_AGAIN]], settings)
+    again = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
     ranked = sorted([*again, *first], key=attrgetter("error"))
-    best, rest = ranked[:_SEARCHED], ranked[_SEARCHED:]
+    best, rest = ranked[: MATCHING.searched], ranked[MATCHING.searched :]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=attrgetter("error"))
 

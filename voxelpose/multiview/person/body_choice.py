@@ -48,7 +48,7 @@ from voxelpose.multiview.person.posterior import (
     posterior_cost,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, SITTING_SEARCH, TRACKING
 
 _HEADINGS, _BEST = 12, 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
@@ -81,8 +81,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
 def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
     top_m = points_m[:, 2].max()
-    half_head_m = 0.12
-    head = points_m[points_m[:, 2] > top_m - half_head_m]
+    head = points_m[points_m[:, 2] > top_m - SITTING_SEARCH.head_m]
     trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
 

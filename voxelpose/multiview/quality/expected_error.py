@@ -41,7 +41,6 @@ RIGHT_MM = 80
 """Mean error of the joints relative to the pelvis up to which a frame counts as right."""
 ADDED_MM = 3
 """Added to errors before their logarithm is taken."""
-_MOST_TURNED = 4  # largest half-turn ratio that counts
 
 # Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
 # standard deviation over a centimetre, log of the mean share, log of the median one, log of the
@@ -219,12 +218,12 @@ def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
     camera_error = np.maximum(evidence.camera_error, 1e-3)
     mean = np.log(camera_error.mean(axis=1))
     middle = np.log(np.median(camera_error, axis=1))
-    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, _MOST_TURNED)))
+    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, QUALITY.most_turned)))
     clothes = np.full(len(mean), 100 * evidence.clothes)
     cameras = np.full(len(mean), np.log(camera_error.shape[1] / 4))
     shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
     frames = np.stack([np.ones(len(mean)), *shared], axis=1)
-    near = np.log(evidence.joint_error + 0.01)  # below a hundredth they are alike
+    near = np.log(evidence.joint_error + QUALITY.least)
     sigma = np.log(evidence.joint_sigma_m / 0.01)
     constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
     of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
