@@ -34,7 +34,7 @@ def main(folders: list[str]) -> None:
         lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in recording.rig]
         with np.load(Path(folder) / "masks" / "masks.npz") as file:
             width, bits = int(file["width"]), [file[name] for name in names]
-        silhouettes = Silhouettes(recording, "refined", LONG_SIDE_PX)
+        silhouettes = Silhouettes(recording, "auto", LONG_SIDE_PX)
         settings = PreparationSettings(CARVING.voxel_m, 0, "off")
         work = recording, Settings(), settings, StageClock(), SilentReporter()
         before, after = [], []

@@ -74,7 +74,7 @@ class Late(Executor):
 def silhouettes(recording: Recording, side_px: int) -> tuple[Rig, list[dict[str, NDArray]]]:
     """Pinhole cameras, and the silhouettes of every frame by camera name."""
     lenses = [UndistortedView.from_camera(camera, side_px) for camera in recording.rig]
-    subtraction = Silhouettes(recording, "refined", side_px)
+    subtraction = Silhouettes(recording, "auto", side_px)
     masks = []
     for _, _, frames in recording:
         seen = subtraction.of(frames)

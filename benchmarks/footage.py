@@ -167,7 +167,7 @@ def measure(
 ) -> dict[str, Measured]:
     """Silhouettes of the checked frames, or of some, by camera name."""
     started = time.perf_counter()
-    silhouettes = Silhouettes(recording, "refined", LONG_SIDE_PX, segmenter=segmenter)
+    silhouettes = Silhouettes(recording, "auto", LONG_SIDE_PX, segmenter=segmenter)
     taken_s = time.perf_counter() - started
     spread = even_moments(recording.frame_count, _FRAMES, margin=0).tolist()
     numbers = {name: list(checked.get(name, spread)) for name in recording.rig.names}

@@ -142,8 +142,8 @@ class SilhouetteVideo:
                 " NAME"
             )
         view = UndistortedView.from_camera(recording.rig.cameras[0], LONG_SIDE_PX)
-        method = "refined" if additions else "paper"
-        silhouettes = Silhouettes(recording, method, LONG_SIDE_PX)
+        kind = "auto" if additions else "paper"
+        silhouettes = Silhouettes(recording, kind, LONG_SIDE_PX)
         reporter.stage("silhouettes", recording.frame_count)
         bits = []
         for _, _, frames in recording:

@@ -34,6 +34,12 @@ Frame = NDArray[np.uint8]
 """(H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included)."""
 
 
+BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
+"""What the background of a camera without an empty view is taken from: a uniform backdrop where one
+is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
+is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
+
+
 class FrameSource(Protocol):
     """Frames of one or several synchronous cameras, such as a Recording."""
 
@@ -106,7 +112,7 @@ class Settings:
     stature_m: float | None = None
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind = "auto"
     segmenter: str | None = None
     up: tuple[float, float, float] | None = None
     smooth: bool = True

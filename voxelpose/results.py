@@ -19,6 +19,7 @@ from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
+from silhouette_core.estimator import BackgroundKind
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
 
@@ -131,7 +132,7 @@ class _Settings(msgspec.Struct):
     stature_m: _Stature | None = None
     chest_m: _Chest | None = None
     sex: _Sex = "unknown"
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind | Literal["refined"] = "auto"  # refined: auto, until 2026-11
     segmenter: _Name = ""
     up: _Up | None = None
     smooth: bool = True

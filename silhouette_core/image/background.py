@@ -17,7 +17,7 @@ from silhouette_core.image.difference import (
     measure_exposure,
     measure_gain,
 )
-from silhouette_core.image.empty_scene import EmptyScene
+from silhouette_core.image.empty_scene import EmptyScene, Kind
 from silhouette_core.image.exposure import aligned
 from silhouette_core.image.foreground import (
     SilhouetteStages,
@@ -77,6 +77,7 @@ class BackgroundModel:
             -0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32
         )
         self._colours: SceneColours | None = None
+        self.uniform = False  # whether it is a backdrop, found in occupied frames
 
     @property
     def size(self) -> tuple[int, int]:
@@ -124,6 +125,7 @@ class BackgroundModel:
         frames: Iterable[np.ndarray],
         method: Method = "refined",
         evidence: Odds | None = None,
+        kind: Kind = "auto",
     ) -> "BackgroundModel":
         """Background from frames in which a person is always somewhere; see `EmptyScene`.
 
@@ -132,6 +134,7 @@ class BackgroundModel:
                 40 over the recording.
             method: see `Method`.
             evidence: as of `with_colours`.
+            kind: what it is taken from.
 
         Raises:
             ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
@@ -144,7 +147,7 @@ class BackgroundModel:
         if not stack:
             raise ValueError("frames must hold at least one picture, got none")
         people = None if evidence is None else np.stack(evidence) > 0
-        scene = EmptyScene.from_frames(np.stack(stack), people)
+        scene = EmptyScene.from_frames(np.stack(stack), people, kind)
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
         statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
@@ -155,6 +158,7 @@ class BackgroundModel:
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
         model._colours = SceneColours.learned(scene.frames, model._background, False, evidence)
+        model.uniform = scene.uniform
         return model
 
     def with_colours(

@@ -9,7 +9,8 @@ together, so that
    shows the other's colour at other times. Outlines of people do, those of furniture do not,
 3. what was never seen is small, and beside it nothing is gained by a thin rim,
 4. it is not shown where somebody is in front of it: in the convex hull of all that differs from the
-   background in a frame. Of who stays in place, limbs move, and the trunk between them does not.
+   background in a frame. Of who stays in place, limbs move, and the trunk between them does not,
+5. before a uniform backdrop (`image.backdrop`) it is the backdrop's colour, or was never seen.
 
 The hulls come from labels that are first chosen without them. All frames are given the same
 exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
@@ -20,17 +21,21 @@ problem: Cohen (ICCV 2005), with another cost of steps.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import aligned
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
 from silhouette_core.tuning import SCENE
 
+Kind = Literal["auto", "uniform", "moving"]
+"""What an empty scene is taken from, see `silhouette_core.estimator.BackgroundKind`."""
 _MODES, _ROUNDS = 5, 12
 
 
@@ -44,19 +49,25 @@ class EmptyScene:
         unseen: (H, W) bool, where the background was never seen and the colours around it are
             continued.
         frames: (T, H, W, 3) uint8, the frames with the exposure of the mean.
+        uniform: whether a uniform backdrop was found.
     """
 
     mean: NDArray[np.float32]
     variance: NDArray[np.float32]
     unseen: NDArray[np.bool_]
     frames: NDArray[np.uint8]
+    uniform: bool = False
 
     @classmethod
     def from_frames(
-        cls, stack: NDArray[np.uint8], people: NDArray[np.bool_] | None = None
+        cls,
+        stack: NDArray[np.uint8],
+        people: NDArray[np.bool_] | None = None,
+        kind: Kind = "auto",
     ) -> "EmptyScene":
         """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64;
-        where they are known to show people, (T, H, W), they do not show the scene.
+        where they are known to show people, (T, H, W), they do not show the scene. A uniform
+        backdrop is looked for (`auto`), is there in any case (`uniform`), or is not looked for.
         """
         stack = stack[:64]
         median = _median(stack)
@@ -69,7 +80,9 @@ class EmptyScene:
         samples, hidden = np.stack(small).astype(np.float32), np.zeros(size[::-1], np.uint64)
         if people is not None:
             samples, hidden = _without_people(samples, people[: len(stack)])
-        shown = (_background_frames(samples) & ~hidden)[np.ix_(rows, columns)]
+        radius = _radius(samples)
+        backdrop = None if kind == "moving" else backdrop_of(samples, radius, kind == "uniform")
+        shown = (_background_frames(samples, radius, backdrop) & ~hidden)[np.ix_(rows, columns)]
         mean, variance = _moments(frames, shown)
         unseen = shown == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
@@ -80,7 +93,11 @@ class EmptyScene:
             cv2.INPAINT_TELEA,
         )[unseen]
         variance[unseen] = SCENE.guess**2
-        return cls(mean, variance, unseen, frames)
+        if backdrop is not None:
+            field = np.asarray(cv2.resize(backdrop[0], (width, height)), np.float32)
+            shaded = unseen & only_shaded(median, field, radius)
+            mean[shaded], unseen = field[shaded], unseen & ~shaded
+        return cls(mean, variance, unseen, frames, backdrop is not None)
 
 
 def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -107,17 +124,25 @@ def _without_people(
     return filled, hidden
 
 
-def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
+def _radius(samples: NDArray[np.float32]) -> float:
+    """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
+    median = np.median(samples, axis=0)
+    usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
+    return SCENE.changed * max(float(np.median(usual)), SCENE.least_noise)
+
+
+def _background_frames(
+    small: NDArray[np.float32],
+    radius: float,
+    backdrop: tuple[NDArray[np.float32], NDArray[np.bool_]] | None,
+) -> NDArray[np.uint64]:
     """Frames that show the background of each pixel, (h, w): bit t for frame t; 0: none does."""
     count, height, width = small.shape[:3]
-    median = np.median(small, axis=0)
-    usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in small]
-    radius = np.float32(SCENE.changed * max(float(np.median(usual)), SCENE.least_noise))
     pixels = height * width
     mean = np.empty((pixels, _MODES, 3), np.float32)
     share = np.empty((pixels, _MODES), np.float32)
     shown = np.zeros((pixels, _MODES), np.uint64)
-    kernels.colour_modes(small.reshape(count, pixels, 3), radius, mean, share, shown)
+    kernels.colour_modes(small.reshape(count, pixels, 3), np.float32(radius), mean, share, shown)
     # What is seen once is a mixture: the edge of somebody in motion.
     share[(share < SCENE.seen) & (np.arange(_MODES) > 0)] = 0
     own = np.full((height, width, _MODES + 1), SCENE.hidden * SCENE.unseen, np.float32)
@@ -126,7 +151,7 @@ def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
     least, still = np.float32(SCENE.least_step), np.float32(SCENE.still)
-    limits = radius, least, still, np.float32(SCENE.border)
+    limits = np.float32(radius), least, still, np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)
@@ -136,6 +161,12 @@ def _background_frames(small: NDArray[np.float32]) -> NDArray[np.uint64]:
         kernels.least_cost_labels(own, right, down, _ROUNDS, labels)
         return np.take_along_axis(frames, labels.reshape(-1, 1), axis=1).reshape(height, width)
 
+    if backdrop is not None:
+        field, before = backdrop
+        strange = np.abs(modes[0] - field[:, :, None]).sum(axis=3) > tolerance(radius)
+        of_field = np.where(strange | np.isinf(own[..., :-1]), np.inf, 0)
+        own[before, :-1] = of_field[before]
+        return chosen()
     own[..., :-1] += SCENE.hidden * _hidden(chosen(), shown.reshape(height, width, _MODES), count)
     return chosen()
 

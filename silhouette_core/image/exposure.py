@@ -31,18 +31,26 @@ def aligned(frame: NDArray[np.uint8], reference: NDArray[np.float32]) -> NDArray
     x, y = columns.ravel(), rows.ravel()
     powers = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     ratios = np.log(small / empty).reshape(-1, 3)
-    lit = (empty > EXPOSURE.dark).all(axis=2).ravel()
-    powers_lit, ratios_lit = powers[lit], ratios[lit]
-    if len(ratios_lit) < _FEWEST:
+    # The darker a pixel, the less it says; but a black scene says more than who is lit in it.
+    light = np.square(empty.min(axis=2).ravel() - _DARK)
+    lit = light / (light + EXPOSURE.dark**2)
+    if lit.sum() < _FEWEST:
         return frame
     solution = np.zeros((6, 3))
-    solution[0] = np.median(ratios_lit, axis=0)
-    held = EXPOSURE.stiffness * len(ratios_lit) * np.diag([0.0, 1, 1, 1, 1, 1])
+    solution[0] = [_weighted_median(channel, lit) for channel in ratios.T]
+    held = EXPOSURE.stiffness * lit.sum() * np.diag([0.0, 1, 1, 1, 1, 1])
     for _ in range(_ROUNDS):
-        off = np.abs(ratios_lit - powers_lit @ solution).max(axis=1)
-        scale = max(2 * 1.4826 * float(np.median(off)), EXPOSURE.least)
-        weighted = powers_lit / (1 + (off / scale) ** 2)[:, None] ** 2
-        solution = np.linalg.solve(weighted.T @ powers_lit + held, weighted.T @ ratios_lit)
+        off = np.abs(ratios - powers @ solution).max(axis=1)
+        scale = max(2 * 1.4826 * _weighted_median(off, lit), EXPOSURE.least)
+        weighted = powers * (lit / (1 + (off / scale) ** 2) ** 2)[:, None]
+        solution = np.linalg.solve(weighted.T @ powers + held, weighted.T @ ratios)
     field = np.exp(-powers @ solution).reshape(*size[::-1], 3).astype(np.float32)
     field = cv2.resize(field, (width, height), interpolation=cv2.INTER_LINEAR)
     return cv2.multiply(frame, field, dtype=cv2.CV_8U)  # type: ignore[return-value]
+
+
+def _weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:
+    """Median of values (N,) of which each counts by its weight."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(below, below[-1] / 2)]])

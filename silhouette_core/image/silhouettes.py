@@ -7,6 +7,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import gcd
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
-from silhouette_core.estimator import Frame, FrameSource
+from silhouette_core.estimator import BackgroundKind, Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.difference import Exposure
+from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.image.segmenter import load_segmenter, person_odds
@@ -27,6 +29,8 @@ from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
 Window = tuple[slice, slice]
+EMPTY_VIEW, UNIFORM = "an empty view", "a uniform backdrop"
+ESTIMATED = "estimated from the recording's own frames"
 BodyOdds = Callable[[str, int, tuple[int, int]], NDArray[np.float32]]
 
 _BACKGROUND_FRAMES = 120
@@ -37,8 +41,8 @@ class Silhouettes:
     """Background subtraction for all cameras of a recording.
 
     Attributes:
-        without_background: Cameras without frames of the empty scene; theirs is estimated from
-            the recording's own frames.
+        kinds: By camera name, what its background is taken from: `EMPTY_VIEW`, `UNIFORM` or
+            `ESTIMATED`; empty where silhouettes are given.
         unknown: (h, w) bool by camera name, of the silhouettes' size, where nothing is known;
             silhouettes are empty there.
     """
@@ -46,7 +50,7 @@ class Silhouettes:
     def __init__(
         self,
         source: FrameSource,
-        method: Method = "refined",
+        background: BackgroundKind = "auto",
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
@@ -57,7 +61,7 @@ class Silhouettes:
 
         Args:
             source: The recording.
-            method: See `background.Method`.
+            background: See `BackgroundKind`.
             long_side_px: Size of the longer side to which larger frames, and with them their
                 silhouettes, are scaled down; None keeps all sizes.
             ahead: Whether the recording's own frames may be read beforehand, which tell how dark
@@ -70,9 +74,14 @@ class Silhouettes:
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image;
-                the segmenter cannot be used.
+                the segmenter cannot be used; there is no such kind.
         """
+        if background not in get_args(BackgroundKind):
+            kinds = ", ".join(get_args(BackgroundKind))
+            raise InputError(f"background = {str(background)[:40]!r} must be one of {kinds}")
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
+        method: Method = "paper" if background == "paper" else "refined"
+        kind: Kind = "auto" if background == "paper" else background
         self._given, self._refined = source.silhouettes_given, method == "refined"
         self._size_px = long_side_px
         self._read_places(source)
@@ -80,13 +89,11 @@ class Silhouettes:
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self._segmenter = None if segmenter is None else load_segmenter(segmenter)
         self._bodies = bodies
-        self.without_background: tuple[str, ...] = ()
+        self.kinds: dict[str, str] = {}
         if self._given:
             return
         backgrounds = source.backgrounds()
-        self.without_background = tuple(
-            name for name in source.rig.names if name not in backgrounds
-        )
+        without = [name for name in source.rig.names if name not in backgrounds]
 
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
@@ -95,9 +102,13 @@ class Silhouettes:
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        for name, samples in self._samples(source, self.without_background, _OCCUPIED).items():
-            frames, odds = samples
-            self._models[name] = BackgroundModel.from_occupied(frames, method, odds)
+        for name, (frames, odds) in self._samples(source, without, _OCCUPIED).items():
+            self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
+        self.kinds = {
+            name: EMPTY_VIEW if name in backgrounds else UNIFORM if known.uniform else ESTIMATED
+            for name in source.rig.names
+            if (known := self._models.get(name)) is not None
+        }
         if ahead and method == "refined":
             seen = self._samples(source, tuple(backgrounds), _SEEN)
             self._measure_shadow({name: frames for name, (frames, _) in seen.items()})
@@ -135,13 +146,19 @@ class Silhouettes:
         sizes = ((name, self._sizes[name][::-1]) for name in names)
         return [self.unknown.get(name, np.zeros(size, np.bool_)) for name, size in sizes]
 
+    @property
+    def without_background(self) -> tuple[str, ...]:
+        """Cameras whose empty scene is estimated from a person's movement: it is less sure."""
+        return tuple(name for name, kind in self.kinds.items() if kind == ESTIMATED)
+
     def note(self, reporter: Reporter) -> None:
-        """Tells which cameras have no pictures of the empty scene."""
-        if self.without_background:
-            reporter.note(
-                f"no picture of the empty view for {', '.join(self.without_background)}: it is"
-                " estimated from the recording's own frames"
-            )
+        """Tells the kind of each camera's background."""
+        groups = [
+            f"{', '.join(name for name in self.kinds if self.kinds[name] == kind)}: {kind}"
+            for kind in dict.fromkeys(self.kinds.values())
+        ]
+        if groups:
+            reporter.note("backgrounds: " + "; ".join(groups))
 
     def of(
         self,

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Suppress, arg
 
+from silhouette_core.estimator import BackgroundKind
 from voxelpose.cli.arguments import (
     BodyName,
     Cameras,
@@ -56,8 +57,10 @@ class EstimationArguments:
     filter_order: FilterOrder = None
     gap_limit: GapLimit = "0"
     gap_method: GapMethod = "linear"
-    background: Literal["refined", "paper"] = "refined"
-    """Silhouettes as in Okada and Stenger 5.1 (paper), or cleaned of shadows and noise."""
+    background: BackgroundKind = "auto"
+    """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
+    one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
+    in Okada and Stenger 5.1."""
     segmenter: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """Network that tells where people are, .onnx or .tflite, or a registered name; for cameras
     without an empty view. Default: none."""

@@ -350,7 +350,7 @@ class LiveSession:
         """Makes the background models; the search for a person begins."""
         settings = self.settings
         view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
-        self._silhouettes.learn(Silhouettes(view, "refined", long_side_px(settings.rig)))
+        self._silhouettes.learn(Silhouettes(view, "auto", long_side_px(settings.rig)))
         # Loads the kernels before the first frame is there.
         self._silhouettes.of(0.0, {name: images[-1] for name, images in self._empty.items()})
         if self._record_next:

@@ -50,7 +50,7 @@ _SETTINGS = {
     "stature_m": "height of the person as given, metres",
     "chest_m": "chest girth as given, metres",
     "sex": "whose average proportions were the start",
-    "background": "method of finding silhouettes",
+    "background": "what backgrounds were taken from",
     "segmenter": "network that told where people are",
     "smooth": "whether later frames were used, and the motion filtered",
     "conditioning": "filter of the finished motion, and which gaps are filled",

@@ -7,6 +7,7 @@ import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from calib.errors import InputError
+from silhouette_core.estimator import BackgroundKind
 
 LARGEST_BODY = 4_000_000
 """Bytes of a request: ten thousands of corners."""
@@ -77,7 +78,7 @@ class FitChosen(Struct, forbid_unknown_fields=True):
         up: direction of up, an axis or three numbers.
     """
 
-    background: Literal["refined", "paper"] | UnsetType | None = UNSET
+    background: BackgroundKind | UnsetType | None = UNSET
     tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
     voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
     repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
@@ -90,7 +91,7 @@ class SilhouetteRequest(Struct, forbid_unknown_fields=True):
     """Silhouettes of a moment, from 0, with what is drawn but not saved."""
 
     moment: Annotated[int, Meta(ge=0, le=10_000_000)]
-    background: Literal["refined", "paper"] = "refined"
+    background: BackgroundKind = "auto"
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 

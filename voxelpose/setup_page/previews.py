@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from silhouette_core.estimator import Frame
+from silhouette_core.estimator import BackgroundKind, Frame
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.tuning import COLOURS
@@ -22,7 +22,6 @@ from voxelpose.recording.folder import Recording
 from voxelpose.setup_page.drawn_places import DrawnRecording
 from voxelpose.view.images.canvas import encoded, hatched, png
 
-Method = Literal["refined", "paper"]
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
 _KEPT = 4  # moments
@@ -71,30 +70,30 @@ class BackgroundModels:
     def __init__(self, recording: Recording, settings: Callable[[], SettingValues]) -> None:
         """Learns nothing yet; reads the settings of `fit` when it does."""
         self._recording, self._settings, self._lock = recording, settings, threading.Lock()
-        self._models: dict[Method, Future[Silhouettes]] = {}
+        self._models: dict[BackgroundKind, Future[Silhouettes]] = {}
 
-    def get(self, method: Method) -> Silhouettes | None:
-        """Silhouettes by a method, see `BackgroundSettings`; None while it is learned.
+    def get(self, kind: BackgroundKind) -> Silhouettes | None:
+        """Silhouettes of a kind of background; None while it is learned.
 
         Raises:
             InputError: the backgrounds cannot be read.
         """
         with self._lock:
-            if method not in self._models:
-                self._models[method] = Future()
-                threading.Thread(target=self._learn, args=(method,), daemon=True).start()
-            model = self._models[method]
+            if kind not in self._models:
+                self._models[kind] = Future()
+                threading.Thread(target=self._learn, args=(kind,), daemon=True).start()
+            model = self._models[kind]
         return model.result() if model.done() else None
 
-    def _learn(self, method: Method) -> None:
+    def _learn(self, kind: BackgroundKind) -> None:
         try:
             segmenter, _ = self._settings().get("segmenter", (None, ""))
             source = DrawnRecording(**vars(self._recording))
-            model = Silhouettes(source, method, LONG_SIDE_PX, segmenter=segmenter)
+            model = Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
         except BaseException as error:  # for who asks
-            self._models[method].set_exception(error)
+            self._models[kind].set_exception(error)
         else:
-            self._models[method].set_result(model)
+            self._models[kind].set_result(model)
 
 
 def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int) -> bytes:
@@ -128,7 +127,7 @@ def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
         image = np.rint(stages.background.clip(0, 255)).astype(np.uint8)
         return encoded(image if stages.known.all() else hatched(image, ~stages.known), ".png")
     if stages.difference is None or stages.odds is None:
-        raise InputError(f"the method paper has no {stage}: choose refined")
+        raise InputError(f"the method paper has no {stage}: choose auto")
     if stage == "difference":
         # Twice the limit is white: at the limit the colours change from violet to orange.
         grey = np.rint(127.5 * stages.difference.clip(0, 2)).astype(np.uint8)

@@ -86,3 +86,56 @@ def test_a_part_of_a_picture_is_undistorted_as_its_silhouette_is(distortion, sca
     assert part.shape == (size[1], size[0], 3)
     seen = whole[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]]
     assert ((part[..., 1] > 127) != seen).mean() < 0.02 and seen.any() and not seen.all()
+
+
+class TwoRooms(Room):
+    """The same room filmed by two cameras, of which the second one has no empty view."""
+
+    def __init__(self) -> None:
+        super().__init__(True)
+        self.rig = ring(2, (320, 240))
+
+    def regions(self) -> dict:
+        return {}
+
+    def at(self, steps):
+        walking = Room(False).at(steps)
+        for own, other in zip(super().at(steps), walking, strict=True):
+            yield own | {"cam_2": other["cam_1"]}
+
+
+class Notes:
+    """Keeps the notes."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.texts.append(text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "unsure"),
+    [
+        ("auto", "a uniform backdrop", ()),
+        ("paper", "a uniform backdrop", ()),
+        ("moving", "estimated from the recording's own frames", ("cam_2",)),
+    ],
+)
+def test_one_note_names_each_camera_s_kind_of_background(kind, words, unsure):
+    silhouettes, notes = Silhouettes(TwoRooms(), kind), Notes()
+    silhouettes.note(notes)
+    assert notes.texts == [f"backgrounds: cam_1: an empty view; cam_2: {words}"]
+    assert silhouettes.without_background == unsure
+
+
+def test_masks_have_no_background_to_be_named():
+    source, notes = Room(True), Notes()
+    source.silhouettes_given = True
+    Silhouettes(source).note(notes)
+    assert notes.texts == []
+
+
+def test_an_unknown_kind_of_background_is_refused():
+    with pytest.raises(InputError, match=r"'plain' must be one of auto, uniform, moving, paper"):
+        Silhouettes(Room(True), "plain")

@@ -18,9 +18,9 @@ def test_silhouettes_near_the_last_ones_are_those_of_the_whole_pictures(tmp_path
     recording = Recording.open(write_staged(tmp_path / "staged", MOTION, ring(2)))
     side = round(0.75 * max(recording.rig.cameras[0].size))
     process = SilhouetteProcess(recording.rig)
-    whole = Silhouettes(recording, "refined", side)
+    whole = Silhouettes(recording, "auto", side)
     try:
-        process.learn(Silhouettes(recording, "refined", side))
+        process.learn(Silhouettes(recording, "auto", side))
         for number, time_s, pictures in recording:
             moment, others = process.of(time_s, pictures)
             assert moment.time_s == time_s

@@ -164,7 +164,7 @@ JSON = st.recursive(
     | st.floats()
     | st.integers()
     | st.text(max_size=20)
-    | st.sampled_from(["cam_1", "z", "refined"]),
+    | st.sampled_from(["cam_1", "z", "auto"]),
     lambda inner: (
         st.lists(inner, max_size=4)
         | st.dictionaries(

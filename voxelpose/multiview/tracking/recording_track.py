@@ -178,7 +178,7 @@ class TrackWork:
         """
         changed: dict[str, float] = {}
         given = prepared.footage.source.silhouettes_given
-        for _ in range(_CUTS if self.settings.background == "refined" and not given else 0):
+        for _ in range(_CUTS if self.settings.background != "paper" and not given else 0):
             tracker, start = found
             if not is_improbable(spread_errors(tracker)):
                 break

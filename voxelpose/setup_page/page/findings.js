@@ -2,7 +2,7 @@
 
 import { button, checkbox, make, number, refusal } from "./parts.js";
 
-const USUAL = { background: "refined", tolerance: "0", voxel: "automatic", repair: "auto",
+const USUAL = { background: "auto", tolerance: "0", voxel: "automatic", repair: "auto",
   stature: "estimated" };
 
 const STAGES = {
@@ -45,7 +45,7 @@ function settingsGrid(app, state) {
     const note = name === "background" && state.refused.background ? state.refused.background : inherited(state, name);
     if (note) grid.append(make("div", { class: "note" }, note));
   };
-  row("background", "Method", select(app, "background", ["refined", "paper"], Boolean(state.refused.background)));
+  row("background", "Background", select(app, "background", ["auto", "uniform", "moving", "paper"], Boolean(state.refused.background)));
   row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { min: 0, max: 60, step: 1 }, true));
   row("repair", "Repair cameras", select(app, "repair", ["auto", "say", "off"], false));
   row("voxel", "Voxel, m", numeric(app, "voxel", { min: 0.002, max: 0.5, step: "any" }, false));

@@ -110,10 +110,10 @@ export class Overlays {
     if (note) note.textContent = text;
   }
 
-  // Method of the silhouettes.
+  // What backgrounds are taken from.
   get method() {
     const { doc, state } = this.app.store;
-    return doc.fit.background ?? state.settings.background?.value ?? "refined";
+    return doc.fit.background ?? state.settings.background?.value ?? "auto";
   }
 
   // What silhouettes depend on.

@@ -201,11 +201,11 @@ class ResultScenes:
         views = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
-        method = settings.get("background", "refined")
+        kind = settings.get("background", "auto").replace("refined", "auto")
         self._reader = None
         if self.recording:
             segmenter = settings.get("segmenter")
-            self._reader = CameraFrames(self.recording, method, views, segmenter)
+            self._reader = CameraFrames(self.recording, kind, views, segmenter)
         self._cameras = tuple(view.pinhole for view in views.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
         unknown = self._reader.unknown if self._reader else None

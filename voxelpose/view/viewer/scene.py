@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.estimator import BackgroundKind
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
 from silhouette_core.motion.kinematics import quaternions
@@ -340,18 +341,19 @@ class CameraFrames:
     def __init__(
         self,
         recording: Recording,
-        method: Literal["paper", "refined"],
+        kind: BackgroundKind,
         views: Mapping[str, UndistortedView],
         segmenter: str | None = None,
     ) -> None:
         """Prepares; nothing is read before the first frame.
 
         Args:
+            kind: of their backgrounds.
             views: undistorted view of every camera by name.
             segmenter: that told where people are; without it where it cannot be used any more.
         """
         self._recording = recording
-        self._method: Literal["paper", "refined"] = method
+        self._kind: BackgroundKind = kind
         self._views, self._segmenter = views, segmenter
         self._next, self._frames = 0, None
 
@@ -363,7 +365,7 @@ class CameraFrames:
                 load_segmenter(segmenter)
         except InputError:
             segmenter = None
-        return Silhouettes(self._recording, self._method, LONG_SIDE_PX, segmenter=segmenter)
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, segmenter=segmenter)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:

@@ -55,7 +55,7 @@ def result(monkeypatch):
 
     monkeypatch.setattr(recording_track, "cut_by_body", cut)
 
-    def result(first, *again, background="refined"):
+    def result(first, *again, background="auto"):
         settings = Settings(background=background, options={"errors": list(again)})
         work = Work(settings, 10, MatchSettings(), None, StageClock(), SilentReporter())
         with ExitStack() as kept:

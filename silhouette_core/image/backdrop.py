@@ -1,0 +1,175 @@
+"""A uniform backdrop, known at the rim of the picture and continued behind whoever stays before it.
+
+A screen, plain or lit unevenly, is one smooth colour field: a polynomial of the position in each
+channel. The rim shows no person, mostly, so there the field is fitted first; a floor before the
+screen may be a second one. A backdrop is uniform where fields explain most of the rim, and most of
+what somebody moves before shows them at other times.
+
+It tells `image.empty_scene` which colours are the scene's and which the person's: of a piece in
+which something moves, what no field explains. What does not move at all is a thing of the scene,
+and so is what always reaches the border but below, as a panel does.
+This project's own.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.components import label_components
+from silhouette_core.image.cleanup import bounding_box
+from silhouette_core.tuning import BACKDROP, EXPOSURE, FOREGROUND
+
+_LAYERS = 2  # screen and floor
+_ROUNDS = 4
+_DEGREE = 2  # light that falls off, as in `image.exposure`
+_BLACK = 4  # grey levels: a bar is not lit at all
+
+
+def backdrop_of(
+    samples: NDArray[np.float32], radius: float, asked: bool = False
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]] | None:
+    """The field (h, w, 3) of a uniform backdrop in frames (T, h, w, 3) of one exposure, and where
+    somebody is before it at some time, (h, w) bool; None where there is none.
+
+    Args:
+        samples: BGR of 255.
+        radius: difference, summed over the channels, that is more than noise.
+        asked: whether it is known that the backdrop is uniform.
+    """
+    median = np.median(samples, axis=0).astype(np.float32)
+    rim, inside = _rim(median)
+    fields = _fields(median, rim, inside)
+    explained = [_explained(median, field)[rim] > 0 for field in fields]
+    if not fields or (not asked and np.any(explained, axis=0).mean() < BACKDROP.rim):
+        return None
+    limit = tolerance(radius)
+    mean = _nearest([_seen(samples, field, limit, rim) for field in fields], fields)
+    near = np.stack([_apart(sample, mean) < limit for sample in samples])
+    moved = ~np.stack([_apart(sample, median) < limit for sample in samples]).all(axis=0) & inside
+    if not asked and moved.any() and near[:, moved].any(axis=0).mean() < BACKDROP.before:
+        return None
+    strange = _opened(~near.all(axis=0) & inside)
+    usually = _opened((_apart(median, mean) >= limit) & inside)
+    core_below = np.asarray(np.cumsum((inside & ~rim).any(axis=1)[::-1])[::-1] > 0)
+    above = rim & core_below[:, None]
+    return mean, _containing(strange, _opened(moved)) & ~_containing(usually, above)
+
+
+def only_shaded(
+    colours: NDArray[np.float32], field: NDArray[np.float32], radius: float
+) -> NDArray[np.bool_]:
+    """Where colours (h, w, 3) may be the field's (h, w, 3) in a shadow, (h, w) bool."""
+    light = (colours * field).sum(axis=2) / np.maximum(np.square(field).sum(axis=2), 1)
+    shade = np.clip(light, FOREGROUND.shadow, 1)[..., None]
+    return _apart(colours, shade * field) < tolerance(radius)
+
+
+def tolerance(radius: float) -> float:
+    """Largest difference of a colour and the field that explains it, with that of noise."""
+    return float(max(radius, BACKDROP.tolerance))
+
+
+def _apart(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Difference of colours (..., 3), summed over the channels."""
+    return np.abs(first - second).sum(axis=-1)
+
+
+def _explained(median: NDArray[np.float32], field: NDArray[np.floating]) -> NDArray[np.floating]:
+    """How well a field explains colours (..., 3): 1 is exact, 0 not at all."""
+    return np.maximum(1 - (_apart(median, field) / BACKDROP.tolerance) ** 2, 0)
+
+
+def _rim(median: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rim of a picture (h, w, 3) within its black bars, and all within them, (h, w) bool."""
+    inside = np.zeros(median.shape[:2], np.bool_)
+    inside[bounding_box(median.max(axis=2) > _BLACK)] = True
+    # Pixels beside bars are mixed.
+    inside = cv2.erode(inside.view(np.uint8), np.ones((3, 3), np.uint8)).view(np.bool_)
+    shorter = min(inside.any(axis=0).sum(), inside.any(axis=1).sum())
+    side = 2 * max(2, round(BACKDROP.width * shorter)) + 1
+    padded = np.pad(inside.view(np.uint8), 1)
+    core = cv2.erode(padded, np.ones((side, side), np.uint8))[1:-1, 1:-1].view(np.bool_)
+    return inside & ~core, inside
+
+
+def _fields(
+    median: NDArray[np.float32], rim: NDArray[np.bool_], inside: NDArray[np.bool_]
+) -> list[NDArray[np.float32]]:
+    """Smooth fields (h, w, 3) that explain most of the rim, the larger one first."""
+    y, x = np.mgrid[-1 : 1 : rim.shape[0] * 1j, -1 : 1 : rim.shape[1] * 1j]
+    orders = range(_DEGREE + 1)
+    powers = np.stack([x**i * y**j for i in orders for j in orders if i + j in orders], axis=-1)
+    beside, left = np.abs(x) > np.abs(y), inside.copy()
+    sides = ~beside & (y < 0), ~beside & (y > 0), beside & (x < 0), beside & (x > 0)
+    fields: list[NDArray[np.float32]] = []
+    while len(fields) < _LAYERS:
+        starts = [left & side for side in sides if (left & rim & side).any()]
+        found = [_field(median, powers, start, left) for start in starts]
+        explained = [_explained(median, field) for field in found]
+        if not found:
+            break
+        best = int(np.argmax([one[left].sum() for one in explained]))
+        if explained[best][left & rim].sum() < BACKDROP.layer * rim.sum():
+            break
+        fields.append(found[best])
+        left &= explained[best] == 0
+    return fields
+
+
+def _field(
+    median: NDArray[np.float32],
+    powers: NDArray[np.float64],
+    start: NDArray[np.bool_],
+    left: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Field (h, w, 3) of most of a side of the picture, then of what else it explains (weights of
+    Geman and McClure).
+    """
+    solution = np.zeros((powers.shape[-1], 3))
+    solution[0] = np.median(median[start], axis=0)
+    for number, used in enumerate([start] * _ROUNDS + [left] * 2 * _ROUNDS):
+        at, colours = powers[used], median[used]
+        off = _apart(colours, at @ solution)
+        scale = max(float(np.median(off)) if number < _ROUNDS else 0, BACKDROP.tolerance)
+        weight = 1 / (1 + (off / scale) ** 2) ** 2
+        weighted = at * weight[:, None]
+        held = EXPOSURE.stiffness * weight.sum() * np.diag(np.arange(at.shape[1]) > 0)
+        solution = np.linalg.solve(weighted.T @ at + held, weighted.T @ colours)
+    return np.asarray((powers @ solution).clip(0, 255), np.float32)
+
+
+def _seen(
+    samples: NDArray[np.float32], field: NDArray[np.float32], limit: float, rim: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Number of frames (h, w) that show a field, where it reaches the rim, unbroken."""
+    count = np.sum([_apart(sample, field) < limit for sample in samples], axis=0)
+    shown = count > 0.5 * len(samples)
+    return count * _containing(shown, shown & rim)
+
+
+def _nearest(
+    seen: list[NDArray[np.int64]], fields: list[NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """The field that is seen most, (h, w, 3); where none is, the one nearest to the place."""
+    away = [
+        cv2.distanceTransform((count == 0).astype(np.uint8), cv2.DIST_L2, 5)
+        if count.any()
+        else np.full(count.shape, np.inf)
+        for count in seen
+    ]
+    label = np.argmin(np.stack(away) - 1e-3 * np.stack(seen), axis=0)
+    return np.take_along_axis(np.stack(fields), label[None, ..., None], axis=0)[0]
+
+
+def _opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mask (h, w) without what is thinner than 3 px."""
+    opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(opened, np.uint8).view(np.bool_)
+
+
+def _containing(mask: NDArray[np.bool_], places: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pieces of a mask (h, w) that contain one of some places (h, w)."""
+    parts = label_components(mask)
+    wanted = np.zeros(len(parts.sizes), np.bool_)
+    wanted[parts.labels[mask & places]] = True
+    return wanted[parts.labels]
