@@ -50,8 +50,9 @@ def backdrop_of(
         return None
     strange = _opened(~near.all(axis=0) & inside)
     usually = _opened((_apart(median, mean) >= limit) & inside)
-    core_below = np.asarray(np.cumsum((inside & ~rim).any(axis=1)[::-1])[::-1] > 0)
-    above = rim & core_below[:, None]
+    core = np.flatnonzero((inside & ~rim).any(axis=1))
+    above = rim.copy()
+    above[int(core.max(initial=-1)) + 1 :] = False
     return mean, _containing(strange, _opened(moved)) & ~_containing(usually, above)
 
 
