@@ -96,9 +96,13 @@ class StatureEvidence:
 
 
 def hull_height_m(frame: FrameObservation) -> float:
-    """Height of a frame's visual hull, m."""
-    levels = np.flatnonzero(frame.occupancy.any((0, 1)))
-    return float(np.ptp(levels) + 1) * frame.grid.voxel_size_m
+    """Height of a frame's visual hull above its middle, m: beside it, where few cameras look the
+    same way, are the ends of their cones.
+    """
+    voxels = np.argwhere(frame.occupancy)
+    aside = np.hypot(*(voxels[:, :2] - np.median(voxels[:, :2], axis=0)).T)
+    near = aside <= max(PERSON_COST.middle_m / frame.grid.voxel_size_m, float(aside.min()))
+    return float(np.ptp(voxels[near, 2]) + 1) * frame.grid.voxel_size_m
 
 
 @dataclass(frozen=True, eq=False)

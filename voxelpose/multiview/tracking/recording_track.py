@@ -23,6 +23,7 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
+from voxelpose.multiview.quality.expected_error import NEAR_MM
 from voxelpose.multiview.silhouettes.body_evidence import cut_by_body
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
@@ -174,7 +175,8 @@ class TrackWork:
         self, found: tuple[PoseTracker, Start], prepared: PreparedSilhouettes, kept: ExitStack
     ) -> tuple[tuple[PoseTracker, Start], dict[str, float]]:
         """While a person is improbable, tracks it again in silhouettes cut anew where it was found;
-        the more probable is taken. Also what share of them changed, by camera name.
+        the more probable is taken, if it is elsewhere. Also what share of them changed, by camera
+        name.
         """
         changed: dict[str, float] = {}
         given = prepared.footage.source.silhouettes_given
@@ -185,7 +187,9 @@ class TrackWork:
             at = tracker.body.model, tracker.poses, self.clock, self.reporter
             cut = kept.enter_context(cut_by_body(prepared, *at))
             again = self._tracked(self._observations(cut, kept), objects=start.candidate.objects)
-            if _cost(*again) >= _cost(*found):
+            # Where both agree the first stands: a body is no witness for silhouettes that it made.
+            agree = _apart_mm(tracker, again[0]) < NEAR_MM
+            if agree or _cost(*again) >= _cost(*found):
                 break
             found, changed = again, _changed(prepared, cut)
         if changed:
@@ -256,6 +260,12 @@ def _changed(old: PreparedSilhouettes, new: PreparedSilhouettes) -> dict[str, fl
         [[(a ^ b).sum() / max((a | b).sum(), 1) for a, b in pair] for pair in pairs], axis=0
     )
     return dict(zip(old.rig.names, shares.round(4).tolist(), strict=True))
+
+
+def _apart_mm(first: PoseTracker, second: PoseTracker) -> float:
+    """Median distance of the joints of two tracks of the same frames."""
+    apart = np.linalg.norm(first.joints_m() - second.joints_m(), axis=2)
+    return 1000 * float(np.nanmedian(apart))
 
 
 def _cost(tracker: PoseTracker, start: Start) -> float:

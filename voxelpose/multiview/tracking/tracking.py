@@ -181,18 +181,20 @@ class PoseTracker:
             for t, fit in fits.items():
                 self._keep(t, fit)
 
+    def joints_m(self) -> np.ndarray:
+        """Joints (T, L, 3) of all frames, metres; NaN without a pose."""
+        joints = np.full((len(self.poses), *self.body.model.landmarks_m.shape), np.nan)
+        posed = [t for t, pose in enumerate(self.poses) if pose is not None]
+        if posed:
+            poses = PoseArrays.from_poses([pose for pose in self.poses if pose is not None])
+            joints[posed] = landmarks(self.body.model, *place(self.body.model, *poses.arrays))
+        return joints
+
     def _jumps(self) -> np.ndarray:
         """Frames after which the pose jumps: farther than people move, and than around it."""
-        posed = [pose is not None for pose in self.poses]
-        both = np.flatnonzero(np.logical_and(posed[1:], posed[:-1]))
-        if not len(both):
-            return both
-        poses = PoseArrays.from_poses([pose for pose in self.poses if pose is not None])
-        joints = landmarks(self.body.model, *place(self.body.model, *poses.arrays))
-        index = np.cumsum(posed) - 1
-        joints = joints - joints[:, :1]
-        steps = np.full(len(self.poses) - 1, np.nan)
-        steps[both] = np.linalg.norm(joints[index[both + 1]] - joints[index[both]], axis=2).mean(1)
+        joints = self.joints_m()
+        steps = np.linalg.norm(np.diff(joints - joints[:, :1], axis=0), axis=2).mean(axis=1)
+        both = np.flatnonzero(np.isfinite(steps))
         half = RECENT // 2
         around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
         farthest = OFF_LINE.jump_m * FPS / self.fps

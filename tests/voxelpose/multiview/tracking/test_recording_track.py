@@ -28,11 +28,16 @@ def silhouettes(rows):
     )
 
 
-def tracked(error):
-    """A tracker with the same error everywhere, and its start."""
+def tracked(error, at_m=None):
+    """A tracker with the same error everywhere, and its start; joints lie the farther, the larger
+    it is.
+    """
     start = SimpleNamespace(candidate=SimpleNamespace(objects=False), cost_of=np.mean)
     body = SimpleNamespace(model=None)
-    return SimpleNamespace(error=np.full(2, error), body=body, poses=[None] * 2), start
+    joints_m = np.full((2, 15, 3), error if at_m is None else at_m)
+    tracker = SimpleNamespace(error=np.full(2, error), body=body, poses=[None] * 2)
+    tracker.joints_m = lambda: joints_m
+    return tracker, start
 
 
 class Work(TrackWork):
@@ -42,7 +47,7 @@ class Work(TrackWork):
         return prepared
 
     def _tracked(self, observations, *, objects=False):
-        return tracked(self.settings.options["errors"].pop(0))
+        return tracked(self.settings.options["errors"].pop(0), self.settings.options.get("at_m"))
 
 
 @pytest.fixture
@@ -55,8 +60,8 @@ def result(monkeypatch):
 
     monkeypatch.setattr(recording_track, "cut_by_body", cut)
 
-    def result(first, *again, background="auto"):
-        settings = Settings(background=background, options={"errors": list(again)})
+    def result(first, *again, background="auto", at_m=None):
+        settings = Settings(background=background, options={"errors": list(again), "at_m": at_m})
         work = Work(settings, 10, MatchSettings(), None, StageClock(), SilentReporter())
         with ExitStack() as kept:
             (tracker, _), changed = work._cut_by_body(tracked(first), silhouettes(4), kept)
@@ -76,6 +81,11 @@ def test_an_improbable_one_is_tracked_again_and_the_more_probable_taken(result):
 
 def test_it_is_cut_twice_at_most(result):
     assert result(WRONG, 0.35, 0.3, 0.01) == (0.3, {"cam": 0.25}, 1)
+
+
+def test_where_both_agree_the_first_stands(result):
+    assert result(WRONG, RIGHT, at_m=WRONG + 0.01) == (WRONG, {}, 0)
+    assert result(WRONG, RIGHT, at_m=WRONG + 0.03) == (RIGHT, {"cam": 0.25}, 0)
 
 
 def test_the_papers_silhouettes_stay_as_they_are(result):
