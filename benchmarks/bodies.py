@@ -83,7 +83,7 @@ def recording_of(name: str) -> Path:
 def score(name: str, motion: Motion, truth: Motion) -> dict[str, float]:
     """Errors of a motion against the true one, over the frames that have a pose."""
     rows = np.searchsorted(truth.frames, motion.frames)
-    free = ~truth.model.dof_fixed
+    free = ~truth.model.tree.dof_fixed
     turns = np.degrees(np.abs(motion.angles_rad - truth.angles_rad[rows]))[:, free]
     found_m, true_m = motion.landmarks(), truth.landmarks()[rows]
     mm = 1000 * np.linalg.norm(found_m - true_m, axis=2)
@@ -135,7 +135,7 @@ def library_of(name: str) -> Path:
         middle, count = later.angles_rad.mean(0), later.model.dof_count
         gain, shift = rng.uniform(0.75, 1.25, count), np.radians(rng.normal(0, 4.0, count))
         angles = middle + shift + gain * (later.angles_rad - middle)
-        other = replace(later, angles_rad=np.clip(angles, *later.model.dof_limits_rad.T))
+        other = replace(later, angles_rad=np.clip(angles, *later.model.tree.dof_limits_rad.T))
         settings = LibrarySettings(_LIBRARY, pitches_deg=_PITCHES_DEG)
         make_library({"later": other}, later.model, path, settings)
     return path
@@ -211,7 +211,7 @@ def stances(cameras: tuple[int, ...]) -> list[dict[str, object]]:
         for seed in range(_STANCES):
             rng = np.random.default_rng(seed)
             turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)).as_matrix()
-            low, high = 0.9 * model.dof_limits_rad.T
+            low, high = 0.9 * model.tree.dof_limits_rad.T
             truth = Pose(np.array([0.0, 0.0, 0.45]), turn, rng.uniform(low, high))
             frame, true_m = _silhouettes(model, truth, views), _landmarks(model, truth)
             start = Pose(truth.root_m, truth.root_rotation, np.zeros(model.dof_count))

@@ -47,7 +47,7 @@ def film() -> tuple[Rig, list[list[NDArray[np.bool_]]], list[Pose]]:
             ("right_thigh.flexion", -0.10),
             ("left_shin.flexion", 0.12),
         ):
-            angles[other.dof_names.index(name)] += speed * (t + 1)
+            angles[other.tree.dof_names.index(name)] += speed * (t + 1)
         poses.append(Pose(np.array([0.0, -0.03 * t, 0.95]), np.eye(3), angles))
         vertices = posed_mesh(other, poses[-1])
         drawn = [

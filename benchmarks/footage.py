@@ -35,10 +35,8 @@ from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import Frame
-from silhouette_core.image.plausibility import telling_frames
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
-from silhouette_core.monocular.joined_person import JoinedPerson, Sample
 from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX, PersonFinder
 from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
 from voxelpose.recording.frame_reader import VIDEOS
@@ -215,22 +213,16 @@ def _follow(
     """Adds the person whom `track` takes, who is followed from the first frame on."""
     camera = recording.rig.cameras[0]
     entries = checked.get(camera.name, {})
-    joining, finder = _joining(recording, silhouettes), PersonFinder(camera, False)
+    finder = PersonFinder(camera, False)
     lens = UndistortedView.from_camera(camera, LONG_SIDE_PX)
     for number, _, frames in recording:
         if number > max(entries, default=-1):
             return
-        found = silhouettes.of(frames)[camera.name] if joining is None else joining.of(frames)
+        found = silhouettes.of(frames)[camera.name]
         person = finder.find(frames[camera.name], found)
         if number in entries:
             mask = np.zeros_like(found) if person is None else person.mask
             measured.of_person.append(_nearest(mask, entries[number], camera, lens))
-
-
-def _joining(recording: Recording, silhouettes: Silhouettes) -> JoinedPerson | None:
-    name, steps = recording.rig.names[0], telling_frames(recording.frame_count)[::2]
-    samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in recording.at(steps)]
-    return JoinedPerson.learned(silhouettes, name, samples)
 
 
 def _nearest(

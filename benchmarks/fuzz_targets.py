@@ -174,7 +174,7 @@ def _make_bvh(folder: Path) -> None:
 
 def _make_expmap(folder: Path) -> None:
     motion, model = _motion(), _motion().model
-    parents = model.parents.tolist()
+    parents = model.tree.parents.tolist()
     joints = model.joints_m * 100
     offsets = [joints[k] - (joints[p] if p >= 0 else 0) for k, p in enumerate(parents)]
     skeleton = {

@@ -54,7 +54,7 @@ def sample(library: Path, recording: Path) -> dict[str, np.ndarray]:
     motion, truth = read_motion(result / "motion.safetensors"), read_truth(recording / "truth.json")
     estimate = read_joints(result / "joints.csv", len(truth))[motion.frames]
     true = truth[motion.frames]
-    occluded = motion.quality["occluded"][:, motion.model.landmark_part]
+    occluded = motion.quality["occluded"][:, motion.model.tree.landmark_part]
     agreement = np.asarray(motion.quality["outline_agreement"])
     relative = (estimate - estimate[:, :1]) - (true - true[:, :1])
     evidence = spreads(result, motion.frames), agreement, occluded

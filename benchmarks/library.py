@@ -44,9 +44,9 @@ def dense_distances(mask: np.ndarray, silhouettes: np.ndarray, weights: np.ndarr
 def _masks() -> tuple[np.ndarray, ...]:
     """About 2,000 silhouettes of made-up poses from all sides, at the three resolutions."""
     model, rng = BodyModel.from_sizes(BodySizes(1.75)), np.random.default_rng(0)
-    low, high = model.dof_limits_rad.T
+    low, high = model.tree.dof_limits_rad.T
     angles = np.where(
-        model.dof_fixed, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high)
+        model.tree.dof_fixed, 0, np.clip(rng.normal(0, 0.4, (_POSES, model.dof_count)), low, high)
     )
     surfaces = pose_surfaces(model, np.tile([1.0, 0, 0, 0], (_POSES, 1)), angles)
     views = np.column_stack(

@@ -109,4 +109,4 @@ def use_library(path: Path) -> None:
         posterior = tree.update(even, _evidence())
         tree.update(tree.predict(posterior), _evidence())
     if library.proposal is not None:
-        library.proposal.modes(_features(library.proposal))
+        library.proposal.modes([_features(library.proposal)])[0]

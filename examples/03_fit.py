@@ -21,7 +21,7 @@ print(
     f"{len(motion)} of {recording.frame_count} frames have a pose; joints"
     f" {motion.landmarks().shape}, metres"
 )
-knee = motion.angles_rad[:, motion.model.dof_names.index("left_shin.flexion")]
+knee = motion.angles_rad[:, motion.model.tree.dof_names.index("left_shin.flexion")]
 print(f"left knee: {np.degrees(knee.min()):.0f} to {np.degrees(knee.max()):.0f} degrees")
 print(f"fraction of the hull outside the body: {np.median(motion.quality['unexplained']):.0%}")
 

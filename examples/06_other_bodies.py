@@ -25,7 +25,7 @@ result = fit(Recording.open(folder), Output(out / "robot_arm_fit", overwrite=Tru
 motion, truth = result.motion, read_motion(folder / TRUE_MOTION)
 rows = np.searchsorted(truth.frames, motion.frames)
 error_deg = np.degrees(np.abs(motion.angles_rad - truth.angles_rad[rows])).mean(axis=0)
-for name, degrees in zip(motion.model.dof_names, error_deg, strict=True):
+for name, degrees in zip(motion.model.tree.dof_names, error_deg, strict=True):
     print(f"{name}: {degrees:.2f} degrees from the truth")
 error_mm = 1000 * np.linalg.norm(motion.landmarks() - truth.landmarks()[rows], axis=2)
 print(f"joints: {error_mm.mean():.1f} mm from the truth")

@@ -266,9 +266,7 @@ def track_arm(
     tree = TreeFilter(
         library, matrix, FilterSettings(sigma=reading.sigma, moved=len(library), floor=FLOOR)
     )
-    tracker = ForwardFilter(
-        tree, video.camera, False, method.weighting, video.distance_m, interval_s
-    )
+    tracker = ForwardFilter(tree, video.camera, method.weighting, video.distance_m, interval_s)
     paper = PaperFilter(
         library, matrix, video.camera, video.distance_m, method.weighting, reading.sigma
     )

@@ -11,11 +11,12 @@ import numba
 
 from silhouette_core.jit import set_threads
 
+_AHEAD = 3  # items that wait at most
 _Given = TypeVar("_Given")
 _Item = TypeVar("_Item")
 
 
-def read_ahead(items: Iterator[_Item], ahead: int = 3) -> Iterator[_Item]:
+def read_ahead(items: Iterator[_Item]) -> Iterator[_Item]:
     """The items of an iterator, the next few of which are made in a thread of their own.
 
     Items and their order stay the same. With one thread, or where numba's threads cannot be shared,
@@ -23,19 +24,17 @@ def read_ahead(items: Iterator[_Item], ahead: int = 3) -> Iterator[_Item]:
 
     Args:
         items: an iterator, which nobody else reads.
-        ahead: number of items that wait at most. With 1, an item is begun when the one before it
-            is handed out, and all before that have been dealt with.
     """
     if numba.get_num_threads() == 1 or not _shares_threads():
         return items
-    return _made_in_a_thread(items, ahead)
+    return _made_in_a_thread(items)
 
 
-def _made_in_a_thread(items: Iterator[_Item], ahead: int) -> Iterator[_Item]:
+def _made_in_a_thread(items: Iterator[_Item]) -> Iterator[_Item]:
     end = object()
     # One core is left to the caller.
     with ThreadPoolExecutor(1, "read ahead", set_threads, (1,)) as pool:
-        waiting = deque(pool.submit(next, items, end) for _ in range(ahead))
+        waiting = deque(pool.submit(next, items, end) for _ in range(_AHEAD))
         try:
             while (item := waiting.popleft().result()) is not end:
                 waiting.append(pool.submit(next, items, end))

@@ -39,7 +39,9 @@ def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
         ("thorax.rotation", -10, 10),
         ("neck.rotation", 0, 30),
     ):
-        angles[:, model.dof_names.index(name)] = np.radians(from_deg + phase * (to_deg - from_deg))
+        angles[:, model.tree.dof_names.index(name)] = np.radians(
+            from_deg + phase * (to_deg - from_deg)
+        )
     yaw = np.radians(30 + 60 * phase) / 2
     quaternion = np.column_stack([np.cos(yaw), np.zeros((count, 2)), np.sin(yaw)])
     root = model.joints_m[0] + np.column_stack([0.1 * phase, -0.5 * phase, 0.02 * phase])

@@ -18,7 +18,7 @@ from voxelpose.recording.folder import Recording
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_move_inside_limits_and_pictures(name):
     motion = example_motion(name)
-    low, high = motion.model.dof_limits_rad.T
+    low, high = motion.model.tree.dof_limits_rad.T
     assert (motion.angles_rad >= low).all() and (motion.angles_rad <= high).all()
     moving = np.ptp(motion.angles_rad, axis=0) > np.radians(5)
     assert moving.sum() >= 4

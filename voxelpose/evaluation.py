@@ -144,9 +144,9 @@ def _angle_errors(truth: Motion, estimate: Motion, offset: int) -> dict[str, Any
     """`joint_angle_deg` and `each_joint_angle_deg` over the frames that both have; none where the
     bodies have other joint angles.
     """
-    names, free = truth.model.dof_names, ~truth.model.dof_fixed
+    names, free = truth.model.tree.dof_names, ~truth.model.tree.dof_fixed
     _, true_rows, rows = np.intersect1d(truth.frames, estimate.frames + offset, return_indices=True)
-    if names != estimate.model.dof_names or not len(rows) or not free.any():
+    if names != estimate.model.tree.dof_names or not len(rows) or not free.any():
         return {}
     apart = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
     degrees = np.abs((np.degrees(apart) + 180) % 360 - 180).mean(axis=0)

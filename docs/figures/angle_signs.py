@@ -93,7 +93,7 @@ def motion_of(model: BodyModel, wanted: Mapping[str, float]) -> Motion:
     targets |= wanted
     free = [
         k
-        for k, name in enumerate(model.dof_names)
+        for k, name in enumerate(model.tree.dof_names)
         if any(key in name for keys in _DOFS.values() for key in keys)
     ]
 

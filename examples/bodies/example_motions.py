@@ -132,8 +132,8 @@ def example_motion(name: str, frames: int | None = None) -> Motion:
     degrees, place, yaw_deg = curves(t)
     angles = np.tile(relaxed_rad(model.tree), (len(t), 1))
     for dof, values in degrees.items():
-        angles[:, model.dof_names.index(dof)] = np.radians(values)
-    low, high = model.dof_limits_rad.T
+        angles[:, model.tree.dof_names.index(dof)] = np.radians(values)
+    low, high = model.tree.dof_limits_rad.T
     turn = Rotation.from_euler("z", yaw_deg[:, None], degrees=True)
     root = place + turn.apply(model.joints_m[0])
     rotation = quaternions(turn.as_matrix())

@@ -11,7 +11,7 @@ from safetensors import safe_open
 
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN
-from silhouette_core.body.kinematic_tree import Dof, KinematicTree
+from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.shape import ShapeSpace, vertex_normals
 from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.body.template_warp import Changes, warp_template
@@ -171,46 +171,6 @@ class BodyModel:
     def names(self) -> tuple[str, ...]:
         """Names of the P parts."""
         return self.tree.names
-
-    @property
-    def parents(self) -> np.ndarray:
-        """(P,) int32, parent of each part, -1 of the root."""
-        return self.tree.parents
-
-    @property
-    def landmark_part(self) -> np.ndarray:
-        """(L,) int32, part that carries each landmark."""
-        return self.tree.landmark_part
-
-    @property
-    def dofs(self) -> tuple[tuple[int, Dof], ...]:
-        """D degrees of freedom and the part that each moves."""
-        return self.tree.dofs
-
-    @property
-    def dof_part(self) -> np.ndarray:
-        """(D,) int32, part that each degree of freedom moves."""
-        return self.tree.dof_part
-
-    @property
-    def dof_axis(self) -> np.ndarray:
-        """(D, 3) float64, axes of the degrees of freedom at rest."""
-        return self.tree.dof_axis
-
-    @property
-    def dof_limits_rad(self) -> np.ndarray:
-        """(D, 2) float64, smallest and largest angle."""
-        return self.tree.dof_limits_rad
-
-    @property
-    def dof_fixed(self) -> np.ndarray:
-        """(D,) bool, whether the estimators leave the angle at rest."""
-        return self.tree.dof_fixed
-
-    @property
-    def dof_names(self) -> tuple[str, ...]:
-        """D names, PART.MOVEMENT."""
-        return self.tree.dof_names
 
     @property
     def dof_count(self) -> int:

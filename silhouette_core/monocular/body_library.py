@@ -124,7 +124,7 @@ def library_of_body(
 
 def _read(file: str, model: BodyModel) -> PoseLibrary:
     library = read_library(Path(file))
-    if library.model.names != model.names or library.model.dof_names != model.dof_names:
+    if library.model.names != model.names or library.model.tree.dof_names != model.tree.dof_names:
         raise InputError(
             f"{file} is the library of a body with other parts or joints: build one of this body"
             " with voxelpose library build RESULT --body BODY"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from itertools import islice
 
@@ -20,7 +20,6 @@ from silhouette_core.monocular.body_library import (
     library_of_body,
     some_silhouettes,
 )
-from silhouette_core.monocular.joined_person import JoinedPerson, Sample
 from silhouette_core.monocular.monocular_stages import (
     LONG_SIDE_PX,
     MonocularOptions,
@@ -72,11 +71,8 @@ class MonocularEstimator:
         frame = upright_frame(source.rig, settings, reporter)
         camera = frame.rig(source.rig).cameras[0]
         silhouettes = _silhouettes(source, settings, reporter)
-        samples = (
-            _plausible_samples(source, silhouettes, isinstance(known, TrackedPerson))
-            if settings.smooth or source.silhouettes_given
-            else []
-        )
+        if settings.smooth or source.silhouettes_given:
+            _check_plausible(source, silhouettes, isinstance(known, TrackedPerson))
         tracked, root = (
             (known, None)
             if isinstance(known, TrackedPerson)
@@ -97,10 +93,8 @@ class MonocularEstimator:
         )
         absent: list[int] = []
         stages = PoseStages(tracked, camera, settings, options, interval_s, clock, root)
-        joined = settings.smooth and isinstance(tracked, TrackedPerson)
-        joining = _joining(source, silhouettes, samples, reporter) if joined else None
         finder = PersonFinder(camera, coloured)
-        frames = _noted(read_ahead(_people(source, silhouettes, joining, finder, clock)), stages)
+        frames = _noted(read_ahead(_people(source, silhouettes, finder, clock)), stages)
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
 
@@ -143,29 +137,11 @@ def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) ->
     return silhouettes
 
 
-def _plausible_samples(source: FrameSource, silhouettes: Silhouettes, person: bool) -> list[Sample]:
-    """Some frames of the only camera and their silhouettes.
-
-    Raises:
-        InputError: these cannot be those of a person.
-    """
+def _check_plausible(source: FrameSource, silhouettes: Silhouettes, person: bool) -> None:
+    """Refuses silhouettes of the only camera that cannot be those of a person."""
     steps, name = telling_frames(source.frame_count), source.rig.names[0]
-    samples = [Sample(frames, silhouettes.of(frames)[name]) for frames in source.at(steps)]
-    check_plausible({name: [sample.mask for sample in samples]}, least=1, person=person)
-    return samples[::2]
-
-
-def _joining(
-    source: FrameSource, silhouettes: Silhouettes, samples: Sequence[Sample], reporter: Reporter
-) -> JoinedPerson | None:
-    """What joins the pieces of silhouettes, told in a note; None where they are whole."""
-    joining = JoinedPerson.learned(silhouettes, source.rig.names[0], samples)
-    if joining is not None:
-        reporter.note(
-            "the silhouette is in pieces, as before a floor or wall of the clothes' colours: they"
-            " are joined where the pictures differ from the background between them"
-        )
-    return joining
+    masks = [silhouettes.of(frames)[name] for frames in source.at(steps)]
+    check_plausible({name: masks}, least=1, person=person)
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:
@@ -182,7 +158,6 @@ def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFr
 def _people(
     source: FrameSource,
     silhouettes: Silhouettes,
-    joining: JoinedPerson | None,
     finder: PersonFinder,
     clock: StageClock,
 ) -> Iterator[tuple[int, float, Person | None]]:
@@ -190,8 +165,7 @@ def _people(
     name = source.rig.names[0]
     for number, seconds, frames in source:
         with clock("silhouettes"):
-            mask = silhouettes.of(frames)[name] if joining is None else joining.of(frames)
-            person = finder.find(frames[name], mask)
+            person = finder.find(frames[name], silhouettes.of(frames)[name])
         yield number, seconds, person
 
 
@@ -246,14 +220,15 @@ def _motion(
     quality = {
         "outline_agreement": agreement,
         "landmark_confidence": (
-            agreement[:, None] * np.where(occluded[:, trajectory.model.landmark_part], 0.3, 1.0)
+            agreement[:, None]
+            * np.where(occluded[:, trajectory.model.tree.landmark_part], 0.3, 1.0)
         ),
         "occluded": occluded,
         "cut": whole["cut"],
         "lost": whole["lost"],
     }
     if trajectory.model.person is not None:  # others were not compared with the truth
-        hidden = occluded[:, trajectory.model.landmark_part]
+        hidden = occluded[:, trajectory.model.tree.landmark_part]
         errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
             "pose_probability": whole["probability"],

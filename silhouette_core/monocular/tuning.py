@@ -172,24 +172,6 @@ class FoundPerson:
 
 
 @dataclass(frozen=True)
-class JoinedPieces:
-    """Pieces joined to a silhouette (`joined_person`). By eye."""
-
-    sure: float = 3.0
-    """Nats by which a piece's colours are the person's rather than the background's."""
-    areas: Range = (0.002, 1.0)
-    """1. Of a piece, relative to the silhouette: feet, or legs below shorts."""
-    widest: float = 0.8
-    """1. Width of a piece, relative to the silhouette's height."""
-    gaps: Range = (0.08, 1.2)
-    """1. Between a piece and the silhouette, relative to the latter's height."""
-    strip: float = 0.15
-    """1. Of the silhouette that a piece is joined to, likewise."""
-    least_gain: float = 1.05
-    """1. Of the median area: below it, nothing is joined."""
-
-
-@dataclass(frozen=True)
 class BarePeople:
     """Head and bare parts (`tracking.bare_parts`, `colour_evidence`). By eye."""
 
@@ -483,7 +465,6 @@ SAMPLED_MOTION = SampledMotion()
 TRAINING = Training()
 MIXTURE = Mixture()
 PERSON = FoundPerson()
-JOINING = JoinedPieces()
 BARE = BarePeople()
 ADAPTING = BodyAdaptation()
 HEADING = BodyHeading()

@@ -72,7 +72,6 @@ def look_at(
     mask: NDArray[np.bool_],
     distance_m: float,
     pixels_per_metre: float,
-    toward_px: NDArray[np.float64] | None = None,
 ) -> Window:
     """Window of a virtual camera that is turned toward a silhouette.
 
@@ -81,12 +80,9 @@ def look_at(
         mask: (h, w) bool, the silhouette, not empty.
         distance_m: assumed distance of the person along the virtual optical axis.
         pixels_per_metre: scale of the library's silhouettes at that distance.
-        toward_px: (2,), pixel of the camera that becomes the window's middle; None: the
-            silhouette's centroid, as in the library.
 
     Returns:
-        The window. Its silhouette's centroid is within half a pixel of the middle, unless
-        `toward_px` is given.
+        The window. Its silhouette's centroid is within half a pixel of the middle.
 
     Raises:
         ValueError: the silhouette is empty, or of another size than the camera's.
@@ -96,20 +92,18 @@ def look_at(
         raise ValueError("mask must not be empty")
     focal = pixels_per_metre * distance_m
     picture = _Picture.from_mask(mask)
-    target = picture.centroid_px if toward_px is None else np.asarray(toward_px, float)
-    camera_from_virtual = _turned(camera, target)
-    if toward_px is None:
-        half = SIZE[0] // 2, SIZE[1] // 2
-        for _ in range(_TURNS):
-            coarse = picture.seen_by(camera, camera_from_virtual, focal / 2, half)
-            if not coarse.any():
-                break
-            off = (_centroid(coarse) - ((half[0] - 1) / 2, (half[1] - 1) / 2)) / (focal / 2)
-            if np.abs(off).max() * focal < 0.5:
-                break
-            ray = camera_from_virtual @ np.array([off[0], off[1], 1.0])
-            target = camera.matrix[:2, :2] @ (ray[:2] / ray[2]) + camera.matrix[:2, 2]
-            camera_from_virtual = _turned(camera, target)
+    camera_from_virtual = _turned(camera, picture.centroid_px)
+    half = SIZE[0] // 2, SIZE[1] // 2
+    for _ in range(_TURNS):
+        coarse = picture.seen_by(camera, camera_from_virtual, focal / 2, half)
+        if not coarse.any():
+            break
+        off = (_centroid(coarse) - ((half[0] - 1) / 2, (half[1] - 1) / 2)) / (focal / 2)
+        if np.abs(off).max() * focal < 0.5:
+            break
+        ray = camera_from_virtual @ np.array([off[0], off[1], 1.0])
+        target = camera.matrix[:2, :2] @ (ray[:2] / ray[2]) + camera.matrix[:2, 2]
+        camera_from_virtual = _turned(camera, target)
     warped = picture.seen_by(camera, camera_from_virtual, focal, SIZE)
     return Window(
         warped,

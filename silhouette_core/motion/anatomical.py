@@ -148,7 +148,7 @@ def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
     joint = dict(zip(model.names, model.joints_m, strict=True))
     axes = {name: _UPRIGHT for name in ("pelvis", "upper_thorax", "head")}
     for side in _SIDES:
-        elbow = model.dof_axis[model.dof_names.index(f"{side}_forearm.flexion")]
+        elbow = model.tree.dof_axis[model.tree.dof_names.index(f"{side}_forearm.flexion")]
         for part, far, right in (
             ("thigh", "shin", _RIGHT),
             ("shin", "foot", _RIGHT),

@@ -40,11 +40,11 @@ def mirrored(motion: Motion) -> Motion:
         A motion whose landmarks are those of `motion`, reflected, with left and right exchanged.
     """
     model = motion.model
-    other = exchanged_sides(model.dof_names)
+    other = exchanged_sides(model.tree.dof_names)
     # Angles of the two sides have the same sign (a right axis is its left one reflected); in the
     # middle, turns about y and z change theirs.
-    middle = np.array([not name.startswith(("left_", "right_")) for name in model.dof_names])
-    sign = np.where(middle & (np.abs(model.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
+    middle = np.array([not name.startswith(("left_", "right_")) for name in model.tree.dof_names])
+    sign = np.where(middle & (np.abs(model.tree.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
     columns = {
         "part_overlap": exchanged_sides(model.names),
         "part_unsupported": exchanged_sides(model.names),

@@ -51,14 +51,14 @@ class Targets:
 
         Source: textbook Gauss-Newton with an active set of limits.
         """
-        model, free = self.model, ~self.model.dof_fixed
+        model, free = self.model, ~self.model.tree.dof_fixed
         angles = np.zeros((len(root_rotation), int(free.sum())))
         solve_angles(
-            model.parents,
+            model.tree.parents,
             model.joints_m,
-            model.dof_part[free],
-            model.dof_axis[free],
-            model.dof_limits_rad[free],
+            model.tree.dof_part[free],
+            model.tree.dof_axis[free],
+            model.tree.dof_limits_rad[free],
             np.ascontiguousarray(root_rotation),
             (np.array(self.parts), np.array(self.axes), np.array(self.weights)),
             np.ascontiguousarray(np.stack(self.directions, axis=1)),

@@ -40,7 +40,7 @@ def forward(
     Args:
         root_m: (T, 3) float64, world position of the pelvis joint.
         root_quaternion: (T, 4) float64, w, x, y, z, world from body.
-        angles_rad: (T, D) float64, joint angles in the order of `model.dof_names`.
+        angles_rad: (T, D) float64, joint angles in the order of `model.tree.dof_names`.
 
     Returns:
         Part rotations (T, 27, 3, 3), world from body, and part origins (T, 27, 3), the world
@@ -76,7 +76,7 @@ def place_with_axes(
     count, parts = len(root_m), len(model.names)
     placed = np.empty((count, parts, 3, 3)), np.empty((count, parts, 3))
     axes = np.empty((count, model.dof_count, 3))
-    body = model.parents, model.joints_m, model.dof_part, model.dof_axis
+    body = model.tree.parents, model.joints_m, model.tree.dof_part, model.tree.dof_axis
     place_bodies(*body, root_rotation, root_m, angles_rad, *placed, axes)
     return *placed, axes
 
@@ -99,7 +99,7 @@ def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarr
     """World positions (T, L, 3) of the landmarks, m, in the order of the body's tree: of a person
     `joints.LANDMARK_NAMES`.
     """
-    part = model.landmark_part
+    part = model.tree.landmark_part
     local = model.landmarks_m - model.joints_m[part]
     return part_origin[:, part] + np.einsum("tlij,lj->tli", part_rotation[:, part], local)
 

@@ -79,7 +79,7 @@ class Motion:
         shapes = {
             "root_m": (self.root_m, (count, 3)),
             "root_quaternion": (self.root_quaternion, (count, 4)),
-            "angles_rad": (self.angles_rad, (count, len(self.model.dof_part))),
+            "angles_rad": (self.angles_rad, (count, len(self.model.tree.dof_part))),
             "frames": (self.frames, (count,)),
             "time_s": (self.time_s, (count,)),
             "up": (self.up, (3,)),
@@ -170,10 +170,12 @@ class Motion:
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
-            overlap = np.asarray(self.quality["part_overlap"], float)[:, self.model.landmark_part]
+            overlap = np.asarray(self.quality["part_overlap"], float)[
+                :, self.model.tree.landmark_part
+            ]
             return np.clip(np.nan_to_num(overlap), 0.0, 1.0)
         frame = np.asarray(self.quality.get("outline_agreement", np.ones(len(self))), float)
-        return np.repeat(frame[:, None], len(self.model.landmark_part), axis=1)
+        return np.repeat(frame[:, None], len(self.model.tree.landmark_part), axis=1)
 
     def select(self, rows: slice | NDArray) -> Motion:
         """Motion of some rows (not frame numbers)."""

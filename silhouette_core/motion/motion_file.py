@@ -116,7 +116,7 @@ def write_motion(motion: Motion, path: Path) -> None:
         **about,
         "floor_m": repr(motion.floor_m),
         "parts": json.dumps(motion.model.names),
-        "angles": json.dumps(motion.model.dof_names),
+        "angles": json.dumps(motion.model.tree.dof_names),
     }
     # Written by Python and not by safetensors, so that a full disk raises OSError.
     data = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, metadata)
@@ -166,7 +166,7 @@ def read_motion(path: Path) -> Motion:
         _check_values(motion)
     except (*_UNFIT, InputError) as error:
         raise _damaged(path, error) from error
-    if json.loads(about["angles"]) != list(motion.model.dof_names):
+    if json.loads(about["angles"]) != list(motion.model.tree.dof_names):
         raise InputError(f"{path} was made with a body that has other joint angles: fit again")
     return motion
 

@@ -84,18 +84,11 @@ class LandmarkPriors:
         return tuple(one[:count] for one in (self.given, *both[0], *both[1]))
 
 
-def posed_landmarks(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
-    """Landmarks (L, 3) of a posed body in the world, m."""
-    part = model.landmark_part
-    local = model.landmarks_m - model.joints_m[part]
-    return posed.part_origin[part] + np.einsum("lij,lj->li", posed.part_rotation[part], local)
-
-
 def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
     """Derivatives (L, 3, 6 + D) of the landmarks by a step of `Pose.moved`."""
     count = len(model.landmarks_m)
     skin_parts, skin_weights = np.zeros((count, 4), np.int32), np.zeros((count, 4))
-    skin_parts[:, 0], skin_weights[:, 0] = model.landmark_part, 1.0
+    skin_parts[:, 0], skin_weights[:, 0] = model.tree.landmark_part, 1.0
     rest = model.landmarks_m, model.joints_m, skin_parts, skin_weights
     index, direction = np.repeat(np.arange(count), 3), np.tile(np.eye(3), (count, 1))
     rows = point_jacobian(model, posed, rest, index, direction)
@@ -126,9 +119,9 @@ def add_landmark_priors(
     """
     if not priors.given[: len(matrix)].any():
         return
-    local = model.landmarks_m - model.joints_m[model.landmark_part]
+    local = model.landmarks_m - model.joints_m[model.tree.landmark_part]
     add_landmark_terms(
-        (model.landmark_part, local, model.tree.descends, model.dof_part),
+        (model.tree.landmark_part, local, model.tree.descends, model.tree.dof_part),
         posed.placed,
         priors.first(len(matrix)),
         DEGREES_OF_FREEDOM,

@@ -181,14 +181,14 @@ def _refined_together(
         add_pose_priors(matrices[:count], gradient, moving, model, priors)
         add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
         change = solve_steps(matrices[:count], gradient, moving.angles_rad, model)
-        move_poses(change, model.dof_limits_rad, *moving.arrays)
+        move_poses(change, model.tree.dof_limits_rad, *moving.arrays)
     refined = [RefinedPose(*one) for one in zip(poses.poses(), matrices, strict=True)]
     return [refined[k] for k in np.argsort(order)]
 
 
 def free_unknowns(model: BodyModel) -> np.ndarray:
     """Indices of the unknowns of a step that are not held fixed, in the order of `Pose.moved`."""
-    return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)])
+    return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.tree.dof_fixed)])
 
 
 def _step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +198,7 @@ def _step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, 
     low[:, :3] = -REFINEMENT.trust_m
     high = -low
     # An angle that starts beyond its limit may return by as much as the trust region allows.
-    below, above = (limit - angles_rad for limit in model.dof_limits_rad.T)
+    below, above = (limit - angles_rad for limit in model.tree.dof_limits_rad.T)
     low[:, 6:] = np.minimum(np.maximum(below, -trust), 0.0)
     high[:, 6:] = np.maximum(np.minimum(above, trust), 0.0)
     return low, high
@@ -422,7 +422,7 @@ def add_pose_priors(
         priors.means.first(count).arrays,
         priors.precision[:count],
         (priors.usual_precision[:count], relaxed_rad(model.tree)),
-        model.dof_limits_rad,
+        model.tree.dof_limits_rad,
         1 / np.radians(REFINEMENT.limit_deg) ** 2,
         matrix,
         gradient,

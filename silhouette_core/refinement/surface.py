@@ -89,7 +89,7 @@ class Surface:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """Vertices, skinning and tree of the parts, as `add_silhouette_terms` takes them."""
         model = self.model
-        tree = model.tree.descends, model.dof_part
+        tree = model.tree.descends, model.tree.dof_part
         return (self.rest, model.joints_m, self.skin_parts, self.skin_weights, *tree)
 
     def jacobian(self, posed: PosedSurface, index: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -104,7 +104,7 @@ class Surface:
         space = self.model.space
         joints = space.joints_change
         origin = np.zeros_like(joints)
-        for part, parent in enumerate(self.model.parents):
+        for part, parent in enumerate(self.model.tree.parents):
             if parent >= 0:
                 origin[:, part] = (
                     origin[:, parent]

@@ -15,6 +15,7 @@ from scipy.linalg import solveh_banded
 from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, pose_step_sigma
+from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.landmark_prior import (
@@ -22,7 +23,6 @@ from silhouette_core.refinement.landmark_prior import (
     LandmarkPriors,
     add_landmark_priors,
     landmark_jacobian,
-    posed_landmarks,
 )
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
@@ -97,7 +97,6 @@ def fit_trajectory(
     for reach in contour.reaches_m:
         arrays = PoseArrays.from_poses(poses)
         together = surface.posed_many(arrays)
-        posed = [together[t] for t in range(count)]
         matrix, gradient = _own_terms(
             surface, together, observations, arrays, priors, floor, reach, contour
         )
@@ -107,7 +106,7 @@ def fit_trajectory(
         banded.gradient += gradient[:, free]
         _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
         if floor and count > 1:
-            _add_standing(banded, model, posed, free)
+            _add_standing(banded, model, together, free)
         steps = banded.solve()
         poses = [_moved(pose, step, free, model) for pose, step in zip(poses, steps, strict=True)]
     return poses
@@ -231,15 +230,15 @@ def _add_accelerations(
 def _add_standing(
     banded: _Banded,
     model: BodyModel,
-    posed: list[PosedSurface],
+    posed: PosedSurface,
     free: NDArray[np.int64],
 ) -> None:
     """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
     names = model.tree.landmark_names
     feet = [names.index(name) for name in _ANKLES if name in names]
-    ankles = np.stack([posed_landmarks(model, one)[feet] for one in posed])
-    jacobians = [landmark_jacobian(model, one)[feet][..., free] for one in posed]
-    for t in range(len(posed) - 1):
+    ankles = landmarks(model, posed.part_rotation, posed.part_origin)[:, feet]
+    jacobians = [landmark_jacobian(model, posed[t])[feet][..., free] for t in range(len(ankles))]
+    for t in range(len(ankles) - 1):
         moved = ankles[t + 1] - ankles[t]
         for foot in range(len(feet)):
             if max(ankles[t, foot, 2], ankles[t + 1, foot, 2]) > TRAJECTORY.stand_m:
@@ -261,4 +260,4 @@ def _moved(
     whole[free] = step
     whole[:3] = np.clip(whole[:3], -REFINEMENT.trust_m, REFINEMENT.trust_m)
     whole[3:] = np.clip(whole[3:], -REFINEMENT.trust_rad, REFINEMENT.trust_rad)
-    return pose.moved(whole).clipped(model.dof_limits_rad)
+    return pose.moved(whole).clipped(model.tree.dof_limits_rad)

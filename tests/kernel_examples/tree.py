@@ -12,12 +12,6 @@ def masks(rng, count=4):
     return np.stack([cv2.GaussianBlur(image, (0, 0), 1.5) > 0 for image in noise])
 
 
-def rotate_and_translate(rng):
-    posed = rng.normal(size=(3, 10, 3)).astype(np.float32)
-    arguments = posed, rng.normal(size=(3, 3)), rotations(rng, 3), 4.0
-    return Example((*arguments, np.empty((3, 10, 3), np.float32)), rtol=1e-6, atol=1e-6)
-
-
 def centre_windows(rng):
     parts = rng.integers(1, 5, (4, *SIZE), dtype=np.uint8) * masks(rng)
     parts[0], parts[1, :, 5:] = 0, 0

@@ -5,12 +5,6 @@ with. Each takes the arguments of the kernel of its name and fills the same arra
 import numpy as np
 
 
-def rotate_and_translate(posed, pelvis, rotations, distance, placed):
-    """R (x - pelvis), then forward by the distance."""
-    placed[:] = np.einsum("nij,nvj->nvi", rotations, posed - pelvis[:, None])
-    placed[..., 2] += distance
-
-
 def centre_windows(parts, windows, shifts, areas, outside):
     """Shift by whole pixels that brings the centroid nearest to the window's middle."""
     height, width = windows.shape[1:]

@@ -75,7 +75,7 @@ def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float
 
 def _children(model: BodyModel) -> list[list[int]]:
     children: list[list[int]] = [[] for _ in model.names]
-    for part, parent in enumerate(model.parents):
+    for part, parent in enumerate(model.tree.parents):
         if parent >= 0:
             children[parent].append(part)
     return children
@@ -96,7 +96,7 @@ def _write_joint(
     depth: int,
 ) -> None:
     pad = "  " * depth
-    parent, names = model.parents[part], ascii_names(model.names)
+    parent, names = model.tree.parents[part], ascii_names(model.names)
     offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]
     file.write(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {names[part]}\n{pad}{{\n")
     file.write(f"{pad}  OFFSET {_numbers(offset)}\n")

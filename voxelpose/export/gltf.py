@@ -88,9 +88,9 @@ class _Packer:
 def _add_skeleton(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
     joints = model.joints_m @ Y_UP_FROM_WORLD.T
     document.nodes = [gltf.Node(name="body", mesh=0, skin=0)]
-    for part, (name, parent) in enumerate(zip(model.names, model.parents, strict=True)):
+    for part, (name, parent) in enumerate(zip(model.names, model.tree.parents, strict=True)):
         offset = joints[part] - (joints[parent] if parent >= 0 else 0)
-        children = (np.flatnonzero(model.parents == part) + 1).tolist()
+        children = (np.flatnonzero(model.tree.parents == part) + 1).tolist()
         document.nodes.append(
             gltf.Node(name=name, translation=offset.tolist(), children=children or None)
         )

@@ -18,7 +18,7 @@ Y_UP_FROM_WORLD = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 
 def local_rotations(motion: Motion) -> NDArray[np.float64]:
     """Rotation (T, P, 3, 3) of every part to its parent, the root's to the world; rest is 1."""
-    return relative_rotations(motion.parts()[0], motion.model.parents)
+    return relative_rotations(motion.parts()[0], motion.model.tree.parents)
 
 
 def part_ends(model: BodyModel) -> NDArray[np.float64]:
@@ -50,7 +50,7 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     """
     model = motion.model
     names: list[str] = list(model.tree.landmark_names)
-    parts, rest = list(model.landmark_part), list(model.landmarks_m)
+    parts, rest = list(model.tree.landmark_part), list(model.landmarks_m)
     at_joint = {
         part
         for part, point in zip(parts, rest, strict=True)

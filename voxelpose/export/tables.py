@@ -154,8 +154,8 @@ def write_angles(motion: Motion, path: Path) -> None:
     if is_person_tree(model.tree):
         known = anatomical_angles(motion)
     person = HUMAN.dof_names if known.names else ()
-    own = [k for k, name in enumerate(model.dof_names) if name not in person]
-    names = [*known.names, *(model.dof_names[k] for k in own)]
+    own = [k for k, name in enumerate(model.tree.dof_names) if name not in person]
+    names = [*known.names, *(model.tree.dof_names[k] for k in own)]
     degrees = np.hstack([known.degrees, np.degrees(motion.angles_rad[:, own])])
     _write(motion, [f"{name}_deg" for name in names], degrees, 3, path)
 
@@ -188,12 +188,12 @@ def write_npz(motion: Motion, path: Path) -> None:
             root_m=motion.root_m,
             root_quaternion=motion.root_quaternion,
             angles_rad=motion.angles_rad,
-            angle_names=np.array(model.dof_names),
+            angle_names=np.array(model.tree.dof_names),
             **anatomical,
             part_names=np.array(model.names),
             part_rotation=rotation,
             part_origin=origin,
-            parents=model.parents,
+            parents=model.tree.parents,
             rest_joints=model.joints_m,
             landmark_names=np.array(model.tree.landmark_names),
             landmarks=motion.landmarks(),

@@ -265,7 +265,7 @@ class MonocularPoses:
         """The likeliest pose and others."""
         (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
         model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
-        shown = np.where(found.occluded[model.landmark_part], LIVE.occluded, 1.0)
+        shown = np.where(found.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
         likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
         hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
         return FoundPose(model, found.pose, confidence, shown, hypotheses)

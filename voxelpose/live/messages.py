@@ -139,7 +139,7 @@ def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
 def _body(body: PosedBody) -> dict[str, object]:
     model, pose = body.model, body.pose
     joints = zip(_rounded(body.joints_m), _rounded(body.joint_confidence), strict=True)
-    turns = _rounded(quaternions(relative_rotations(body.part_rotation, model.parents)))
+    turns = _rounded(quaternions(relative_rotations(body.part_rotation, model.tree.parents)))
     return {
         "confidence": _rounded(body.confidence),
         "root": {
@@ -151,7 +151,7 @@ def _body(body: PosedBody) -> dict[str, object]:
             for name, (position, confidence) in zip(LANDMARK_NAMES, joints, strict=True)
         },
         "local_rotations_wxyz": dict(zip(model.names, turns, strict=True)),
-        "angles_rad": dict(zip(model.dof_names, _rounded(pose.angles_rad), strict=True)),
+        "angles_rad": dict(zip(model.tree.dof_names, _rounded(pose.angles_rad), strict=True)),
     }
 
 

@@ -206,11 +206,11 @@ def _joint_charts(motion: Motion) -> list[tuple[str, str]]:
     """Charts of the joints of a body that is no person's, with their notes."""
     charts, model = [], motion.model
     for part, name in enumerate(model.names):
-        columns = np.flatnonzero((model.dof_part == part) & ~model.dof_fixed)
+        columns = np.flatnonzero((model.tree.dof_part == part) & ~model.tree.dof_fixed)
         if not len(columns) or len(charts) == _MOST_CHARTS:
             continue
         curves = {
-            model.dofs[k][1].name: (np.degrees(motion.angles_rad[:, k]), colour)
+            model.tree.dofs[k][1].name: (np.degrees(motion.angles_rad[:, k]), colour)
             for k, colour in zip(columns.tolist(), (MIDDLE, LEFT, RIGHT), strict=False)
         }
         chart = TimeChart(display_name(name), "degrees", curves)

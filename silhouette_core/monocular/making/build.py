@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,12 +30,11 @@ from silhouette_core.monocular.tree.rendering import (
 )
 from silhouette_core.monocular.tree.store import VERSION
 from silhouette_core.monocular.tree.transitions import find_neighbours, view_orientations
-from silhouette_core.monocular.tree.tree import Nodes, PoseSpace, Scorer, Split, divide
+from silhouette_core.monocular.tree.tree import Nodes, PoseSpace, Scorer, divide
 from silhouette_core.progress import Reporter, SilentReporter
 
 _AT_ONCE = 480  # views held in memory together
 _PER_STEP = 4800  # views between two checkpoints
-_SAVE_EVERY = 400  # representatives of the first level between two checkpoints
 _RUNS = ("rows", "starts", "ends", "offsets")
 _FACTS = ("areas", "pelvis_px", "cut")
 
@@ -68,13 +67,12 @@ def build_library(
     """
     reporter = reporter or SilentReporter()
     checkpoint, views = Checkpoint(kept_in, _digest(bases, model, settings)), settings.views()
-    count = len(bases.angles) * len(views)
     base = np.repeat(np.arange(len(bases.angles), dtype=np.int32), len(views))
     view = np.tile(np.arange(len(views), dtype=np.int16), len(bases.angles))
     rendered = _render_all(bases, model, views, checkpoint, reporter)
     spans = [_spans(rendered, number) for number in range(len(SIZES_PX))]
     poses = PoseSpace(bases.angles, base, view_orientations(bases.quaternion[base], views[view]))
-    nodes = _Division(poses, settings, checkpoint, reporter).levels(count, spans)
+    nodes = _nodes(poses, settings, spans, checkpoint, reporter)
     library = PoseLibrary(
         model=model,
         settings=settings,
@@ -182,59 +180,25 @@ def _render_some(
     return _joined(parts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Division:
-    """Division of all samples into the nodes of every level, with checkpoints."""
+def _nodes(
+    poses: PoseSpace,
+    settings: LibrarySettings,
+    spans: Sequence[Spans],
+    checkpoint: Checkpoint,
+    reporter: Reporter,
+) -> list[Nodes]:
+    """Nodes of all levels."""
+    sets = [np.arange(len(poses.base), dtype=np.int64)]
+    nodes: list[Nodes] = []
 
-    poses: PoseSpace
-    settings: LibrarySettings
-    checkpoint: Checkpoint
-    reporter: Reporter
+    def divided() -> Arrays:
+        number = len(nodes)
+        reporter.stage(f"tree, level {number + 1}", len(sets) if number else None)
+        score = Scorer(spans[number], SIZES_PX[number])
+        groups = divide(sets, poses, score, settings.thresholds[number], reporter)
+        return vars(Nodes.from_groups(groups, poses))
 
-    def levels(self, count: int, spans: Sequence[Spans]) -> list[Nodes]:
-        """Nodes of all levels over a number of samples."""
-        sets = [np.arange(count, dtype=np.int64)]
-        nodes: list[Nodes] = []
-        for number, (runs, size) in enumerate(zip(spans, SIZES_PX, strict=True)):
-            divided = partial(self._nodes, number, sets, Scorer(runs, size))
-            nodes.append(Nodes(**self.checkpoint.step(f"tree{number}", divided)))
-            sets = nodes[-1].sets()
-        return nodes
-
-    def _nodes(self, number: int, sets: list[NDArray[np.int64]], score: Scorer) -> Arrays:
-        """Nodes of a level, whose samples are those of the level above."""
-        threshold = self.settings.thresholds[number]
-        if number == 0:
-            groups = [self._first_level(sets[0], threshold, score)]
-        else:
-            self.reporter.stage(f"tree, level {number + 1}", len(sets))
-            groups = divide(sets, self.poses, score, threshold, self.reporter)
-        return vars(Nodes.from_groups(groups, self.poses))
-
-    def _first_level(
-        self, samples: NDArray[np.int64], threshold: float, score: Scorer
-    ) -> list[NDArray[np.int64]]:
-        """Samples of the nodes of the first level, with checkpoints of its division."""
-        self.reporter.stage("tree, level 1")
-        saved = self.checkpoint.load("split")
-        if saved is None:
-            split = Split.start(samples, self.poses)
-        else:
-            split = Split(samples, saved.pop("chosen").tolist(), **saved)
-            self.reporter.advance(len(split.chosen) - 1)
-
-        def after(split: Split) -> None:
-            self.reporter.advance()
-            if len(split.chosen) % _SAVE_EVERY == 0:
-                self.checkpoint.save(
-                    "split",
-                    {
-                        "chosen": np.array(split.chosen, np.int64),
-                        "total": split.total,
-                        "nearest": split.nearest,
-                        "nearest_node": split.nearest_node,
-                    },
-                )
-
-        split.run(score, threshold, after, threads=True)
-        return split.groups()
+    for number in range(len(spans)):
+        nodes.append(Nodes(**checkpoint.step(f"tree{number}", divided)))
+        sets = nodes[-1].sets()
+    return nodes

@@ -75,7 +75,7 @@ def read_clips(
 def _motion_of(file: Path, model: BodyModel) -> Motion:
     """Motion file of a body that is no person's."""
     motion = read_motion(file)
-    if motion.model.dof_names != model.dof_names:
+    if motion.model.tree.dof_names != model.tree.dof_names:
         raise InputError(
             f"{file} is the motion of a body with other joint angles: give motions of this one"
         )

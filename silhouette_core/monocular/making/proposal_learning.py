@@ -254,7 +254,7 @@ def _trained_encoding(
     fit, encode = streams
     pool = FramePool(takes)
     chosen = fit.permutation(len(pool))[:_BASIS_GRIDS]
-    feet = fit_basis(pool.gathered(chosen, "feet"), FEET_COMPONENTS, fit)
+    feet = fit_basis(pool.gathered(chosen, "feet"), FEET_COMPONENTS)
 
     def draw(rng: np.random.Generator, samples: int) -> PictureBatch:
         frames = rng.integers(0, len(pool), samples)

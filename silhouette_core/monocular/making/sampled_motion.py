@@ -28,7 +28,7 @@ def sampled_motion(model: BodyModel, rng: np.random.Generator, frames: int) -> M
         frames: number of poses.
     """
     rest = relaxed_rad(model.tree)
-    low, high = np.where(model.dof_fixed, rest, model.dof_limits_rad.T)
+    low, high = np.where(model.tree.dof_fixed, rest, model.tree.dof_limits_rad.T)
     knots = rng.standard_normal((frames // _FRAMES_PER_KNOT + 2, model.dof_count + 2))
     drawn = knots[:, 2:] * SAMPLED_MOTION.spread
     angles = np.clip(rest + np.where(drawn < 0, rest - low, high - rest) * drawn, low, high)

@@ -57,29 +57,19 @@ class PoseProposal:
 
     def modes(
         self,
-        features: FrameFeatures,
+        sequences: Sequence[FrameFeatures],
         causal: bool = False,
         frames: NDArray[np.integer] | None = None,
-    ) -> Mixture:
-        """Probable poses in every frame.
+    ) -> list[Mixture]:
+        """Probable poses in the same frames of several sequences, which the network reads at once.
 
         Args:
             causal: whether each frame's poses depend on no later frame.
             frames: (n,), frames whose poses are asked for; None: all.
 
         Returns:
-            The modes of these frames, with the pelvis, at 0, as the first of 15 joints.
-        """
-        return self.modes_many([features], causal, frames)[0]
-
-    def modes_many(
-        self,
-        sequences: Sequence[FrameFeatures],
-        causal: bool = False,
-        frames: NDArray[np.integer] | None = None,
-    ) -> list[Mixture]:
-        """Probable poses in the same frames of several sequences, see `modes`: the network reads
-        them at once.
+            The modes of these frames in each sequence, with the pelvis, at 0, as the first of 15
+            joints.
         """
         inputs = []
         for features in sequences:

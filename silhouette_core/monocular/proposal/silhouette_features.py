@@ -41,7 +41,6 @@ _WINDOW_PX = (240, 320)
 _OUTLINE_BESIDE, _INSIDE_BESIDE = 48, 40
 _SHADES = 48  # levels of a factor of e
 _CONTRAST = 1 / 16  # of levels, as the second encoder reads them
-_SPARE, _ROUNDS = 20, 3  # of the randomised decomposition
 _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with other threads
 
 
@@ -294,10 +293,8 @@ def input_count(outline: int, feet: int, inside: int) -> int:
     return outline + feet + inside + len(OFFSETS_S) * beside + 4
 
 
-def fit_basis(
-    grids: NDArray[np.uint8], components: int, rng: np.random.Generator
-) -> SilhouetteBasis:
-    """Mean and principal components of grids.
+def fit_basis(grids: NDArray[np.uint8], components: int) -> SilhouetteBasis:
+    """Mean and principal components of grids; the same on every machine if BLAS runs in one thread.
 
     Args:
         grids: (N, h, w) uint8, 0 to 4.
@@ -306,52 +303,21 @@ def fit_basis(
     Returns:
         The basis. Its components are scaled by the square root of their deviation, so that the
         first ones count most, but less than in the picture.
-
-    Source: Halko, Martinsson and Tropp, Finding structure with randomness (2011), 4.5.
     """
     rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
     mean = rows.mean(axis=0)
-    rows -= mean
+    basis = scaled_components(rows.astype(float) - mean)
     count = min(components, max(1, len(rows) - 1))
-    directions = rng.normal(size=(rows.shape[1], min(count + _SPARE, len(rows))))
-    for _ in range(_ROUNDS):
-        seen = product(rows, _orthonormal(directions).astype(np.float32))
-        directions = product(rows.T, seen).astype(np.float64)
-    directions = _orthonormal(directions)
-    seen = product(rows, directions.astype(np.float32)).astype(np.float64)
-    basis = _exact_product(directions, scaled_components(seen)[:, :count])
-    return SilhouetteBasis(mean, basis.astype(np.float32))
+    return SilhouetteBasis(mean, basis[:, :count].astype(np.float32))
 
 
 def scaled_components(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Principal components (K, K) of rows (N, K) whose mean is 0, the largest first, divided by the
     square root of their deviation relative to that of the first.
     """
-    variance, turn = np.linalg.eigh(_exact_product(rows.T, rows) / len(rows))
+    variance, turn = np.linalg.eigh(rows.T @ rows / len(rows))
     deviation = np.sqrt(np.maximum(variance[::-1], 1e-12))
     return turn[:, ::-1] / np.sqrt(deviation * deviation[0])
-
-
-def _orthonormal(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Orthonormal basis (n, k) of the space of columns (n, k), by Cholesky's decomposition of their
-    products, twice for accuracy; no LAPACK, whose rounding depends on the number of threads.
-    """
-    for _ in range(2):
-        gram = _exact_product(columns.T, columns)
-        inverse = np.eye(len(gram))
-        gram += 1e-12 * np.trace(gram) / len(gram) * inverse
-        for k in range(len(gram)):
-            factors = gram[k + 1 :, k : k + 1] / gram[k, k]
-            gram[k + 1 :] -= factors * gram[k]
-            inverse[k + 1 :] -= factors * inverse[k]
-            inverse[k] /= np.sqrt(gram[k, k])
-        columns = _exact_product(columns, inverse.T)
-    return columns
-
-
-def _exact_product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix product without BLAS."""
-    return np.einsum("nk,mk->nm", np.ascontiguousarray(left), np.ascontiguousarray(right.T))
 
 
 def product(left: NDArray, right: NDArray) -> NDArray:

@@ -101,7 +101,7 @@ class HypothesisTracker:
         predicted = (
             []
             if previous is None
-            else _predicted(previous, before_previous, self.model.dof_limits_rad)
+            else _predicted(previous, before_previous, self.model.tree.dof_limits_rad)
         )
         poses: list[Pose] = []
         priors: list[LandmarkPrior | None] = []
@@ -174,9 +174,9 @@ class HypothesisTracker:
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
         restart_cost = self.settings.restart * max((beam.time_s - previous.time_s) * FPS, 1.0)
-        occluded = previous.occluded[:, self.model.dof_part]
+        occluded = previous.occluded[:, self.model.tree.dof_part]
         moving = transition_cost(
-            _packed(predicted, previous.time_s, occluded & ~self.model.dof_fixed),
+            _packed(predicted, previous.time_s, occluded & ~self.model.tree.dof_fixed),
             _packed(beam.poses, beam.time_s),
             replace(self.noise, restart_cost=restart_cost),
         )

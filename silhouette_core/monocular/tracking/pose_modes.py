@@ -218,7 +218,7 @@ class ModeFinder:
             heading_rad=np.pi - features.heading_rad,
             anchor=features.anchor * [-1.0, 1.0, 1.0],
         )
-        one, other = self.proposal.modes_many([features, mirrored], causal, frames)
+        one, other = self.proposal.modes([features, mirrored], causal, frames)
         joints = other.joints[:, :, EXCHANGED_LANDMARKS] * np.array([-1, 1, 1], np.float32)
         offset = other.offset * np.array([-1, 1, 1], np.float32)
         return Mixture(

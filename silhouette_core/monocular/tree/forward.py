@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting
-from silhouette_core.monocular.person import Person, area_distance, upright_distance
+from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.motion_cost import PoseCandidates, yaw_rotations
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
@@ -49,7 +48,6 @@ class ForwardFilter:
 
     Args:
         camera: pinhole camera without distortion.
-        facing: True: the initial prior prefers upright poses that face the camera; False: uniform.
         distance_m: constant distance of the person, as in the paper; None: estimated frame by
             frame.
         interval_s: time between two frames, for which the tree filter's transitions were made.
@@ -59,7 +57,6 @@ class ForwardFilter:
         self,
         tree: TreeFilter,
         camera: Camera,
-        facing: bool = True,
         weighting: Weighting = "balanced",
         distance_m: float | None = None,
         interval_s: float = 1 / FPS,
@@ -67,7 +64,6 @@ class ForwardFilter:
         self.tree, self.camera = tree, camera
         self.weighting: Weighting = weighting
         self._distance_m, self._interval_s = distance_m, interval_s
-        self._facing = facing
         self._last: FilterFrame | None = None
         self._recent_best: list[float] = []
 
@@ -123,10 +119,8 @@ class ForwardFilter:
         return filter_frame
 
     def _first_distance(self, mask: NDArray[np.bool_]) -> float:
-        """Distance by the silhouette alone: of a person by its height, of others by its area."""
+        """Distance by the silhouette's area alone."""
         library = self.tree.library
-        if library.model.person is not None:
-            return upright_distance(self.camera, mask, library.model.length_m)
         usual_px = float(np.median(library.areas.sum(axis=1)))
         return area_distance(
             self.camera, mask, usual_px * (library.model.length_m / STATURE_PX) ** 2
@@ -137,7 +131,7 @@ class ForwardFilter:
     ) -> NDArray[np.float64]:
         library = self.tree.library
         if last is None or (restarted and not last.lost):
-            prior = self._initial()
+            prior = np.full(len(library), 1.0 / len(library))
         else:
             intervals = round((time_s - last.time_s) / self._interval_s)
             steps = int(np.clip(intervals, 1, _MOST_STEPS))
@@ -147,18 +141,6 @@ class ForwardFilter:
         # The pitch of a view is a property of the camera and not of the motion.
         away = (library.views[:, 1] - window.pitch_rad) / np.radians(DISTANCES.pitch_sigma_deg)
         return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
-
-    def _initial(self) -> NDArray[np.float64]:
-        library = self.tree.library
-        if not self._facing or library.model.person is None:
-            return np.full(len(library), 1.0 / len(library))
-        yaw = library.views[library.sample_view, 0]
-        tilt = Rotation.from_quat(library.base_quaternion, scalar_first=True).magnitude()[
-            library.sample_base
-        ]
-        # Unlike the paper's initial Gaussian, this leaves the limbs open.
-        prior = np.exp(2.0 * (np.cos(yaw) - 1) - 0.5 * (tilt / np.radians(20)) ** 2)
-        return prior / prior.sum()
 
 
 def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
@@ -206,7 +188,7 @@ def candidates_of(
         root[selected] = own.unproject(
             library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
         )
-    occluded = library.occluded[sample][:, library.model.dof_part].astype(bool)
+    occluded = library.occluded[sample][:, library.model.tree.dof_part].astype(bool)
     return PoseCandidates(
         root,
         rotation,

@@ -102,12 +102,9 @@ def render_views(
 
     Source: Okada and Stenger, section 3.1.
     """
-    rotations = np.stack([camera_from_body(yaw, pitch) for yaw, pitch in np.asarray(views, float)])
-    placed = np.empty((len(which), *surfaces.shape[1:]), np.float32)
-    distance = DISTANCE * model.length_m
-    kernels.rotate_and_translate(
-        surfaces[which], np.zeros((len(which), 3)), rotations, distance, placed
-    )
+    turns = np.array([camera_from_body(*view).T for view in np.asarray(views, float)], np.float32)
+    placed = surfaces[which] @ turns
+    placed[..., 2] += DISTANCE * model.length_m
     middle = (_CANVAS_PX - 1) / 2
     matrix = np.array([[FOCAL_PX, 0, middle], [0, FOCAL_PX, middle], [0, 0, 1]])
     parts = render_many(placed, model.faces, model.face_part, matrix, (_CANVAS_PX, _CANVAS_PX))

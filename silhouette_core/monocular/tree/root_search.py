@@ -111,12 +111,12 @@ def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Fram
 def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pose:
     angles = pose.angles_rad.copy()
     back = Rotation.from_matrix(pose.root_rotation.T @ turn.T @ pose.root_rotation)
-    for part in np.flatnonzero(model.parents == 0):
-        dofs = np.flatnonzero(model.dof_part == part)
-        axes = model.dof_axis[dofs]
+    for part in np.flatnonzero(model.tree.parents == 0):
+        dofs = np.flatnonzero(model.tree.dof_part == part)
+        axes = model.tree.dof_axis[dofs]
         wanted = (back * Rotation.from_rotvec(angles[dofs] @ axes)).as_rotvec()
         angles[dofs] = np.linalg.lstsq(axes.T, wanted, rcond=None)[0]
-    return Pose(pose.root_m, turn @ pose.root_rotation, angles).clipped(model.dof_limits_rad)
+    return Pose(pose.root_m, turn @ pose.root_rotation, angles).clipped(model.tree.dof_limits_rad)
 
 
 def _refined(
@@ -127,7 +127,7 @@ def _refined(
     mask: NDArray[np.bool_],
 ) -> _Frame:
     """The best poses of every view, refined with the root free."""
-    filter_frame = ForwardFilter(tree, camera, facing=False).step(0, 0.0, Person(mask, False))
+    filter_frame = ForwardFilter(tree, camera).step(0, 0.0, Person(mask, False))
     rows = _best_of_views(tree, filter_frame.posterior)
     samples = candidates_of(tree, filter_frame, rows)
     sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)

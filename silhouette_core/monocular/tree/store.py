@@ -86,7 +86,7 @@ def write_library(library: PoseLibrary, path: Path) -> None:
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     about = {
         **body,
-        "angles": list(library.model.dof_names),
+        "angles": list(library.model.tree.dof_names),
         "parts": list(library.model.names),
         "settings": asdict(library.settings),
         "clips": list(library.clips),
@@ -156,7 +156,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         if name in LibrarySettings.__dataclass_fields__ and value is not None
     }
     model = _body(arrays, about)
-    if about["angles"] != list(model.dof_names) or about["parts"] != list(model.names):
+    if about["angles"] != list(model.tree.dof_names) or about["parts"] != list(model.names):
         raise ValueError("made with a body that has other joints")
     levels = []
     for number, facts in enumerate(about["levels"]):

@@ -176,7 +176,7 @@ def step_precisions(
     """
     model = library.model
     factor = np.where(occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
-    sigma = factor[:, model.dof_part] * library.sigma_rad
+    sigma = factor[:, model.tree.dof_part] * library.sigma_rad
     root = factor[:, 0] * library.root_sigma_rad
     return 1 / sigma**2, 1 / root**2
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.rendering import masks_of
-from silhouette_core.progress import Reporter
+from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
@@ -127,7 +127,7 @@ class Split:
         self,
         score: Distances,
         threshold: float,
-        after: Callable[[Split], None] = lambda split: None,
+        after: Callable[[], None] = lambda: None,
         threads: bool = False,
     ) -> None:
         r"""Completes the division.
@@ -170,7 +170,7 @@ class Split:
             if not len(far):
                 break
             self.chosen.append(int(far[np.argmax(self.total[far])]))  # step (2)
-            after(self)
+            after()
         self.nearest_node[self.chosen] = np.arange(len(self.chosen), dtype=np.int32)
 
     def groups(self) -> list[NDArray[np.int64]]:
@@ -250,10 +250,14 @@ def divide(
     Source: Okada and Stenger, section 3.
     """
 
+    reporter = reporter or SilentReporter()
+    one = len(sets) == 1  # then its representatives are counted, and else the sets
+
     def divided(samples: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         split = Split.start(samples, poses)
-        split.run(score, threshold, threads=len(samples) >= _LARGE)
-        if reporter is not None:
+        after = reporter.advance if one else lambda: None
+        split.run(score, threshold, after, threads=len(samples) >= _LARGE)
+        if not one:
             reporter.advance()
         return split.groups()
 

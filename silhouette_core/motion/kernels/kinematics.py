@@ -180,36 +180,6 @@ def _descends(parents, ancestor, part):
 
 
 @kernel
-def _solve_cholesky(matrix, vector, fixed):
-    """Solves in place for the unknowns that are not fixed, by Cholesky decomposition; the fixed
-    ones become 0.
-    """
-    n = vector.shape[0]
-    for i in range(n):
-        if fixed[i]:
-            vector[i] = 0.0
-            matrix[i, :] = 0.0
-            matrix[:, i] = 0.0
-            matrix[i, i] = 1.0
-    for j in range(n):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] ** 2
-        matrix[j, j] = np.sqrt(matrix[j, j])
-        for i in range(j + 1, n):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-    for i in range(n):
-        for k in range(i):
-            vector[i] -= matrix[i, k] * vector[k]
-        vector[i] /= matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            vector[i] -= matrix[k, i] * vector[k]
-        vector[i] /= matrix[i, i]
-
-
-@kernel
 def _solve_frame(
     parents, joints, dof_part, dof_axis, limits, root, targets, directions, rest, angles
 ):
@@ -224,7 +194,6 @@ def _solve_frame(
     axes, zero = np.empty((count, 3)), np.zeros(3)
     normal, gradient = np.empty((count, count)), np.empty(count)
     columns, members = np.empty((count, 3)), np.empty(count, np.int64)
-    fixed = np.zeros(count, np.bool_)
     cost, previous = 0.0, np.inf
     for _ in range(_STEPS):
         place_parts_and_axes(
@@ -256,10 +225,12 @@ def _solve_frame(
             break
         previous = cost
         for d in range(count):
-            fixed[d] = (angles[d] <= limits[d, 0] and gradient[d] < 0) or (
+            if (angles[d] <= limits[d, 0] and gradient[d] < 0) or (
                 angles[d] >= limits[d, 1] and gradient[d] > 0
-            )
-        _solve_cholesky(normal, gradient, fixed)
+            ):
+                normal[d], normal[:, d] = 0.0, 0.0
+                gradient[d], normal[d, d] = 0.0, 1.0
+        gradient = np.linalg.solve(normal, gradient)
         scale = max(1.0, np.abs(gradient).max() / _TRUST_RAD)
         for d in range(count):
             angles[d] = min(max(angles[d] + gradient[d] / scale, limits[d, 0]), limits[d, 1])

@@ -81,7 +81,7 @@ def _targets(
 ) -> Targets:
     targets = Targets(model)
     joint = lambda name: model.joints_m[model.names.index(name)]  # noqa: E731
-    hinge = lambda name: model.dof_axis[model.dof_names.index(f"{name}.flexion")]  # noqa: E731
+    hinge = lambda name: model.tree.dof_axis[model.tree.dof_names.index(f"{name}.flexion")]  # noqa: E731
     waist = root * _turns(0.5 * curves["lean"], 0.5 * curves["side"], 0.4 * curves["twist"])
     chest = root * _turns(curves["lean"], curves["side"], curves["twist"])
     head = chest * _turns(

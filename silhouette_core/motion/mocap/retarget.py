@@ -101,7 +101,9 @@ def _targets(
         for bones in _HINGES:
             own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
             if hinge is not None:
-                flexion = model.dof_axis[model.dof_names.index(f"{side}_{bones[1]}.flexion")]
+                flexion = model.tree.dof_axis[
+                    model.tree.dof_names.index(f"{side}_{bones[1]}.flexion")
+                ]
                 targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.hinge)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(

@@ -24,6 +24,11 @@ STATURE_M = 1.75
 MOVEMENTS = ("walk", "wave", "arm swing both", "reach aside", "squat", "kick")
 
 
+def joints_at(model: BodyModel, pose: Pose) -> np.ndarray:
+    """Joints (15, 3) of a pose in the world."""
+    return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
+
+
 def camera_at(
     center_m: Sequence[float],
     target_m: Sequence[float] = (0, 0, 0.95),

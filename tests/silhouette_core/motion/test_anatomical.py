@@ -22,7 +22,7 @@ BODY = BodyModel.from_sizes(BodySizes(1.7))
 def posed(degrees: dict[str, float], heading_deg: float = 0.0) -> Motion:
     angles = np.zeros((1, BODY.dof_count))
     for name, value in degrees.items():
-        angles[0, BODY.dof_names.index(name)] = np.radians(value)
+        angles[0, BODY.tree.dof_names.index(name)] = np.radians(value)
     half = np.radians(heading_deg) / 2
     return Motion(
         30.0, BODY, BODY.joints_m[:1].copy(), np.array([[np.cos(half), 0, 0, np.sin(half)]]), angles
@@ -114,7 +114,7 @@ def test_ulnar_deviation_leads_away_from_the_thumb(side):
 def test_arm_forearm_and_hand_turn_about_the_axis_of_the_elbow(side):
     """As far as it is at right angles to the bone, in a body whose arm does not lie in a plane."""
     body = BODY.reshaped(2 * np.random.default_rng(2).normal(size=len(SHAPE_SIGMA)) * SHAPE_SIGMA)
-    elbow = body.dof_axis[body.dof_names.index(f"{side}_forearm.flexion")]
+    elbow = body.tree.dof_axis[body.tree.dof_names.index(f"{side}_forearm.flexion")]
     for part in ("upper_arm", "forearm", "hand"):
         _, up, right = segment_axes(body)[f"{side}_{part}"].T
         assert np.linalg.det([right, up, elbow]) == pytest.approx(0, abs=1e-9)
@@ -186,7 +186,9 @@ def test_angles_make_the_rotations_again(seed):
     random = np.random.default_rng(seed)
     motion = replace(
         posed({}),
-        angles_rad=random.uniform(BODY.dof_limits_rad[:, 0], BODY.dof_limits_rad[:, 1])[None],
+        angles_rad=random.uniform(BODY.tree.dof_limits_rad[:, 0], BODY.tree.dof_limits_rad[:, 1])[
+            None
+        ],
     )
     result, rotations = anatomical_angles(motion), joint_rotations(motion)
     for side in ("left", "right"):

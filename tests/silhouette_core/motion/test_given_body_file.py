@@ -41,7 +41,7 @@ def test_a_motion_holds_its_body(written):
         np.testing.assert_array_equal(getattr(found.model, name), getattr(motion.model, name))
     np.testing.assert_array_equal(found.landmarks(), motion.landmarks())
     assert found.landmarks().shape == (2, 3, 3) and found.landmark_confidence().shape == (2, 3)
-    assert body_of_motion(path.parent).dof_names == ("arm.bend",)
+    assert body_of_motion(path.parent).tree.dof_names == ("arm.bend",)
 
 
 def _rewrite(path, change_text=None, **changed):

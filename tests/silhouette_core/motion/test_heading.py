@@ -22,7 +22,7 @@ def any_rotations(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def any_motion(seed: int, count: int = 3) -> Motion:
     rng = np.random.default_rng(seed)
-    low, high = MODEL.dof_limits_rad.T
+    low, high = MODEL.tree.dof_limits_rad.T
     return Motion(
         30.0,
         MODEL,

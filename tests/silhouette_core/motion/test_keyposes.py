@@ -34,7 +34,7 @@ def test_enough_of_everything(motions):
 
 
 def test_limits_hold_and_nothing_leaps(motions):
-    low, high = MODEL.dof_limits_rad.T
+    low, high = MODEL.tree.dof_limits_rad.T
     for name, motion in motions.items():
         assert (motion.angles_rad >= low - 1e-9).all() and (
             motion.angles_rad <= high + 1e-9

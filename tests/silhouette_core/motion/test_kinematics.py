@@ -31,7 +31,7 @@ def model():
 @pytest.fixture
 def clip(model):
     rng = np.random.default_rng(0)
-    low, high = model.dof_limits_rad.T
+    low, high = model.tree.dof_limits_rad.T
     return (
         rng.normal(size=(4, 3)),
         Rotation.random(4, random_state=1).as_quat(scalar_first=True),
@@ -74,7 +74,7 @@ def test_one_part_for_many_angles(model, clip):
     matrix = rotation_matrices(quaternion[0])
     for part in (0, PART_NAMES.index("head"), PART_NAMES.index("right_toes")):
         rotations, origins = np.empty((4, 3, 3)), np.empty((4, 3))
-        arrays = model.parents, model.joints_m, model.dof_part, model.dof_axis
+        arrays = model.tree.parents, model.joints_m, model.tree.dof_part, model.tree.dof_axis
         place_one_part(*arrays, matrix, root[0], angles, part, rotations, origins)
         whole = forward(model, np.tile(root[0], (4, 1)), np.tile(quaternion[0], (4, 1)), angles)
         np.testing.assert_array_equal(rotations, whole[0][:, part])
@@ -94,10 +94,10 @@ def test_at_rest_nothing_moves(model):
 def test_axes_are_the_derivatives_of_the_joints(model, clip):
     root, quaternion, angles = (array[0] for array in clip)
     arrays = (
-        model.parents,
+        model.tree.parents,
         model.joints_m,
-        model.dof_part,
-        model.dof_axis,
+        model.tree.dof_part,
+        model.tree.dof_axis,
         rotation_matrices(quaternion),
         root,
     )
@@ -187,7 +187,7 @@ def test_positive_angles_make_the_named_movement(model):
     def moved(turns):
         angles = np.zeros((1, model.dof_count))
         for name, degrees in turns.items():
-            angles[0, model.dof_names.index(name)] = np.radians(degrees)
+            angles[0, model.tree.dof_names.index(name)] = np.radians(degrees)
         placed = landmarks(
             model, *forward(model, model.joints_m[:1], np.array([[1.0, 0, 0, 0]]), angles)
         )[0]

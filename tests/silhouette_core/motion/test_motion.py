@@ -11,7 +11,8 @@ from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 
-MODEL = SimpleNamespace(dof_part=np.zeros(4, int), landmark_part=np.zeros(15, int))
+_TREE = SimpleNamespace(dof_part=np.zeros(4, int), landmark_part=np.zeros(15, int))
+MODEL = SimpleNamespace(tree=_TREE)
 
 
 def motion(count: int = 5, **changes) -> Motion:

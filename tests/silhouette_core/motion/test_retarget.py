@@ -83,12 +83,12 @@ def test_limits_hold_and_neighbours_take_over(tmp_path):
     motion = waving(8)
     # The spine bends to its limit everywhere, which leaves the neck to look ahead and the hips to
     # do what the legs need.
-    motion.angles_rad[:, model.dof_names.index("thorax.flexion")] = np.radians(60)
+    motion.angles_rad[:, model.tree.dof_names.index("thorax.flexion")] = np.radians(60)
     write_bvh(standing_then(motion), tmp_path / "bent.bvh")
     again = retarget(read_clip(tmp_path / "bent.bvh"), model)
-    low, high = model.dof_limits_rad.T
+    low, high = model.tree.dof_limits_rad.T
     assert (again.angles_rad >= low - 1e-9).all() and (again.angles_rad <= high + 1e-9).all()
-    lumbar = again.angles_rad[-1, model.dof_names.index("lumbar.flexion")]
+    lumbar = again.angles_rad[-1, model.tree.dof_names.index("lumbar.flexion")]
     assert lumbar > np.radians(18)  # recorded: 15 degrees
     index = model.names.index
     arms = [bone for bone in BONES if "arm" in bone[0]]
@@ -116,11 +116,11 @@ def test_t_pose_before_the_motion_is_left_out(tmp_path):
     motion = waving(12)
     motion.angles_rad[0] = 0
     for side in ("left", "right"):
-        motion.angles_rad[0, motion.model.dof_names.index(f"{side}_upper_arm.abduction")] = (
+        motion.angles_rad[0, motion.model.tree.dof_names.index(f"{side}_upper_arm.abduction")] = (
             np.radians(45)
         )
-    motion.angles_rad[1:, motion.model.dof_names.index("left_upper_arm.abduction")] = np.radians(
-        -40
+    motion.angles_rad[1:, motion.model.tree.dof_names.index("left_upper_arm.abduction")] = (
+        np.radians(-40)
     )
     write_bvh(motion, tmp_path / "t.bvh")
     assert len(retarget(read_clip(tmp_path / "t.bvh"), motion.model)) == 11

@@ -9,18 +9,17 @@ from silhouette_core.refinement.landmark_prior import (
     LandmarkPriors,
     add_landmark_priors,
     landmark_jacobian,
-    posed_landmarks,
 )
 from silhouette_core.refinement.refine import RefineSettings, refine
 from silhouette_core.refinement.surface import Surface
-from tests.silhouette_core.monocular.filming import body, performed, poses_of
+from tests.silhouette_core.monocular.filming import body, joints_at, performed, poses_of
 
 SURFACE = Surface(body(), 200)
 MODEL = SURFACE.model
 
 
 def prior_at(pose: Pose, sigma_m: float = 0.01) -> LandmarkPrior:
-    landmarks = posed_landmarks(MODEL, SURFACE.posed(pose))
+    landmarks = joints_at(MODEL, pose)
     precision = np.tile(np.eye(3) / sigma_m**2, (15, 1, 1))
     return LandmarkPrior(landmarks - landmarks[0], precision, landmarks[0], precision[0])
 
@@ -29,16 +28,9 @@ def random_step(seed: int, size: float) -> np.ndarray:
     return size * np.random.default_rng(seed).standard_normal(6 + MODEL.dof_count)
 
 
-def test_landmarks_are_those_of_the_motion():
-    motion = performed("kick")
-    pose = poses_of(motion)[20]
-    found = posed_landmarks(MODEL, SURFACE.posed(pose))
-    assert found == pytest.approx(motion.landmarks()[20], abs=1e-9)
-
-
 def test_jacobian_against_differences():
     pose, step = poses_of(performed("squat"))[15], random_step(0, 1e-6)
-    before, after = (posed_landmarks(MODEL, SURFACE.posed(one)) for one in (pose, pose.moved(step)))
+    before, after = (joints_at(MODEL, one) for one in (pose, pose.moved(step)))
     assert landmark_jacobian(MODEL, SURFACE.posed(pose)) @ step == pytest.approx(
         after - before, abs=1e-10
     )
@@ -49,7 +41,7 @@ def test_the_gradient_is_that_of_students_t():
     prior = prior_at(pose.moved(random_step(1, 0.05)), 0.05)
 
     def energy(one: Pose) -> float:
-        landmarks = posed_landmarks(MODEL, SURFACE.posed(one))
+        landmarks = joints_at(MODEL, one)
         error = (landmarks - landmarks[0] - prior.relative_m)[1:] / 0.05
         pelvis = (landmarks[0] - prior.pelvis_m) / 0.05
         return 3.5 * np.log1p((error**2).sum(axis=1) / 4).sum() + 0.5 * (pelvis**2).sum()
@@ -69,5 +61,5 @@ def test_without_a_contour_the_joints_go_where_they_are_expected():
     settings = RefineSettings(reaches_m=(0.0,) * 15, usual=0.01)
     start = pose.moved(random_step(3, 0.1)).clipped()
     found = refine(SURFACE, None, start, None, settings, prior_at(pose)).pose  # type: ignore[arg-type]
-    placed, wanted = (posed_landmarks(MODEL, SURFACE.posed(one)) for one in (found, pose))
+    placed, wanted = (joints_at(MODEL, one) for one in (found, pose))
     assert np.linalg.norm(placed - wanted, axis=1).max() < 0.005

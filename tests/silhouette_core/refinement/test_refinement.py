@@ -55,7 +55,7 @@ def perturbed(pose: Pose, seed: int, spread_deg: float = 5.0) -> Pose:
 
 def some_pose(model) -> Pose:
     rng = np.random.default_rng(8)
-    low, high = model.dof_limits_rad.T
+    low, high = model.tree.dof_limits_rad.T
     pose = stance(model)
     return Pose(pose.root_m, pose.root_rotation, 0.5 * rng.uniform(low, high)).moved(
         np.r_[rng.normal(size=6), np.zeros(len(low))]
@@ -123,7 +123,7 @@ def test_refinement_finds_the_pose_of_somebody_else(surface, seed):
     assert silhouette_error(surface.model, result, seen) < 0.6 * silhouette_error(
         surface.model, start, seen
     )
-    low, high = surface.model.dof_limits_rad.T
+    low, high = surface.model.tree.dof_limits_rad.T
     assert (result.angles_rad >= low).all() and (result.angles_rad <= high).all()
 
 
@@ -131,7 +131,7 @@ def test_held_angles_are_left_alone(surface):
     body = other_body(1)
     start = perturbed(stance(body), 4)
     result = refine(surface, observe(views(4), body, stance(body)), start).pose
-    held = surface.model.dof_fixed
+    held = surface.model.tree.dof_fixed
     np.testing.assert_array_equal(result.angles_rad[held], start.angles_rad[held])
     assert (result.angles_rad[~held] != start.angles_rad[~held]).mean() > 0.9
 
@@ -161,12 +161,12 @@ def test_nothing_seen_leaves_the_place(surface):
 def test_steps_stay_within_limits_and_trust(surface):
     model = surface.model
     n = 6 + model.dof_count
-    angles = np.clip(0.9 * model.dof_limits_rad[:, 1], None, 0.5)
-    free = np.r_[np.arange(6), 6 + np.flatnonzero(~model.dof_fixed)]
+    angles = np.clip(0.9 * model.tree.dof_limits_rad[:, 1], None, 0.5)
+    free = np.r_[np.arange(6), 6 + np.flatnonzero(~model.tree.dof_fixed)]
     step = solve_steps(np.eye(n)[None], np.full((1, n), -5.0), angles[None], model)[0]
     assert np.abs(step[:3]).max() <= 0.1 + 1e-12 and np.abs(step[3:]).max() <= 0.35 + 1e-12
-    assert (angles + step[6:] <= model.dof_limits_rad[:, 1] + 1e-9).all()
-    assert (step[6:][model.dof_fixed] == 0).all()
+    assert (angles + step[6:] <= model.tree.dof_limits_rad[:, 1] + 1e-9).all()
+    assert (step[6:][model.tree.dof_fixed] == 0).all()
     # Where no bound is met, it is the solution itself.
     rng = np.random.default_rng(0)
     a = rng.normal(size=(n, n))

@@ -36,7 +36,7 @@ MODEL = SURFACE.model
 SIZE = 6 + MODEL.dof_count
 SETTINGS = RefineSettings()
 LARGEST = SETTINGS.independence / SETTINGS.contour_m**2
-FLEXION = 6 + MODEL.dof_names.index("left_forearm.flexion")
+FLEXION = 6 + MODEL.tree.dof_names.index("left_forearm.flexion")
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_two_beliefs_of_one_strength_meet_half_way():
 
 def test_an_angle_beyond_its_limit_may_return_but_need_not():
     angles, unknown = stance(MODEL).angles_rad.copy(), FLEXION
-    angles[unknown - 6] = MODEL.dof_limits_rad[unknown - 6, 0] - 0.2
+    angles[unknown - 6] = MODEL.tree.dof_limits_rad[unknown - 6, 0] - 0.2
     for asked, taken in ((0.0, 0.0), (0.1, 0.1), (9.0, 0.35), (-0.1, 0.0)):
         found = solve_steps(np.eye(SIZE)[None], -step(unknown, asked)[None], angles[None], MODEL)[0]
         assert found[unknown] == pytest.approx(taken, abs=1e-6)

@@ -9,12 +9,19 @@ import pytest
 from calib.camera import Rig
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement import trajectory_fit
-from silhouette_core.refinement.landmark_prior import LandmarkPrior, posed_landmarks
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.refinement.trajectory_fit import _Banded, fit_trajectory
 from silhouette_core.tuning import TRAJECTORY
-from tests.silhouette_core.monocular.filming import body, camera_at, performed, poses_of, silhouette
+from tests.silhouette_core.monocular.filming import (
+    body,
+    camera_at,
+    joints_at,
+    performed,
+    poses_of,
+    silhouette,
+)
 
 CAMERA = camera_at((0.8, -3.6, 2.6))
 VIEWS = PinholeViews.from_rig(Rig((CAMERA,)))
@@ -35,14 +42,14 @@ def walk():
     precision = np.tile(np.eye(3) / NOISE_M**2, (15, 1, 1))
     priors = []
     for pose in poses:
-        joints = posed_landmarks(MODEL, SURFACE.posed(pose))
+        joints = joints_at(MODEL, pose)
         joints = joints + rng.normal(0, NOISE_M, joints.shape)
         priors.append(LandmarkPrior(joints - joints[0], precision, joints[0], precision[0]))
     return observations, poses, priors
 
 
 def joints_of(poses: list[Pose]) -> np.ndarray:
-    return np.stack([posed_landmarks(MODEL, SURFACE.posed(pose)) for pose in poses])
+    return np.stack([joints_at(MODEL, pose) for pose in poses])
 
 
 def tuned(**numbers):

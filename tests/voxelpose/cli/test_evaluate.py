@@ -150,8 +150,8 @@ def test_any_body_is_scored_in_its_own_names(desk, capsys, name):
     score = json.loads(capsys.readouterr().out)
     assert (score["frames"], score["lost"]) == (4, 1 / 4)
     angles = score["each_joint_angle_deg"]
-    assert list(angles) == list(model.dof_names)
-    assert angles[model.dof_names[-1]] == pytest.approx(TURNED_DEG)
+    assert list(angles) == list(model.tree.dof_names)
+    assert angles[model.tree.dof_names[-1]] == pytest.approx(TURNED_DEG)
     assert score["joint_angle_deg"] == pytest.approx(TURNED_DEG / model.dof_count)
     apart = np.linalg.norm(motion.landmarks() - truth.landmarks()[1:], axis=2)
     assert score["mpjpe_mm"] == pytest.approx(1000 * apart.mean(), abs=2e-3)
@@ -160,7 +160,7 @@ def test_any_body_is_scored_in_its_own_names(desk, capsys, name):
     assert (score["flips"] is None) == (name == "robot_arm")
     assert run(["evaluate", result]) == 0
     printed = capsys.readouterr().out
-    assert all(word in printed for word in (*model.dof_names, *model.tree.landmark_names))
+    assert all(word in printed for word in (*model.tree.dof_names, *model.tree.landmark_names))
     assert run(["evaluate", result, "--markdown"]) == 0
     assert "joint_angle_deg" in capsys.readouterr().out
     # A joints.csv knows no angles.

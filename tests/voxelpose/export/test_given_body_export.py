@@ -53,7 +53,7 @@ def test_joints_have_the_bodys_own_names(folder):
 def test_angles_are_those_of_its_own_joints(folder):
     with (folder / "angles.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    column = MOTION.model.dof_names.index("left_fore_lower.bend")
+    column = MOTION.model.tree.dof_names.index("left_fore_lower.bend")
     found = [float(row["left_fore_lower.bend_deg"]) for row in rows]
     np.testing.assert_allclose(found, np.degrees(MOTION.angles_rad[:, column]), atol=1e-3)
 
@@ -116,7 +116,7 @@ def test_a_joint_turned_by_a_right_angle_is_written_without_a_warning(tmp_path, 
     """Two of BVH's axes then coincide."""
     lamp = example_motion("desk_lamp", 2)
     angles = np.zeros_like(lamp.angles_rad)
-    angles[:, lamp.model.dof_names.index("shade.pitch")] = np.pi / 2
+    angles[:, lamp.model.tree.dof_names.index("shade.pitch")] = np.pi / 2
     write_bvh(replace(lamp, angles_rad=angles), tmp_path / "motion.bvh")
     assert not [w for w in recwarn if "Gimbal" in str(w.message)]
     root = bvhio.readAsHierarchy(str(tmp_path / "motion.bvh")).loadPose(1)
@@ -145,7 +145,7 @@ def test_c3d_holds_every_landmark(folder):
 def skeleton_of(model) -> dict:
     """Name of each part -> its parent's and where its joint is at rest from the root, 0.1 mm."""
     names, joints = model.names, 1e4 * (model.joints_m - model.joints_m[0])
-    above = ["" if parent < 0 else names[parent] for parent in model.parents]
+    above = ["" if parent < 0 else names[parent] for parent in model.tree.parents]
     places = [tuple(joint) for joint in (joints.round() + 0.0).tolist()]
     return dict(zip(names, zip(above, places, strict=True), strict=True))
 
@@ -172,7 +172,7 @@ def test_bvh_is_read_as_the_same_skeleton(folder, tmp_path):
 def test_npz_and_the_wide_table_hold_it_all(folder):
     with np.load(folder / "motion.npz") as arrays:
         assert tuple(arrays["part_names"]) == MOTION.model.names
-        assert tuple(arrays["angle_names"]) == MOTION.model.dof_names
+        assert tuple(arrays["angle_names"]) == MOTION.model.tree.dof_names
         assert "anatomical_deg" not in arrays
         np.testing.assert_array_equal(arrays["angles_rad"], MOTION.angles_rad)
         np.testing.assert_allclose(arrays["landmarks"], MOTION.landmarks())

@@ -28,8 +28,8 @@ def test_the_exported_body_comes_back(tmp_path):
     assert np.allclose(back.joints_m[order], body.joints_m, atol=1e-6)
     assert np.allclose(back.vertices_m, body.vertices_m, atol=1e-6)
     assert np.array_equal(back.faces, body.faces)
-    for part, parent in enumerate(body.parents):
-        own = back.parents[order[part]]
+    for part, parent in enumerate(body.tree.parents):
+        own = back.tree.parents[order[part]]
         assert own == (order[parent] if parent >= 0 else -1)
     dense = np.zeros((2, len(body.vertices_m), len(body.names)))
     for k, (model, rename) in enumerate(((body, np.arange(len(order))), (back, np.argsort(order)))):

@@ -69,10 +69,10 @@ def motion(request) -> Motion:
     take = waving(5, 1.95 if request.param == "tall" else 1.7)
     if request.param != "wild":
         return take
-    random, low, high = np.random.default_rng(3), *take.model.dof_limits_rad.T
+    random, low, high = np.random.default_rng(3), *take.model.tree.dof_limits_rad.T
     heading = unit(random.normal(size=(5, 4)))
     angles = random.uniform(low, high, take.angles_rad.shape)  # every joint turned
-    angles[:, take.model.dof_fixed] = (
+    angles[:, take.model.tree.dof_fixed] = (
         0  # as estimators leave them: an elbow that turns too is no hinge
     )
     return replace(take, angles_rad=angles, root_quaternion=heading)

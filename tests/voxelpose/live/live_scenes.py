@@ -29,7 +29,7 @@ def posed(
     model = model or person()
     angles = np.zeros(model.dof_count)
     for name, angle in (degrees or {}).items():
-        angles[model.dof_names.index(name)] = np.radians(angle)
+        angles[model.tree.dof_names.index(name)] = np.radians(angle)
     root = model.joints_m[0] if root_m is None else np.array(root_m)
     pose = Pose(root, np.eye(3) if turn is None else turn, angles)
     rotation, origin = kinematics.place(

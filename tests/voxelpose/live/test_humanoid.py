@@ -106,7 +106,7 @@ def test_heading_and_place():
 def test_a_humanoid_of_these_lengths_stands_where_the_body_stands(stature_m):
     generator = np.random.default_rng(7)
     body = posed(
-        {name: generator.uniform(-40, 40) for name in person().dof_names},
+        {name: generator.uniform(-40, 40) for name in person().tree.dof_names},
         Rotation.random(rng=generator).as_matrix(),
         (0.3, -0.2, 1.1),
         person(stature_m),

@@ -35,7 +35,7 @@ def test_a_receiver_can_rebuild_the_pose():
     }
     whole: dict[str, np.ndarray] = {}
     for part, name in enumerate(PART_NAMES):
-        parent = body.model.parents[part]
+        parent = body.model.tree.parents[part]
         above = whole[PART_NAMES[parent]] if parent >= 0 else np.eye(3)
         whole[name] = above @ turns[name]
         np.testing.assert_allclose(whole[name], body.part_rotation[part], atol=1e-4)

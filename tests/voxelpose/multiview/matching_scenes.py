@@ -57,7 +57,7 @@ def stance(
     """The relaxed stance with some angles changed, the pelvis above `place_m`."""
     angles = RELAXED_RAD.copy()
     for name, degrees in (turns_deg or {}).items():
-        angles[model.dof_names.index(name)] = np.radians(degrees)
+        angles[model.tree.dof_names.index(name)] = np.radians(degrees)
     return Pose(model.joints_m[0] + (*place_m, 0.0), np.eye(3), angles)
 
 

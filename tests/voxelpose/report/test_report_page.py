@@ -187,7 +187,7 @@ def test_the_report_of_a_body_that_is_no_persons(desk, name):
     for phrase in ("person", "Anatomical", "arms and legs", "thumbs", "15 joints", "27 parts"):
         assert phrase not in words
     assert ("left side" in words) == (name == "quadruped")
-    count = len({part for part, dof in truth.model.dofs if not dof.fixed})
+    count = len({part for part, dof in truth.model.tree.dofs if not dof.fixed})
     charts = [text for text in page.pictures if text and " over time: " in text]
     assert sum("degrees" in chart for chart in charts) == count
     assert f"of {len(truth.model.names)} parts" in words

@@ -279,7 +279,7 @@ def chains_of(limbs: tuple[Limb, ...]) -> tuple[tuple[Limb, ...], ...]:
 def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
     parts = {limb.name: list(limb.parts) for limb in LIMBS}
     home = {part: name for name, own in parts.items() for part in own}
-    for part, parent in zip(model.names, model.parents, strict=True):
+    for part, parent in zip(model.names, model.tree.parents, strict=True):
         if part not in home:
             home[part] = home[model.names[parent]]
             parts[home[part]].append(part)
@@ -299,11 +299,13 @@ class _Builder:
         self._points = [
             points + joint for points, joint in zip(part_points, model.joints_m, strict=True)
         ]
-        self._free = np.flatnonzero(~model.dof_fixed & (np.ptp(model.dof_limits_rad, axis=1) > 0))
+        self._free = np.flatnonzero(
+            ~model.tree.dof_fixed & (np.ptp(model.tree.dof_limits_rad, axis=1) > 0)
+        )
 
     def dofs(self, part: int) -> list[int]:
         """Angles of a part's joint that are estimated."""
-        return [k for k in self._free.tolist() if self.model.dof_part[k] == part]
+        return [k for k in self._free.tolist() if self.model.tree.dof_part[k] == part]
 
     def groups(self) -> list[list[int]]:
         """Parts by limb: a joint whose angles do not show in what it carries starts none."""
@@ -314,7 +316,7 @@ class _Builder:
                 home[part] = len(groups)
                 groups.append([part])
             else:
-                home[part] = home[int(self.model.parents[part])]
+                home[part] = home[int(self.model.tree.parents[part])]
                 groups[home[part]].append(part)
         return groups
 
@@ -322,7 +324,7 @@ class _Builder:
         """A part and the parts that are fixed to it."""
         parts = [part]
         for other in range(part + 1, len(self.model.names)):
-            if self.model.parents[other] in parts and not self.dofs(other):
+            if self.model.tree.parents[other] in parts and not self.dofs(other):
                 parts.append(other)
         return parts
 
@@ -335,7 +337,7 @@ class _Builder:
         shown = []
         for k in self.dofs(part):
             turn = Rotation.from_rotvec(
-                np.radians(MATCHING.apart_deg) * self.model.dof_axis[k]
+                np.radians(MATCHING.apart_deg) * self.model.tree.dof_axis[k]
             ).as_matrix()
             distance = tree.query(offsets @ turn.T + self.model.joints_m[part])[0]
             if (distance > self.spacing_m).mean() > MATCHING.shown:
@@ -346,7 +348,7 @@ class _Builder:
         """Limbs of the groups, with the angles that are sampled for each."""
         model, names = self.model, self.model.names
         home = {part: g for g, group in enumerate(groups) for part in group}
-        above = [-1] + [home[int(model.parents[group[0]])] for group in groups[1:]]
+        above = [-1] + [home[int(model.tree.parents[group[0]])] for group in groups[1:]]
         own = [self._shown(group[0]) if g else [] for g, group in enumerate(groups)]
         hidden = [
             [k for part in group for k in self.dofs(part) if k not in own[g]]
@@ -357,7 +359,9 @@ class _Builder:
             carried = [c for c in range(len(groups)) if above[c] == g]
             for k in hidden[g]:
                 # The largest limb that the angle moves shows it; the others are matched after it.
-                moved = [c for c in carried if model.tree.descends[model.dof_part[k], groups[c][0]]]
+                moved = [
+                    c for c in carried if model.tree.descends[model.tree.dof_part[k], groups[c][0]]
+                ]
                 if not moved:
                     continue
                 first = max(moved, key=lambda c: self._volume(groups, above, c))
@@ -370,7 +374,7 @@ class _Builder:
                 names[group[0]],
                 tuple(names[part] for part in group),
                 names[groups[before[g]][0]] if g else None,
-                angles=tuple(model.dof_names[k] for k in sorted(own[g])),
+                angles=tuple(model.tree.dof_names[k] for k in sorted(own[g])),
                 carrier=names[groups[above[g]][0]] if g else None,
             )
             for g, group in enumerate(groups)

@@ -187,7 +187,7 @@ class MotionEvidence:
     def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
         """Evidence of a motion with its quality."""
         quality = motion.quality
-        low, high = motion.model.dof_limits_rad.T
+        low, high = motion.model.tree.dof_limits_rad.T
         angles, free = motion.angles_rad, high > low
         at_end = (angles <= low + QUALITY.at_limit_rad) | (angles >= high - QUALITY.at_limit_rad)
         at_limits = (at_end & free).mean(axis=1)

@@ -99,7 +99,9 @@ class BodyTrack:
             before_s, before = self.before
             # The last step is repeated three times at most: nobody moves on straight for longer.
             ratio = min(elapsed / elapsed_steps(before_s, self.time_s), 3)
-            pose = pose.moved(MOMENTUM * ratio * pose.minus(before)).clipped(model.dof_limits_rad)
+            pose = pose.moved(MOMENTUM * ratio * pose.minus(before)).clipped(
+                model.tree.dof_limits_rad
+            )
         return PosePrior(pose, sigma)
 
     def step(self, observation: Observation, time_s: float) -> BodyTrack:

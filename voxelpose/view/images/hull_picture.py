@@ -285,7 +285,7 @@ def bent_vertices(body: BodyModel) -> NDArray[np.float64]:
     """Vertices (V, 3) of a body in a pose that bends its large joints, m."""
     angles = np.zeros((1, body.dof_count))
     for name, degrees in _BENT_DEG.items():
-        angles[0, body.dof_names.index(name)] = np.radians(degrees)
+        angles[0, body.tree.dof_names.index(name)] = np.radians(degrees)
     rotation, origin = kinematics.forward(
         body, body.joints_m[:1], np.array([[1.0, 0.0, 0.0, 0.0]]), angles
     )

@@ -9,20 +9,6 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 
 @parallel_kernel
-def rotate_and_translate(posed, pelvis, rotations, distance, placed):
-    """Fills placed (N, V, 3): posed (N, V, 3) rotated by rotations (N, 3, 3) about pelvis (N, 3),
-    which is moved to (0, 0, distance).
-    """
-    for n in prange(len(posed)):
-        r, o = rotations[n], pelvis[n]
-        for v in range(posed.shape[1]):
-            x, y, z = posed[n, v, 0] - o[0], posed[n, v, 1] - o[1], posed[n, v, 2] - o[2]
-            for i in range(3):
-                placed[n, v, i] = r[i, 0] * x + r[i, 1] * y + r[i, 2] * z
-            placed[n, v, 2] += distance
-
-
-@parallel_kernel
 def centre_windows(parts, windows, shifts, areas, outside):
     """Fills windows (N, h, w) from part images (N, H, W), the silhouette's centroid in the middle.
 

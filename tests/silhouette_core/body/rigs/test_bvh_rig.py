@@ -14,9 +14,9 @@ def test_bones_are_capsules_in_the_stated_unit(rig_files, tmp_path):
     assert np.allclose(body.joints_m, [[0, 0, 0.9], [0, -0.01, 0.45]])
     assert body.tree.landmark_names == ("hip", "knee", "knee_end")
     assert np.allclose(body.landmarks_m[2], [0, -0.01, 0])
-    assert body.dof_names == ("knee.Zrotation", "knee.Xrotation", "knee.Yrotation")
-    assert np.allclose(body.dof_axis, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert np.degrees(body.dof_limits_rad[1]).tolist() == pytest.approx([-10, 120])
+    assert body.tree.dof_names == ("knee.Zrotation", "knee.Xrotation", "knee.Yrotation")
+    assert np.allclose(body.tree.dof_axis, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert np.degrees(body.tree.dof_limits_rad[1]).tolist() == pytest.approx([-10, 120])
     whole = np.pi * 0.03**2 * (0.45 + 4 / 3 * 0.03)
     assert body.part_volumes_m3(0.005)[1] == pytest.approx(whole, rel=0.15)
 

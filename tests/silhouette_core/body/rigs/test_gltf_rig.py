@@ -28,12 +28,12 @@ def changed(rig_files, tmp_path):
 
 def test_nodes_become_parts_with_z_up(changed, rig_files):
     body = read_gltf(changed())
-    assert body.names == ("low", "high") and body.parents.tolist() == [-1, 0]
+    assert body.names == ("low", "high") and body.tree.parents.tolist() == [-1, 0]
     assert np.allclose(body.joints_m, [[0, 0, -0.2], [0, 0, 0]])
     vertices, _ = rig_files.box_mesh()
     moved = vertices + np.where(np.arange(8) % 2, 0.0, -0.2)[:, None] * [0, 0, 1]
     assert np.allclose(body.vertices_m, moved, atol=1e-6)
-    assert body.dof_names == ("high.x", "high.y", "high.z")
+    assert body.tree.dof_names == ("high.x", "high.y", "high.z")
     assert body.skin_parts[np.arange(8), body.skin_weights.argmax(1)].tolist() == [0, 1] * 4
 
 
@@ -61,8 +61,8 @@ def test_limits_come_from_the_table_beside_it(changed):
     path.with_name("box.rig.toml").write_text(table)
     body = read_gltf(path)
     assert body.tree.root_fixed
-    assert body.dof_names == ("high.x",)
-    assert np.allclose(np.degrees(body.dof_limits_rad), [[-30, 60]])
+    assert body.tree.dof_names == ("high.x",)
+    assert np.allclose(np.degrees(body.tree.dof_limits_rad), [[-30, 60]])
 
 
 def _no_skin(content):

@@ -111,8 +111,8 @@ def test_both_trees_take_the_same_poses(data):
     cmu, human = read_makehuman(data), read_makehuman(data, human=True)
     turned = np.zeros(cmu.dof_count)
     for side in ("Left", "Right"):
-        column = cmu.dof_names.index(f"{side}ForeArm.flexion")
-        low, high = np.degrees(cmu.dof_limits_rad[column])
+        column = cmu.tree.dof_names.index(f"{side}ForeArm.flexion")
+        low, high = np.degrees(cmu.tree.dof_limits_rad[column])
         turned[column] = np.radians(low + 5)  # straight lies 5 degrees above the lower limit
         assert high - low == pytest.approx(155)
     motion = Motion(

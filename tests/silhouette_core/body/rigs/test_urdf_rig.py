@@ -42,10 +42,10 @@ def test_links_between_fixed_joints_are_one_part(robot):
     said = []
     body = read_urdf(robot(), said.append)
     assert body.names == ("world", "upper", "lower")
-    assert body.dof_names == ("upper.shoulder", "lower.elbow")
+    assert body.tree.dof_names == ("upper.shoulder", "lower.elbow")
     assert np.allclose(body.joints_m[:, 2], [0, 0.1, 0.5])
-    assert np.degrees(body.dof_limits_rad[1]).tolist() == pytest.approx([-180, 180])
-    assert body.dof_limits_rad[0].tolist() == pytest.approx([-1, 2])
+    assert np.degrees(body.tree.dof_limits_rad[1]).tolist() == pytest.approx([-180, 180])
+    assert body.tree.dof_limits_rad[0].tolist() == pytest.approx([-1, 2])
     assert body.tree.root_fixed
     assert body.tree.landmark_names == ("world", "upper", "lower", "tool")
     assert len(said) == 1 and "slide" in said[0]
@@ -67,7 +67,7 @@ def test_a_joint_turns_as_in_the_file(robot):
         np.zeros(1),
     )
     # The axis x, turned by 90 degrees about z, is the file's y, which is x of the body frame.
-    assert np.allclose(body.dof_axis, [[1, 0, 0], [0, 1, 0]])
+    assert np.allclose(body.tree.dof_axis, [[1, 0, 0], [0, 1, 0]])
     tool = motion.landmarks()[0, 3]
     assert np.allclose(tool, [0, -0.7, 0.1], atol=1e-9)
 
@@ -76,7 +76,7 @@ def test_a_mimicking_joint_stays_at_rest(robot):
     said = []
     text = '<child link="lower"/><mimic joint="shoulder"/>'
     body = read_urdf(robot('<child link="lower"/>\n', text), said.append)
-    assert body.dof_fixed.tolist() == [False, True]
+    assert body.tree.dof_fixed.tolist() == [False, True]
     assert any("mimics" in line for line in said)
 
 
@@ -119,7 +119,7 @@ def test_what_cannot_be_a_body_is_refused_in_one_line(robot, old, new, words):
 def test_axes_are_those_of_the_file_seen_from_the_body(robot):
     """x of the file is forward, -y of the body; y is left, its x."""
     body = read_urdf(robot(' rpy="0 0 1.5707963267948966"', ""))
-    np.testing.assert_allclose(body.dof_axis, [[0, -1, 0], [1, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(body.tree.dof_axis, [[0, -1, 0], [1, 0, 0]], atol=1e-12)
 
 
 def test_a_mesh_above_the_robots_folder_is_not_read(rig_files, tmp_path):

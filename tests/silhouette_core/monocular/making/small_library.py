@@ -23,7 +23,7 @@ def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion
     time = np.arange(frames)[:, None] / 30
     phase, pace = rng.uniform(0, 2 * np.pi, model.dof_count), rng.uniform(0.1, 0.5, model.dof_count)
     angles = 0.45 * np.sin(2 * np.pi * pace * time + phase) + 0.2 * np.sin(5 * pace * time)
-    angles = np.where(model.dof_fixed, 0, np.clip(angles, *model.dof_limits_rad.T))
+    angles = np.where(model.tree.dof_fixed, 0, np.clip(angles, *model.tree.dof_limits_rad.T))
     half = np.cumsum(rng.normal(0, 0.02, frames))
     quaternion = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
     return Motion(30.0, model, np.tile(model.joints_m[0], (frames, 1)), quaternion, angles)

@@ -66,7 +66,7 @@ def errors_of(proposal):
         lengths = np.linalg.norm(take.joints - proposal.network.mean_joints, axis=-1)
         errors["mean"].append(lengths.mean(axis=-1))
         for causal in (False, True):
-            found = proposal.modes(FrameFeatures(codes, *geometry), causal)
+            found = proposal.modes([FrameFeatures(codes, *geometry)], causal)[0]
             wrong = np.linalg.norm(found.joints[:, :, 1:] - take.joints[:, None], axis=-1).mean(-1)
             likeliest = found.probability.argmax(axis=1)
             errors[causal].append(wrong[np.arange(len(wrong)), likeliest])

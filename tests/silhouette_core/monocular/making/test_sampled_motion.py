@@ -28,9 +28,9 @@ def lamp_motion(frames: int = 300, seed: int = 0):
 def test_sampled_motion_is_smooth_and_keeps_to_the_limits(body):
     model = body()
     motion = sampled_motion(model, np.random.default_rng(3), 900)
-    low, high = model.dof_limits_rad.T
+    low, high = model.tree.dof_limits_rad.T
     assert (motion.angles_rad >= low - 1e-12).all() and (motion.angles_rad <= high + 1e-12).all()
-    free = ~model.dof_fixed
+    free = ~model.tree.dof_fixed
     assert (np.ptp(motion.angles_rad, axis=0) > 0.5 * (high - low))[free].all()
     most = np.abs(np.diff(motion.angles_rad, axis=0)).max(0)
     assert (most < 0.2 * (high - low))[free].all()
@@ -51,7 +51,10 @@ def test_a_library_keeps_a_body_that_is_no_persons(tmp_path):
     write_library(made, tmp_path / "lamp.vplib")
     read = read_library(tmp_path / "lamp.vplib")
     assert read.model.person is None and read.model.tree.root_fixed
-    assert read.model.names == made.model.names and read.model.dof_names == made.model.dof_names
+    assert (
+        read.model.names == made.model.names
+        and read.model.tree.dof_names == made.model.tree.dof_names
+    )
     np.testing.assert_array_equal(read.model.vertices_m, made.model.vertices_m)
     np.testing.assert_array_equal(read.base_angles, made.base_angles)
     damaged = replace(made, model=replace(desk_lamp(), vertices_m=np.full((3, 3), np.nan)))

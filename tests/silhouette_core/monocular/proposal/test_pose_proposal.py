@@ -67,7 +67,7 @@ def proposal(rng):
 
 
 def test_modes_have_the_pelvis_at_the_origin(proposal, rng):
-    modes = proposal.modes(features(rng))
+    modes = proposal.modes([features(rng)])[0]
     assert modes.joints.shape == (40, 4, 15, 3) and modes.sigma.shape == (40, 4, 15, 2)
     assert modes.offset.shape == modes.offset_sigma.shape == (40, 3) and len(modes.joints) == 40
     assert not modes.joints[:, :, 0].any() and not modes.sigma[:, :, 0].any()
@@ -89,7 +89,7 @@ def test_causal_modes_do_not_read_later_frames(proposal, rng, causal):
         ),
         before.time_s + 0.013 * late,
     )
-    one, other = proposal.modes(before, causal), proposal.modes(mixed, causal)
+    one, other = proposal.modes([before], causal)[0], proposal.modes([mixed], causal)[0]
     for name in ("probability", "joints", "sigma", "offset", "offset_sigma"):
         same = (getattr(one, name) == getattr(other, name)).reshape(40, -1).all(axis=1)
         assert same[:21].all() if causal else same[:9].all() and not same[9:].any()
@@ -99,8 +99,8 @@ def test_several_sequences_are_read_like_each_alone(proposal, rng):
     one, other = features(rng), features(rng)
     frames = np.array([3, 39])
     for alone, together in zip(
-        [proposal.modes(seen, True, frames) for seen in (one, other)],
-        proposal.modes_many([one, other], True, frames),
+        [proposal.modes([seen], True, frames)[0] for seen in (one, other)],
+        proposal.modes([one, other], True, frames),
         strict=True,
     ):
         np.testing.assert_allclose(together.joints, alone.joints, rtol=1e-4, atol=1e-4)
@@ -109,7 +109,9 @@ def test_several_sequences_are_read_like_each_alone(proposal, rng):
 
 def test_the_causal_ones_differ_from_the_others(proposal, rng):
     given = features(rng)
-    assert not np.allclose(proposal.modes(given).joints, proposal.modes(given, True).joints)
+    assert not np.allclose(
+        proposal.modes([given])[0].joints, proposal.modes([given], True)[0].joints
+    )
 
 
 @pytest.mark.parametrize("fps", [30, 60, 120])
@@ -143,7 +145,7 @@ def test_turning_the_world_changes_nothing(proposal, rng):
         anchor=given.anchor @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + (1, 2, 0),
     )
     np.testing.assert_allclose(
-        proposal.modes(turned).joints, proposal.modes(given).joints, atol=1e-4
+        proposal.modes([turned])[0].joints, proposal.modes([given])[0].joints, atol=1e-4
     )
 
 
@@ -172,7 +174,7 @@ def test_the_basis_is_that_of_a_singular_value_decomposition(rng):
     few = rng.normal(size=(20, GRID[0] * GRID[1])) * 0.02
     weights = rng.normal(size=(600, 20)) * np.linspace(5, 1, 20)
     grids = np.clip(np.round(2 + weights @ few), 0, 4).astype(np.uint8).reshape(-1, *GRID)
-    found = fit_basis(grids, 120, rng)
+    found = fit_basis(grids, 120)
     mean, basis = found.mean, found.components
     rows = grids.reshape(len(grids), -1) / 4
     np.testing.assert_allclose(mean, rows.mean(axis=0), atol=1e-6)
@@ -196,7 +198,7 @@ def test_the_lowest_part_ends_with_the_lowest_pixel(rng):
 def test_colours_are_read_only_where_they_are_known(proposal, rng):
     given = features(rng)
     plain = replace(given, codes=replace(given.codes, inside=given.codes.inside * 2))
-    one, other = proposal.modes(given).joints, proposal.modes(plain).joints
+    one, other = proposal.modes([given])[0].joints, proposal.modes([plain])[0].joints
     same = (one == other).reshape(40, -1).all(axis=1)
     assert (same == ~given.codes.coloured).all()
 
@@ -222,7 +224,7 @@ def test_a_library_keeps_its_proposal(library, proposal, tmp_path, rng):
     for name, array in proposal.arrays().items():
         assert (arrays[name] == array).all() and arrays[name].dtype == array.dtype
     given = features(rng)
-    assert (read.proposal.modes(given).joints == proposal.modes(given).joints).all()
+    assert (read.proposal.modes([given])[0].joints == proposal.modes([given])[0].joints).all()
 
 
 def test_a_library_without_one_has_none(library, tmp_path):

@@ -42,8 +42,8 @@ def standing(forward_deg):
             ("upper_arm.abduction", -65), ("upper_arm.forward", sign * forward_deg),
             ("forearm.flexion", 20),
         ):  # fmt: skip
-            angles[MODEL.dof_names.index(f"{side}_{name}")] = np.radians(degrees)
-    low, high = MODEL.dof_limits_rad.T
+            angles[MODEL.tree.dof_names.index(f"{side}_{name}")] = np.radians(degrees)
+    low, high = MODEL.tree.dof_limits_rad.T
     return Pose(np.array([0.0, 0, 0.95]), np.eye(3), np.clip(angles, low, high))
 
 

@@ -30,8 +30,8 @@ def folded_arms():
         for name, degrees in (
             ("upper_arm.forward", 25), ("upper_arm.twist", 50), ("forearm.flexion", 95),
         ):  # fmt: skip
-            angles[model.dof_names.index(f"{side}_{name}")] = np.radians(degrees)
-    low, high = model.dof_limits_rad.T
+            angles[model.tree.dof_names.index(f"{side}_{name}")] = np.radians(degrees)
+    low, high = model.tree.dof_limits_rad.T
     return model, Pose(np.array([0.0, 0, 0.95]), np.eye(3), np.clip(angles, low, high))
 
 

@@ -54,7 +54,7 @@ def followed():
     other = body(0.7 * SHAPE_SIGMA * np.random.default_rng(4).standard_normal(len(SHAPE_SIGMA)))
     own, poses = (poses_of(performed("arm swing both", model)) for model in (body(), other))
     tracker, states, truth = tracker_of(), list[Beam](), []
-    arms = ["upper_arm" in name or "forearm" in name for name in body().dof_names]
+    arms = ["upper_arm" in name or "forearm" in name for name in body().tree.dof_names]
     for k, row in enumerate(range(10, 40, 3)):
         near = own[row + 3]
         hanging = replace(near, angles_rad=np.where(arms, own[0].angles_rad, near.angles_rad))
@@ -90,7 +90,7 @@ def test_costs_are_counted_from_the_best_and_pasts_exist(followed):
             if before is None
             else ((frame.back >= 0) & (frame.back < len(before.poses))).all()
         )
-        low, high = tracks.model.dof_limits_rad.T
+        low, high = tracks.model.tree.dof_limits_rad.T
         assert all(
             ((pose.angles_rad >= low - 1e-6) & (pose.angles_rad <= high + 1e-6)).all()
             for pose in frame.poses
@@ -169,7 +169,7 @@ def test_what_the_source_hides_moves_farther(followed):
     source.occluded[:], hidden.occluded[:] = False, False
     hidden.occluded[0, arm] = True
     angles = source.poses[0].angles_rad.copy()
-    angles[np.isin(tracker.model.dof_part, arm)] += 0.8
+    angles[np.isin(tracker.model.tree.dof_part, arm)] += 0.8
     moved = [replace(source.poses[0], angles_rad=angles)]
 
     def costs(poses):

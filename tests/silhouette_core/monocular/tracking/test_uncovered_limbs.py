@@ -39,7 +39,7 @@ def raised():
 @pytest.fixture(scope="module")
 def hanging(raised):
     """The same with that arm hanging down."""
-    arm = [name.startswith(("right_upper_arm", "right_forearm")) for name in MODEL.dof_names]
+    arm = [name.startswith(("right_upper_arm", "right_forearm")) for name in MODEL.tree.dof_names]
     angles = raised.angles_rad.copy()
     angles[arm] = poses_of(performed("wave"))[0].angles_rad[arm]
     return Pose(raised.root_m, raised.root_rotation, angles)

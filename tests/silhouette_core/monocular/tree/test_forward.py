@@ -38,19 +38,6 @@ def test_a_distance_that_is_told_is_kept(tree, walk):
     ) and len(filter_frames[0].windows) == 1
 
 
-def test_who_faces_the_camera_is_likelier_at_first(tree, walk):
-    def facing(forward):
-        filter_frame = forward.step(0, 0.0, Person(walk[1][0], False))
-        library = tree.library
-        yaw = library.views[library.sample_view[filter_frame.posterior.samples], 0]
-        return filter_frame.posterior.probability[np.cos(yaw) > 0].sum()
-
-    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > facing(
-        ForwardFilter(tree, CAMERA, facing=False)
-    )
-    assert facing(ForwardFilter(tree, CAMERA, facing=True)) > 0.7
-
-
 @pytest.mark.parametrize("fps", [10, 15, 25, 30, 60])
 def test_every_frame_interval_is_one_step_of_the_motion_model(tree, walk, fps, monkeypatch):
     steps, predict = [], tree.predict

@@ -120,7 +120,7 @@ def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
     dm1, dm2 = (
         transitions(library, aware, 4 * MOTION_MODEL.sigma_scale) for aware in (False, True)
     )
-    moving = np.unique(library.model.dof_part[library.base_angles.std(0) > np.radians(3)])
+    moving = np.unique(library.model.tree.dof_part[library.base_angles.std(0) > np.radians(3)])
     some, none = library.occluded[:, moving].any(1), ~library.occluded.any(1)
     assert some.any() and none.any()
     differs = np.array([abs(dm1[[n]] - dm2[[n]]).max() > 1e-6 for n in range(len(library))])

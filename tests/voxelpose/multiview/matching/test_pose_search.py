@@ -93,7 +93,9 @@ def test_a_limb_is_found_on_the_silhouettes_alone(body, chain, turns):
     )
     assert before.max() > 0.3 and after.max() < 0.15
     own = {limb.name for limb in CHAINS[chain]}
-    other = [k for k, name in enumerate(body.model.dof_names) if name.partition(".")[0] not in own]
+    other = [
+        k for k, name in enumerate(body.model.tree.dof_names) if name.partition(".")[0] not in own
+    ]
     np.testing.assert_array_equal(result.angles_rad[other], start.angles_rad[other])
 
 

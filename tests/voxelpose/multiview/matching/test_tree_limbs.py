@@ -25,7 +25,7 @@ LEGS = tuple(f"{side}_{end}_upper" for end in ("fore", "hind") for side in ("lef
 def posed(model: BodyModel, turns_deg: dict[str, float]) -> Pose:
     angles = relaxed_rad(model.tree).copy()
     for name, degrees in turns_deg.items():
-        angles[model.dof_names.index(name)] = np.radians(degrees)
+        angles[model.tree.dof_names.index(name)] = np.radians(degrees)
     return Pose(model.joints_m[0], np.eye(3), angles)
 
 
@@ -99,11 +99,11 @@ def test_samples_stay_within_limits_and_are_bounded(model, step_deg):
         found = sample_angles(limb, middle, np.radians(step_deg), model.tree)
         np.testing.assert_array_equal(found[0], middle)
         assert within_limits(found, model.tree).all() and 5 < len(found) <= 2501
-        own = [model.dof_names.index(name) for name in limb.angles]
+        own = [model.tree.dof_names.index(name) for name in limb.angles]
         assert (np.delete(found, own, 1) == np.delete(middle, own)).all()
         for k in own:
             np.testing.assert_allclose(
-                [found[1:, k].min(), found[1:, k].max()], model.dof_limits_rad[k]
+                [found[1:, k].min(), found[1:, k].max()], model.tree.dof_limits_rad[k]
             )
 
 
@@ -122,7 +122,7 @@ def test_a_robot_is_matched_part_by_part():
 
 def sprawled(seed: int) -> Pose:
     """The spider with its legs anywhere."""
-    low, high = 0.9 * SPIDER.dof_limits_rad.T
+    low, high = 0.9 * SPIDER.tree.dof_limits_rad.T
     angles = np.random.default_rng(seed).uniform(low, high)
     return Pose(SPIDER.joints_m[0], np.eye(3), angles)
 

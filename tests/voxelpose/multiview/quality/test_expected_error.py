@@ -56,7 +56,7 @@ def test_the_right_pose_has_nothing_against_it_and_a_wrong_arm_is_seen_at_that_a
     right = frame_evidence(body, pose, joints(body.model, pose), frame, 0.0)
     assert right.camera_error.shape == (4,) and right.camera_error.max() < 0.02
     angles = pose.angles_rad.copy()
-    angles[body.model.dof_names.index("left_forearm.flexion")] = 0.0
+    angles[body.model.tree.dof_names.index("left_forearm.flexion")] = 0.0
     other = replace(pose, angles_rad=angles)
     wrong = frame_evidence(body, other, joints(body.model, other), frame, 0.0)
     names = list(range(15))
