@@ -16,7 +16,7 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
-from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
+from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
 from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
 from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
@@ -364,8 +364,7 @@ class LiveSession:
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
-            found = self._estimator.step(observed.prepared)
-            body = None if found is None else posed_body(found)
+            body = self._estimator.step(observed.prepared)
             done_s = self._now()
             with self._lock:
                 if self._phase in ("searching", "following"):

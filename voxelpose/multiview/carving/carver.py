@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from threading import local
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -24,21 +23,6 @@ _MOST_CAMERAS = 62  # a set of cameras is the bits of an int64
 _BINS = 256
 _ANGLES = 24
 _WIDEST = 100  # tangent of 89.4 degrees
-
-
-@dataclass(frozen=True, eq=False)
-class _View:
-    """One camera for the kernels; see `blocks.carve_blocks`.
-
-    Attributes:
-        row: (COLUMNS,) float64.
-        kind: PINHOLE, RATIONAL or FISHEYE.
-        bound: (2, bins) float64.
-    """
-
-    row: NDArray[np.float64]
-    kind: int
-    bound: NDArray[np.float64]
 
 
 class _Reused:
@@ -62,28 +46,16 @@ class _Workspace(local):
 
 
 _workspace = _Workspace()
-_views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
-_rigs: WeakKeyDictionary[
-    Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
-] = WeakKeyDictionary()
+_Packed = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
-def view(camera: Camera) -> _View:
-    """Camera for the kernels, cached, since the bounds of a lens take milliseconds."""
-    if camera not in _views:
-        _views[camera] = _make_view(camera)
-    return _views[camera]
-
-
-def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+@lru_cache(maxsize=64)
+def pack_rig(rig: Rig) -> _Packed:
     """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
-    if rig not in _rigs:
-        if len(rig) > _MOST_CAMERAS:
-            raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
-        views = [view(camera) for camera in rig]
-        rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
-        _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
-    return _rigs[rig]
+    if len(rig) > _MOST_CAMERAS:
+        raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
+    rows, kinds, bounds = zip(*map(_packed, rig), strict=True)
+    return np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
 
 
 def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
@@ -166,13 +138,14 @@ def block_order(count: int) -> NDArray[np.int64]:
     return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
 
-def _make_view(camera: Camera) -> _View:
-    """Row, kind and bound of a camera; see the columns' names in `blocks`."""
+@lru_cache(maxsize=512)
+def _packed(camera: Camera) -> tuple[NDArray[np.float64], int, NDArray[np.float64]]:
+    """Row, kind and bound of a camera, which take milliseconds; see the columns in `blocks`."""
     row = np.zeros(blocks.COLUMNS)
     bound = np.zeros((2, _BINS))
     if camera.is_pinhole:
         row[:12] = camera.projection.ravel()
-        return _View(row, blocks.PINHOLE, bound)
+        return row, blocks.PINHOLE, bound
     row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
     matrix = camera.matrix
     row[blocks.FX : blocks.CY + 1] = (
@@ -197,7 +170,7 @@ def _make_view(camera: Camera) -> _View:
     row[blocks.SEEN_RADIUS] = _seen_radius(camera)
     row[blocks.REACH] = min(lens.field_radius * (1 - 1e-6), 2 * row[blocks.SEEN_RADIUS], _WIDEST)
     bound[:] = _lens_bound(lens, row[blocks.REACH])
-    return _View(row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound)
+    return row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound
 
 
 def _seen_radius(camera: Camera) -> float:

@@ -102,11 +102,8 @@ class VoxelGrid:
         check_array("occupancy", occupancy, self.shape)
         return self.centres(np.argwhere(occupancy))
 
-    def cropped(
-        self, occupancy: NDArray[np.bool_], margin: int = 0
-    ) -> tuple["VoxelGrid", NDArray[np.bool_]]:
-        """Returns the part of the grid that holds every occupied voxel, widened by `margin` voxels
-        within the grid.
+    def cropped(self, occupancy: NDArray[np.bool_]) -> tuple["VoxelGrid", NDArray[np.bool_]]:
+        """Returns the part of the grid that holds every occupied voxel.
 
         Raises:
             ValueError: Nothing is occupied.
@@ -114,8 +111,7 @@ class VoxelGrid:
         along = [np.flatnonzero(occupancy.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))]
         if not len(along[0]):
             raise ValueError("no voxel is occupied")
-        low = [max(0, int(a[0]) - margin) for a in along]
-        high = [min(n, int(a[-1]) + 1 + margin) for a, n in zip(along, self.shape, strict=True)]
+        low, high = [int(a[0]) for a in along], [int(a[-1]) + 1 for a in along]
         nx, ny, nz = (b - a for a, b in zip(low, high, strict=True))
         grid = VoxelGrid(
             np.asarray((self.lattice + low) * self.voxel_size_m, dtype=np.float64),

@@ -90,29 +90,6 @@ class HullComponents:
             rows[name] = getattr(self, name)
         return rows
 
-    def body(self, near_m: np.ndarray | None, person: bool = True) -> int | None:
-        """Index of the body's component, or None where none is large enough.
-
-        Args:
-            near_m: (3,) where the body was last: near components are preferred. None: the largest.
-            person: whether it is a person's, so that components larger or shorter than persons are
-                count for less.
-        """
-        weight = self.volume_m3
-        if not len(weight):
-            return None
-        if person:
-            longest_m = np.ptp(self.bounds_m, axis=1).max(axis=1)
-            fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
-                longest_m / CARVING.person_m, 1
-            )
-            weight = weight * fitting**2
-        if near_m is not None and len(weight) > 1:
-            distance = np.linalg.norm(self.center_m - near_m, axis=1)
-            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
-        best = int(weight.argmax())
-        return best if self.volume_m3[best] >= CARVING.smallest_m3 else None
-
 
 def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
     """Rule by which a voxel may belong to a body.
@@ -196,8 +173,26 @@ class HullObserver:
         )
 
     def body(self, components: HullComponents, near_m: np.ndarray | None) -> int | None:
-        """Index of the body's component, see `HullComponents.body`."""
-        return components.body(near_m, self._person)
+        """Index of the body's component, or None where none is large enough.
+
+        Args:
+            near_m: (3,) where the body was last: near components are preferred. None: the largest;
+                of a person, those larger or shorter than persons are count for less.
+        """
+        weight = components.volume_m3
+        if not len(weight):
+            return None
+        if self._person:
+            longest_m = np.ptp(components.bounds_m, axis=1).max(axis=1)
+            fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
+                longest_m / CARVING.person_m, 1
+            )
+            weight = weight * fitting**2
+        if near_m is not None and len(weight) > 1:
+            distance = np.linalg.norm(components.center_m - near_m, axis=1)
+            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
+        best = int(weight.argmax())
+        return best if components.volume_m3[best] >= CARVING.smallest_m3 else None
 
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""

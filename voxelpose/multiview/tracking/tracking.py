@@ -97,7 +97,7 @@ class PoseTracker:
     def _carry(self, track: BodyTrack | None, direction: int) -> None:
         """Tracks one way."""
         while track is not None:
-            t = self._frame_of(track) + direction
+            t = round(track.time_s * self.fps) + direction
             track = self._step(track, t)
             if track is None or track.fit.error >= TRACKING.better * self.error[t]:
                 return
@@ -250,6 +250,3 @@ class PoseTracker:
 
     def _time_s(self, t: int) -> float:
         return t / self.fps
-
-    def _frame_of(self, track: BodyTrack) -> int:
-        return round(track.time_s * self.fps)

@@ -28,8 +28,8 @@ def test_cropping_keeps_every_occupied_voxel_where_it_is():
     grid = VoxelGrid(np.zeros(3), 0.1, (9, 8, 7))
     occupancy = np.zeros(grid.shape, bool)
     occupancy[3:5, 0, 6] = True
-    cropped, inside = grid.cropped(occupancy, margin=1)
-    assert cropped.shape == inside.shape == (4, 2, 2)
+    cropped, inside = grid.cropped(occupancy)
+    assert cropped.shape == inside.shape == (2, 1, 1)
     np.testing.assert_array_equal(cropped.occupied_points(inside), grid.occupied_points(occupancy))
     with pytest.raises(ValueError, match="no voxel is occupied"):
         grid.cropped(np.zeros(grid.shape, bool))

@@ -121,12 +121,12 @@ def test_a_person_is_taken_and_not_a_board_of_larger_hull():
     assert abs(frame.grid.occupied_points(frame.occupancy).mean(axis=0)[0] + 1.0) < 0.1
 
 
-def test_of_several_people_the_one_with_the_largest_hull_is_taken():
+def test_of_several_people_the_one_with_the_largest_hull_is_taken(observer):
     volume_m3 = np.array([0.11, 0.12, 0.1])
     bounds_m = np.zeros((3, 2, 3))
     bounds_m[:, 1] = (0.5, 0.6, 1.7)
     people = HullComponents(volume_m3, bounds_m.mean(axis=1), bounds_m)
-    assert people.body(None) == 1
+    assert observer.body(people, None) == 1
 
 
 def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
