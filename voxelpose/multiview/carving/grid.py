@@ -90,13 +90,6 @@ class VoxelGrid:
             (self.lattice + np.asarray(indices) + 0.5) * self.voxel_size_m, dtype=np.float64
         )
 
-    def indices(self, points_m: ArrayLike) -> NDArray[np.int64]:
-        """Voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside the grid."""
-        return (
-            np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64)
-            - self.lattice
-        )
-
     def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Centres (N, 3) float64, world, m, of the voxels in `occupancy` (nx, ny, nz) bool."""
         check_array("occupancy", occupancy, self.shape)

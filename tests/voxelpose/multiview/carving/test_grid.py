@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
+from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.multiview.carving.grid import VoxelGrid
 
 
 def test_indices_undo_centres():
     grid = VoxelGrid(np.array([-0.3, 0.1, 2.0]), 0.02, (7, 5, 3))
     indices = np.argwhere(np.ones(grid.shape))
-    np.testing.assert_array_equal(grid.indices(grid.centres(indices)), indices)
+    np.testing.assert_array_equal(voxels_at(grid, grid.centres(indices)), indices)
 
 
 def test_two_grids_share_their_voxels_bit_for_bit():
