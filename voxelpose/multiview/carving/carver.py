@@ -25,27 +25,20 @@ _ANGLES = 24
 _WIDEST = 100  # tangent of 89.4 degrees
 
 
-class _Reused:
-    """Array reused between calls: allocating memory would take longer than filling it."""
-
-    def __init__(self, dtype: type) -> None:
-        self._array = np.empty(0, dtype=dtype)
-
-    def take(self, count: int) -> NDArray[Any]:
-        """The first `count` elements, with arbitrary contents."""
-        if len(self._array) < count:
-            self._array = np.empty(count, dtype=self._array.dtype)
-        return self._array[:count]
+_reused = local()
 
 
-class _Workspace(local):
-    """Reused arrays of one thread."""
+def _taken(name: str, dtype: type, count: int) -> NDArray[Any]:
+    """An array (count,) with arbitrary contents, which the thread's next call takes again: allocating
+    memory would take longer than filling it.
+    """
+    array = getattr(_reused, name, None)
+    if array is None or len(array) < count:
+        array = np.empty(count, dtype)
+        setattr(_reused, name, array)
+    return array[:count]
 
-    def __init__(self) -> None:
-        self.pixels, self.sums = _Reused(np.uint8), _Reused(np.uint16)
 
-
-_workspace = _Workspace()
 _Packed = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
@@ -113,7 +106,8 @@ def pack_masks(
         )
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
-    pixels, sums = _workspace.pixels.take(pixel_count), _workspace.sums.take(sum_count)
+    pixels = _taken("pixels", np.uint8, pixel_count)
+    sums = _taken("sums", np.uint16, sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
     for (_, _, left, top, wide, high, pixel, total, count), mask in zip(
         frames.tolist(), masks, strict=True
