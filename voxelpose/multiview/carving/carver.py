@@ -24,13 +24,12 @@ _BINS = 256
 _ANGLES = 24
 _WIDEST = 100  # tangent of 89.4 degrees
 
-
 _reused = local()
 
 
 def _taken(name: str, dtype: type, count: int) -> NDArray[Any]:
-    """An array (count,) with arbitrary contents, which the thread's next call takes again: allocating
-    memory would take longer than filling it.
+    """An array (count,) with arbitrary contents, kept for the thread's next call: allocating memory
+    would take longer than filling it.
     """
     array = getattr(_reused, name, None)
     if array is None or len(array) < count:
@@ -39,11 +38,8 @@ def _taken(name: str, dtype: type, count: int) -> NDArray[Any]:
     return array[:count]
 
 
-_Packed = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
-
-
 @lru_cache(maxsize=64)
-def pack_rig(rig: Rig) -> _Packed:
+def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
     if len(rig) > _MOST_CAMERAS:
         raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")

@@ -117,6 +117,21 @@ def _least(usual: int, partly_unknown: int) -> int:
     return max(usual - partly_unknown, min(usual, 2))
 
 
+def widened(views: PinholeViews, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+    """Silhouettes (h, w) bool of C views widened by half a voxel of a grid.
+
+    A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
+    centres.
+    """
+    middle = grid.origin_m + 0.5 * grid.size_m
+    wide = []
+    for c, mask in enumerate(masks):
+        depth = float(views.rotation[c, 2] @ middle + views.translation_m[c, 2])
+        reach = round(0.5 * grid.voxel_size_m * views.intrinsics[c, 0] / max(depth, 0.1))
+        wide.append(dilated(mask, 2 * reach + 1))
+    return wide
+
+
 class HullObserver:
     """Turns a frame's raw silhouettes into one body's hull and silhouettes.
 
@@ -206,7 +221,7 @@ class HullObserver:
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Silhouettes (h, w) bool confirmed by others, and their hull (nx, ny, nz) in a window."""
         masks = self._confirmed_by_others(masks, self._surroundings(grid))
-        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        wide, unknown = widened(self.views, masks, grid), self.views.unknown
         return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
 
     def _surroundings(self, grid: VoxelGrid) -> VoxelGrid:
@@ -232,22 +247,6 @@ class HullObserver:
             return None
         return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)
 
-    def _dilated(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
-        """Silhouettes widened by half a voxel.
-
-        A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
-        centres.
-        """
-        middle = grid.origin_m + 0.5 * grid.size_m
-        wide = []
-        for c, mask in enumerate(masks):
-            depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
-            reach = max(
-                round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0
-            )
-            wide.append(dilated(mask, 2 * reach + 1))
-        return wide
-
     def _confirmed_by_others(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
         """Pixels of each silhouette into which a voxel near the body projects.
 
@@ -259,7 +258,7 @@ class HullObserver:
         strict_rule = self.rule
         if self.views.unknown is not None:  # what no other camera sees, none contradicts
             strict_rule = replace(self.rule, least_agreeing=1)
-        wide = self._dilated(masks, grid)
+        wide = widened(self.views, masks, grid)
         strict = self._confirmed(masks, wide, grid, strict_rule)
         if len(masks) < 4:
             return strict
