@@ -189,7 +189,7 @@ class LiveSession:
         over = self._over.wait(timeout_s)
         if self._failure is not None:
             raise self._failure
-        if all(reader.ended for reader in self._readers):
+        if all(reader.state == "ended" for reader in self._readers):
             time.sleep(0.2)  # the last pictures are still under way
             return True
         return over
