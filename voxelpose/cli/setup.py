@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from voxelpose.cli.arguments import Fps, PageArguments, RecordingFolder, Unit
+from voxelpose.cli.terminal import message
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,6 @@ given; Ctrl-C ends it.
     def run(self) -> int:
         """Serves the page until it is interrupted; returns the exit code."""
         address = self.address()
-        from voxelpose.cli.terminal import message
         from voxelpose.setup_page.opened_folder import OpenedFolder
         from voxelpose.setup_page.setup_server import SetupServer
         from voxelpose.setup_page.setup_session import SetupSession
