@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from calib.components import MaskComponents, label_components
 from calib.errors import InputError
-from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.cleanup import bounding_box, dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.carving.carver import CarveRule, carve
@@ -290,7 +290,7 @@ class HullObserver:
             # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
             # misses at the edge.
             side = int(np.ceil(2 * size_px)) | 1
-            result, window = np.zeros_like(mask), _window(mask, side // 2)
+            result, window = np.zeros_like(mask), bounding_box(mask, side // 2)
             result[window] = mask[window] & dilated(footprint[window].view(np.bool_), side)
             confirmed.append(result)
         return confirmed
@@ -314,13 +314,6 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
     return MaskComponents(labels, np.bincount(labels[occupancy], minlength=1))
 
 
-def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
-    """Rows and columns of a mask with foreground, and a margin around them."""
-    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-    rows = slice(max(top - margin_px, 0), min(top + height + margin_px, mask.shape[0]))
-    return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, mask.shape[1]))
-
-
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
@@ -329,9 +322,7 @@ def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
     """Connected components of a mask of at most `most_px` pixels."""
-    result, window = np.zeros_like(mask), _window(mask, 0)
-    if not mask[window].size:
-        return result
+    result, window = np.zeros_like(mask), bounding_box(mask)
     components = label_components(mask[window])
     result[window] = mask[window] & (components.sizes <= most_px)[components.labels]
     return result
