@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message import OscMessage
-from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_message_builder import build_msg
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
@@ -174,18 +174,9 @@ def _messages(frame: LiveFrame) -> Iterator[OscMessage]:
     if body is not None:
         places = zip(BONE_NAMES, *(part.tolist() for part in humanoid_pose(body)), strict=True)
         root = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0  # position, quaternion
-        yield _message("/VMC/Ext/Root/Pos", "root", *root)
+        yield build_msg("/VMC/Ext/Root/Pos", ["root", *root])
         for name, position, rotation in places:
-            yield _message("/VMC/Ext/Bone/Pos", name, *position, *rotation)
-    yield _message("/voxelpose/confidence", 0.0 if body is None else float(body.confidence))
-    yield _message("/VMC/Ext/OK", 1)
-    yield _message("/VMC/Ext/T", float(frame.time_s))
-
-
-def _message(address: str, *values: str | int | float) -> OscMessage:
-    """Message whose arguments have the types of the values: string, int32, float32."""
-    builder = OscMessageBuilder(address)
-    for value in values:
-        kind = "s" if isinstance(value, str) else "i" if isinstance(value, int) else "f"
-        builder.add_arg(value, kind)
-    return builder.build()
+            yield build_msg("/VMC/Ext/Bone/Pos", [name, *position, *rotation])
+    yield build_msg("/voxelpose/confidence", 0.0 if body is None else float(body.confidence))
+    yield build_msg("/VMC/Ext/OK", 1)
+    yield build_msg("/VMC/Ext/T", float(frame.time_s))

@@ -322,7 +322,8 @@ class LiveSession:
                 LiveMoment(shot.number, shot.time_s, silhouettes, pictures)
             )
             done_s = self._now()
-            self._keep_silhouettes(shot, silhouettes)
+            if (recorder := self._recorder) is not None and recorder.private:
+                recorder.put(shot, silhouettes.masks())
             several = len(others) >= min(2, len(shot.pictures))
             note = "somebody else is in the picture" if several else ""
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
@@ -387,11 +388,5 @@ class LiveSession:
 
     def _keep(self, shot: Shot) -> None:
         """Records pictures, also those that the estimation has no time for."""
-        recorder = self._recorder
-        if recorder is not None and not recorder.private:
+        if (recorder := self._recorder) is not None:
             recorder.put(shot)
-
-    def _keep_silhouettes(self, shot: Shot, silhouettes: Moment) -> None:
-        recorder = self._recorder
-        if recorder is not None and recorder.private:
-            recorder.put(shot, silhouettes.masks())
