@@ -1,7 +1,7 @@
 """The two estimators in live use: silhouettes of a moment in, a posed body out."""
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -135,14 +135,14 @@ class LiveMultiView(EstimatorProcess):
 
 
 class FollowedBody:
-    """A body before several cameras: see `PoseFollower`; the executor is a process by default."""
+    """A body before several cameras: see `PoseFollower`; searches are made in another process."""
 
-    def __init__(self, rig: Rig, settings: Settings, executor: Executor | None = None):
+    def __init__(self, rig: Rig, settings: Settings):
         """Loads all kernels, which takes seconds."""
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        self._executor = executor or ProcessPoolExecutor(1, get_context("spawn"), begin_process)
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._executor)
         self._hull_s = -np.inf
         self._hull: NDArray[np.float32] | None = None
