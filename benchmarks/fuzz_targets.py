@@ -238,9 +238,10 @@ def _make_recording_file(folder: Path) -> None:
 
 
 def _use_recording_file(folder: Path, thorough: bool) -> None:
-    from voxelpose.recording.unknown_places import read_unknown_polygons
+    from voxelpose.recording.unknown_places import painted_mask, unknown_polygons
 
-    read_unknown_polygons(folder / "recording.toml", _rig(), _rig().names)
+    for name, polygons in unknown_polygons(folder / "recording.toml", _rig().names).items():
+        painted_mask(polygons, _rig()[name].size)
 
 
 def _make_region(folder: Path) -> None:

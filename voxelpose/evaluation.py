@@ -211,19 +211,11 @@ def _mean(values: NDArray[np.float64], axis: int | None = None) -> NDArray[np.fl
 
 def _mirrored(names: Sequence[str]) -> list[int]:
     """Index of each joint's counterpart on the other side, or of itself."""
-    sides = {"left_": "right_", "right_": "left_"}
     number = {name: k for k, name in enumerate(names)}
-    return [
-        next(
-            (
-                number[other + name.removeprefix(side)]
-                for side, other in sides.items()
-                if name.startswith(side) and other + name.removeprefix(side) in number
-            ),
-            k,
-        )
-        for k, name in enumerate(names)
-    ]
+    other = {"left": "right", "right": "left"}
+    parts = [name.partition("_") for name in names]
+    others = [f"{other.get(side, side)}{mark}{rest}" for side, mark, rest in parts]
+    return [number.get(name, k) for k, name in enumerate(others)]
 
 
 def markdown_table(scores: Mapping[str, Score]) -> str:

@@ -1,6 +1,5 @@
 """Visual hull of one frame of a recording folder."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -103,7 +102,7 @@ def carve_recording(
         overwrite: Whether `out` may exist.
 
     Raises:
-        InputError: Input is missing or inconsistent; nothing is written.
+        InputError: Input is missing or inconsistent, or no voxel is occupied; nothing is written.
     """
     settings = settings or CarveSettings()
     if out is not None and Path(out).exists() and not overwrite:
@@ -115,35 +114,8 @@ def carve_recording(
     )
     silhouettes = Silhouettes(recording)
     _, _, frames = next(iter(recording))
-    hull = carve_masks(
-        recording.rig,
-        silhouettes.of(frames),
-        settings,
-        silhouettes.without_background,
-        silhouettes.unknown_of(recording.rig.names),
-    )
-    if out is not None:
-        write_ply(out, hull.grid, hull.occupancy, settings.style)
-    return hull
-
-
-def carve_masks(
-    rig: Rig,
-    masks: dict[str, NDArray[np.bool_]],
-    settings: CarveSettings,
-    without_background: tuple[str, ...] = (),
-    unknown: Sequence[NDArray[np.bool_]] | None = None,
-) -> Hull:
-    """Visual hull of one set of silhouettes, in the given volume or in the smallest that holds it.
-
-    Args:
-        masks: Silhouettes, (h, w) bool, by camera name.
-        without_background: Cameras whose background was estimated from the recording.
-        unknown: As of `carve`.
-
-    Raises:
-        InputError: No voxel is occupied.
-    """
+    rig, masks = recording.rig, silhouettes.of(frames)
+    unknown = silhouettes.unknown_of(rig.names)
     if settings.volume_m is None:
         size = settings.voxel_size_m, settings.resolution
         grid = place_grid(rig, masks, *size, settings.rule, unknown)
@@ -162,4 +134,6 @@ def carve_masks(
             "no voxel is left: choose smaller voxels, another volume, or tolerate a bad camera"
             " (--tolerance 1)"
         )
-    return Hull(grid, occupancy, rig, masks, without_background)
+    if out is not None:
+        write_ply(out, grid, occupancy, settings.style)
+    return Hull(grid, occupancy, rig, masks, silhouettes.without_background)

@@ -205,7 +205,7 @@ def _registered(group: str, load: Callable[[str], object]) -> _Finding:
 
 def _open3d() -> _Finding:
     from calib.errors import InputError
-    from voxelpose.view.open3d_import import import_open3d
+    from voxelpose.view.open3d_import import has_screen, import_open3d
 
     try:
         module = import_open3d()
@@ -218,14 +218,8 @@ def _open3d() -> _Finding:
             " libgl1 libgomp1"
         )
         return "limited", f"{type(error).__name__}: {error}", remedy
-    screen = "a screen" if _has_screen() else "no screen here: use view --png"
+    screen = "a screen" if has_screen() else "no screen here: use view --png"
     return "works", f"{module.__version__}, {screen}", ""
-
-
-def _has_screen() -> bool:
-    return platform.system() != "Linux" or bool(
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
 
 
 def _disk() -> _Finding:

@@ -112,7 +112,7 @@ def _with_folder_settings(job: Job) -> Job:
         name: str(setting.value) if isinstance(setting.value, Path) else setting.value
         for name, setting in named.items()
     }
-    return job.with_defaults(values, {name: str(s.file) for name, s in named.items()})
+    return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
 
 
 def _usual_jobs() -> int:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Positional, arg
 
+from calib.atomic import write_whole
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
     OptionalFile,
@@ -96,7 +97,6 @@ bodies that have names. The measurements are taken on the body's surface, as a t
             told = ", ".join(f"{_NAMES[name]} {source}" for name, source in preset.sources.items())
             print(f"{preset.standard} {preset.name}: {told}; not compared with the standard itself")
         if self.png is not None:
-            from calib.atomic import write_whole
             from voxelpose.view.images.canvas import png
             from voxelpose.view.images.hull_picture import body_picture
 
@@ -109,7 +109,6 @@ bodies that have names. The measurements are taken on the body's surface, as a t
 
         if self.png is None:
             raise InputError("body show all draws a picture: add --png FILE, or name one body")
-        from calib.atomic import write_whole
         from voxelpose.view.images.canvas import png
         from voxelpose.view.images.hull_picture import bodies_picture
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
+from calib.atomic import write_whole
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
@@ -28,7 +29,7 @@ from voxelpose.cli.arguments import (
 from voxelpose.cli.calibrate_extrinsics import CalibrateExtrinsics
 from voxelpose.cli.calibrate_intrinsics import CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -153,7 +154,6 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
             floor = f", the floor at {frame.floor_m:.2f} m along it" if frame.floor_m else ""
             print(f"z is now up, which was {axis_name(frame.up)}{floor}")
         if self.picture is not None:
-            from calib.atomic import write_whole
             from voxelpose.calibration.pictures import rig_picture
             from voxelpose.view.images.canvas import png
 
@@ -211,7 +211,6 @@ Exit code 0: all cameras agree; 1: one does not.
 
     def run(self) -> int:
         """Checks the recording; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
 
         refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
@@ -227,7 +226,6 @@ Exit code 0: all cameras agree; 1: one does not.
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:
-            from calib.atomic import write_whole
             from voxelpose.calibration.pictures import draw_check
             from voxelpose.view.images.canvas import png
 

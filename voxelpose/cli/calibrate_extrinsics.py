@@ -21,12 +21,11 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
     from calib.extrinsics import Extrinsics
-    from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +77,6 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
     def run(self) -> int:
         """Calibrates positions and directions; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
-
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig

@@ -17,7 +17,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.lenses import Lens
@@ -51,8 +51,6 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
 
     def run(self) -> int:
         """Calibrates the lenses; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
-
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in

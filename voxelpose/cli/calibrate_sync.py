@@ -23,7 +23,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     refuse_existing,
 )
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
@@ -94,7 +94,6 @@ match in time.
 
     def run(self) -> int:
         """Estimates the offsets; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
 
         refuse_existing([self.out], self.overwrite)
         with Progress() as progress:

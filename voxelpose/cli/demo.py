@@ -1,6 +1,6 @@
 """voxelpose demo."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -9,6 +9,7 @@ from tyro.conf import arg
 from calib.atomic import write_whole
 from calib.errors import InputError
 from voxelpose.cli.arguments import BodyName, Threads
+from voxelpose.cli.terminal import Progress
 
 _TRACKED = "cam_2"  # sees the performance from the front
 
@@ -48,7 +49,6 @@ browser shows what `voxelpose live` finds.
 
     def run(self) -> int:
         """Renders, fits and scores the recording; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
         from voxelpose.results import Result, ResultWriter, as_json
 
         if not 1 <= self.frames <= 600:
@@ -60,8 +60,6 @@ browser shows what `voxelpose live` finds.
         with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
             progress.note_compilation()
             progress.stage("making a recording")
-            from dataclasses import asdict
-
             from silhouette_core.estimator import Settings
             from silhouette_core.motion.body_source import load_body, resolved_body
             from voxelpose.demo.mannequin import person_of
@@ -106,7 +104,6 @@ browser shows what `voxelpose live` finds.
     def _run_live(self) -> int:
         """Plays the recording to the live estimation until Ctrl-C; returns the exit code."""
         from voxelpose.cli.live import Live
-        from voxelpose.cli.terminal import Progress
         from voxelpose.results import ResultWriter, as_json, is_result
         from voxelpose.version import __version__
 

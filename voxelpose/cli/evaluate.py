@@ -54,11 +54,13 @@ angles too, or a joints.csv with the body's own names. Default: truth.safetensor
 
     def run(self) -> int:
         """Prints the scores; returns the exit code."""
+        from voxelpose.evaluation import evaluate, markdown_table
         from voxelpose.results import as_json
 
         results, truths = _results_and_truths(self.results, self.truth)
+        markers = _markers(self.markers)
         scores = {
-            name: self._score(result, truth)
+            name: evaluate(result, truth, self.offset, markers, self.axes)
             for name, result, truth in zip(
                 _names(results), results, truths or [None] * len(results), strict=True
             )
@@ -67,19 +69,12 @@ angles too, or a joints.csv with the body's own names. Default: truth.safetensor
             documents = {name: _document(score) for name, score in scores.items()}
             print(as_json(documents if len(results) > 1 else documents.popitem()[1]), end="")
         elif self.markdown or len(results) > 1:
-            from voxelpose.evaluation import markdown_table
-
             print(markdown_table(scores), end="")
         else:
             from voxelpose.cli.summary import print_score
 
             print_score(*scores.values())
         return 0
-
-    def _score(self, result: Path, truth: Path | None) -> Score:
-        from voxelpose.evaluation import evaluate
-
-        return evaluate(result, truth, self.offset, _markers(self.markers), self.axes)
 
 
 def _results_and_truths(

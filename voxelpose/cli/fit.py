@@ -30,6 +30,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     up_direction,
 )
+from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +80,6 @@ class EstimationArguments:
         estimator: str,
     ) -> int:
         """Estimates the motion, writes the result, prints a summary; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
-
         with Progress() as progress:
             progress.note_compilation()
             progress.stage("opening")

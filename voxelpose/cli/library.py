@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import Positional, UseAppendAction, arg
 
 from voxelpose.cli.arguments import BodyName, OptionalFile, OptionalLength, Sex, Threads
+from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,6 @@ the same command is run again.
 
     def run(self) -> int:
         """Builds the library; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
-
         with Progress() as progress:
             progress.note_compilation()
             progress.stage("opening")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -23,7 +24,7 @@ from voxelpose.cli.arguments import (
     camera_names,
     up_direction,
 )
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -138,10 +139,6 @@ Ctrl-C ends the session.
 
     def run(self) -> int:
         """Runs the session; returns the exit code."""
-        from dataclasses import replace
-
-        from voxelpose.cli.terminal import Progress
-
         self._check()
         with Progress() as progress:
             progress.note_compilation()
@@ -236,8 +233,6 @@ Ctrl-C ends the session.
 
     def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
-        import time
-
         line = StateLine()
         try:
             session.start_cameras(self.record is not None and self.record_now)

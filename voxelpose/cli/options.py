@@ -9,7 +9,7 @@ import types
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
@@ -142,12 +142,11 @@ def _located(text: str, folder: Path) -> str:
     return f"{name}{equals}{path}" if there else text
 
 
-@dataclass(frozen=True)
-class FolderSetting:
-    """A value of an option's type from a voxelpose.toml; paths are absolute."""
+class FolderSetting(NamedTuple):
+    """A value of an option's type, and the voxelpose.toml that it is from; paths are absolute."""
 
     value: Any
-    file: Path
+    file: str
 
 
 def load_command(section: str) -> Any:
@@ -180,7 +179,7 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
                 near = nearest(name, options) or f": there are {', '.join(options)}"
                 raise InputError(f"{where} has no setting {key[:40]!r}{near}")
             value = options[name].value_from(given, file.parent, where)
-            found[name] = FolderSetting(value, file)
+            found[name] = FolderSetting(value, str(file))
     return found
 
 
@@ -237,13 +236,13 @@ def parse_with_settings(
         if getattr(done, options[name].field) == setting.value
     }
     if "sources" in {field.name for field in fields(command)}:
-        done = replace(done, sources={name: str(setting.file) for name, setting in taken.items()})
+        done = replace(done, sources={name: setting.file for name, setting in taken.items()})
     return done, taken
 
 
 def settings_notes(section: str, taken: Mapping[str, FolderSetting]) -> list[str]:
     """A line for each file that settings were taken from."""
-    names: dict[Path, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, setting in taken.items():
         names.setdefault(setting.file, []).append(name)
     return [f"from {file} [{section}]: {', '.join(known)}" for file, known in names.items()]

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import Positional, arg
 
 from voxelpose.cli.arguments import OptionalFile
+from voxelpose.cli.terminal import Progress
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,6 @@ is replaced.
 
     def run(self) -> int:
         """Writes the report; returns the exit code."""
-        from voxelpose.cli.terminal import Progress
-
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.report.page import write_report

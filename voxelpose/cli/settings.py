@@ -93,7 +93,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     values = {}
     for name, option in options_of(load_command(section)).items():
         if name in found:
-            value, source = found[name].value, str(found[name].file)
+            value, source = found[name]
         elif name in known:
             value, source = known[name], str(folder / "subject.toml")
         elif option.default is MISSING:

@@ -1,9 +1,12 @@
 """voxelpose setup."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import ClassVar
 
 from voxelpose.cli.arguments import Fps, PageArguments, RecordingFolder, Unit
+from voxelpose.cli.options import folder_settings
+from voxelpose.cli.terminal import message
 
 
 @dataclass(frozen=True)
@@ -29,15 +32,15 @@ given; Ctrl-C ends it.
     def run(self) -> int:
         """Serves the page until it is interrupted; returns the exit code."""
         address = self.address()
-        from voxelpose.cli.terminal import message
         from voxelpose.setup_page.opened_folder import OpenedFolder
         from voxelpose.setup_page.setup_server import SetupServer
         from voxelpose.setup_page.setup_session import SetupSession
 
-        known = self._fit_settings()
+        settings = partial(folder_settings, "fit", self.recording)
+        known = settings()
         unit = self.unit or known.get("unit", (None, ""))[0]
         fps = self.fps or known.get("fps", (None, ""))[0]
-        session = SetupSession(OpenedFolder.open(self.recording, unit, fps), self._fit_settings)
+        session = SetupSession(OpenedFolder.open(self.recording, unit, fps), settings)
         server = SetupServer(session, address)
         try:
             print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
@@ -48,10 +51,3 @@ given; Ctrl-C ends it.
         finally:
             server.close()
         return 0
-
-    def _fit_settings(self) -> dict[str, tuple[Any, str]]:
-        """Settings of `fit` for the recording, and the files that they are from."""
-        from voxelpose.cli.options import folder_settings
-
-        found = folder_settings("fit", self.recording)
-        return {name: (setting.value, str(setting.file)) for name, setting in found.items()}

@@ -17,6 +17,7 @@ from voxelpose.cli.arguments import (
     Unit,
     refuse_existing,
 )
+from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -92,7 +93,6 @@ cameras and hull are shown.
                 f" litres{' and skeleton' if scenes.motion is not None else ''}"
             )
         if self.video is not None:
-            from voxelpose.cli.terminal import Progress
             from voxelpose.view.images.hull_picture import write_film
 
             with Progress() as progress:

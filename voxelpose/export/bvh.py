@@ -1,7 +1,6 @@
 """Biovision hierarchy (BVH): skeletal animation for Blender, Maya, MotionBuilder and others."""
 
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
@@ -42,11 +41,9 @@ def write_bvh(motion: Motion, path: Path) -> None:
         # Where two of the axes coincide, the third angle is zero, and the rotation right.
         warnings.filterwarnings("ignore", "Gimbal lock")
         degrees = rotations.as_euler(_ORDER, degrees=True).reshape(len(local), -1, 3)
-    children = _children(motion.model)
-    order = list(_depth_first(0, children))
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write("HIERARCHY\n")
-        _write_joint(file, motion.model, children, part_ends(motion.model), 0, 0)
+        order = _write_joint(file, motion.model, part_ends(motion.model), 0, 0)
         file.write(f"MOTION\nFrames: {len(local)}\nFrame Time: {1.0 / motion.fps:.8f}\n")
         for frame in range(len(local)):
             numbers = [*root[frame], *degrees[frame, order].ravel()]
@@ -73,41 +70,24 @@ def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float
     return Y_UP_FROM_WORLD @ local @ Y_UP_FROM_WORLD.T, CM_PER_M * root @ Y_UP_FROM_WORLD.T
 
 
-def _children(model: BodyModel) -> list[list[int]]:
-    children: list[list[int]] = [[] for _ in model.names]
-    for part, parent in enumerate(model.tree.parents):
-        if parent >= 0:
-            children[parent].append(part)
-    return children
-
-
-def _depth_first(part: int, children: list[list[int]]) -> Iterator[int]:
-    yield part
-    for child in children[part]:
-        yield from _depth_first(child, children)
-
-
 def _write_joint(
-    file: TextIO,
-    model: BodyModel,
-    children: list[list[int]],
-    ends: NDArray[np.float64],
-    part: int,
-    depth: int,
-) -> None:
-    pad = "  " * depth
+    file: TextIO, model: BodyModel, ends: NDArray[np.float64], part: int, depth: int
+) -> list[int]:
+    """Writes a joint and those that it carries; returns their parts in the file's order."""
+    pad, order = "  " * depth, [part]
     parent, names = model.tree.parents[part], ascii_names(model.names)
     offset = np.zeros(3) if parent < 0 else model.joints_m[part] - model.joints_m[parent]
     file.write(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {names[part]}\n{pad}{{\n")
     file.write(f"{pad}  OFFSET {_numbers(offset)}\n")
     channels = "6 Xposition Yposition Zposition " if parent < 0 else "3 "
     file.write(f"{pad}  CHANNELS {channels}Zrotation Xrotation Yrotation\n")
-    for child in children[part]:
-        _write_joint(file, model, children, ends, child, depth + 1)
-    if not children[part]:
+    for child in np.flatnonzero(model.tree.parents == part).tolist():
+        order += _write_joint(file, model, ends, child, depth + 1)
+    if len(order) == 1:
         end = _numbers(ends[part] - model.joints_m[part])
         file.write(f"{pad}  End Site\n{pad}  {{\n{pad}    OFFSET {end}\n{pad}  }}\n")
     file.write(f"{pad}}}\n")
+    return order
 
 
 def _numbers(vector_m: NDArray[np.float64]) -> str:

@@ -87,7 +87,7 @@ class CameraReader:
         fps: rate at which a file is played; None: the file's own.
 
     Attributes:
-        state: "ok", "ended", or one line that says what is wrong.
+        state: "ok", "ended" where no picture will come any more, or a line that says what is wrong.
     """
 
     def __init__(
@@ -118,11 +118,6 @@ class CameraReader:
         """Waits until the camera is released."""
         if self._thread.ident is not None:
             self._thread.join(2 * _TIMEOUT_MS / 1000)
-
-    @property
-    def ended(self) -> bool:
-        """Whether no picture will come any more."""
-        return self.state == "ended"
 
     def _run(self) -> None:
         waits_s = retry_waits_s()

@@ -1,7 +1,7 @@
 """The two estimators in live use: silhouettes of a moment in, a posed body out."""
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -29,7 +29,7 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.tuning import MEASURING
-from voxelpose.live.live_frame import PosedBody
+from voxelpose.live.live_frame import Hypotheses, PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
 from voxelpose.live.remote_object import RemoteObject, begin_process
 from voxelpose.multiview.carving.carver import carve
@@ -63,25 +63,6 @@ class LiveMoment:
     pictures: Pictures
 
 
-@dataclass(frozen=True, eq=False)
-class FoundPose:
-    """A person in one frame.
-
-    Attributes:
-        confidence: of the pose, from 0 to 1.
-        shown: (15,) confidence of each joint, relative to the pose's.
-        hypotheses: as of `PosedBody`.
-        hull_m: as of `PosedBody`.
-    """
-
-    model: BodyModel
-    pose: Pose
-    confidence: float
-    shown: NDArray[np.float64]
-    hypotheses: tuple[tuple[float, NDArray[np.float64]], ...] = ()
-    hull_m: NDArray[np.float32] | None = None
-
-
 class LiveEstimator(Protocol):
     """Finds the person in one moment after the other; its two stages run in a thread each."""
 
@@ -89,7 +70,7 @@ class LiveEstimator(Protocol):
         """What the second stage needs of a moment."""
         ...
 
-    def step(self, prepared: Any, /) -> FoundPose | None:
+    def step(self, prepared: Any, /) -> PosedBody | None:
         """The person; None where there is none."""
         ...
 
@@ -105,7 +86,7 @@ class _Sparing:
         self._finder = make(*arguments)
         self._sent: BodyModel | None = None
 
-    def step(self, given: object) -> FoundPose | None:
+    def step(self, given: object) -> PosedBody | None:
         found = self._finder.step(given)
         if found is None:
             return None
@@ -132,7 +113,7 @@ class EstimatorProcess(RemoteObject):
         self._model: BodyModel | None = None
         self.wait()
 
-    def step(self, given: Any) -> FoundPose | None:
+    def step(self, given: Any) -> PosedBody | None:
         """See `LiveEstimator.step`; what it raises there is raised here."""
         found = self.call("step", given)
         if found is None:
@@ -154,20 +135,20 @@ class LiveMultiView(EstimatorProcess):
 
 
 class FollowedBody:
-    """A body before several cameras: see `PoseFollower`; the executor is a process by default."""
+    """A body before several cameras: see `PoseFollower`; searches are made in another process."""
 
-    def __init__(self, rig: Rig, settings: Settings, executor: Executor | None = None):
+    def __init__(self, rig: Rig, settings: Settings):
         """Loads all kernels, which takes seconds."""
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        self._executor = executor or ProcessPoolExecutor(1, get_context("spawn"), begin_process)
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._executor)
         self._hull_s = -np.inf
         self._hull: NDArray[np.float32] | None = None
         self._warm_up(settings)
 
-    def step(self, moment: Moment) -> FoundPose | None:
+    def step(self, moment: Moment) -> PosedBody | None:
         """The person in silhouettes as recorded; None where there is none."""
         masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
         fit, body = self._follower.step(moment.time_s, masks), self._follower.body
@@ -177,7 +158,7 @@ class FollowedBody:
         if self._hull is None or moment.time_s - self._hull_s > 0.15:  # it is only shown
             self._hull_s, self._hull = moment.time_s, self._carved(masks, fit.pose)
         confidence = float(np.clip(1 - fit.error, 0, 1))
-        return FoundPose(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
+        return posed_body(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
 
     def close(self) -> None:
         """Ends the searching process."""
@@ -225,12 +206,6 @@ class MonocularSetup:
     fps: float
     pictures: bool
 
-    def stages(self) -> PoseStages:
-        """Reads the proposal."""
-        person = person_for(self.options, self.settings, SilentReporter())
-        camera, interval_s = self.rig.cameras[0], 1 / self.fps
-        return PoseStages(person, camera, self.settings, self.options, interval_s, _Untimed())
-
 
 class LiveMonocular(EstimatorProcess):
     """One camera: the person here, poses in a process of their own."""
@@ -249,7 +224,7 @@ class LiveMonocular(EstimatorProcess):
         person = self._finder.find(moment.pictures[self._name], mask)
         return None if person is None else (moment.number, moment.time_s, person)
 
-    def step(self, given: SeenPerson | None) -> FoundPose | None:
+    def step(self, given: SeenPerson | None) -> PosedBody | None:
         """See `LiveEstimator.step`."""
         return None if given is None else super().step(given)
 
@@ -259,36 +234,43 @@ class MonocularPoses:
 
     def __init__(self, setup: MonocularSetup):
         """Reads the library."""
-        self._stages = setup.stages()
+        person = person_for(setup.options, setup.settings, SilentReporter())
+        how = setup.settings, setup.options, 1 / setup.fps, _Untimed()
+        self._stages = PoseStages(person, setup.rig.cameras[0], *how)
 
-    def step(self, seen: SeenPerson) -> FoundPose:
+    def step(self, seen: SeenPerson) -> PosedBody:
         """The likeliest pose and others."""
         (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
         model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
         shown = np.where(found.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
         likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
         hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
-        return FoundPose(model, found.pose, confidence, shown, hypotheses)
+        return posed_body(model, found.pose, confidence, shown, hypotheses)
 
     def close(self) -> None:
         """Nothing was begun."""
 
 
-def posed_body(found: FoundPose) -> PosedBody:
-    """Body with its parts and joints in the world."""
-    model, pose = found.model, found.pose
-    rotation, origin = place(model, *PoseArrays.from_poses([pose]).arrays)
-    return PosedBody(
-        model,
-        pose,
-        rotation[0],
-        origin[0],
-        landmarks(model, rotation, origin)[0],
-        found.confidence * found.shown,
-        found.confidence,
-        found.hypotheses,
-        found.hull_m,
-    )
+def posed_body(
+    model: BodyModel,
+    pose: Pose,
+    confidence: float,
+    shown: NDArray[np.float64],
+    hypotheses: Hypotheses = (),
+    hull_m: NDArray[np.float32] | None = None,
+) -> PosedBody:
+    """Body with its parts and joints in the world.
+
+    Args:
+        confidence: of the pose, from 0 to 1.
+        shown: (15,) confidence of each joint, relative to the pose's.
+        hypotheses: as of `PosedBody`.
+        hull_m: as of `PosedBody`.
+    """
+    (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
+    joints_m = landmarks(model, rotation[None], origin[None])[0]
+    each = confidence * shown
+    return PosedBody(model, pose, rotation, origin, joints_m, each, confidence, hypotheses, hull_m)
 
 
 def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:

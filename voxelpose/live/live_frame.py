@@ -15,6 +15,9 @@ Phase = Literal["no background", "countdown", "learning", "searching", "followin
 the background, looks for a person, follows one, or was stopped.
 """
 
+Hypotheses = tuple[tuple[float, NDArray[np.float64]], ...]
+"""Likely poses: probability and joints (15, 3) m of each, likeliest first."""
+
 
 @dataclass(frozen=True, eq=False)
 class PosedBody:
@@ -26,8 +29,7 @@ class PosedBody:
         joints_m: (15, 3) float64, world, in the order of `joints.LANDMARK_NAMES`.
         joint_confidence: (15,) float64, from 0 to 1.
         confidence: of the whole pose, from 0 to 1: one minus XOR over OR of the silhouettes.
-        hypotheses: other likely poses of one camera: probability and joints (15, 3) m, likeliest
-            first.
+        hypotheses: other likely poses of one camera.
         hull_m: (n, 3) float32, centres of the hull's voxels; None where no hull was carved.
     """
 
@@ -38,7 +40,7 @@ class PosedBody:
     joints_m: NDArray[np.float64]
     joint_confidence: NDArray[np.float64]
     confidence: float
-    hypotheses: tuple[tuple[float, NDArray[np.float64]], ...] = ()
+    hypotheses: Hypotheses = ()
     hull_m: NDArray[np.float32] | None = None
 
 

@@ -183,6 +183,7 @@ class Page:
             InputError: see `Gate`.
         """
         self._served = PageServer(address)
+        self.url = self._served.url
         try:
             self._panel = PagePanel(self._served.viser.gui, session, receivers)
             self._scene = LiveScene(self._served.viser, rig)
@@ -193,11 +194,6 @@ class Page:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
         self._thread.start()
-
-    @property
-    def url(self) -> str:
-        """Address for the browser, the token included."""
-        return self._served.url
 
     def show(self, frame: LiveFrame) -> None:
         """Hands over a frame, which replaces one that is not drawn yet; returns at once."""

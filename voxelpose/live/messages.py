@@ -9,7 +9,6 @@ Source: VMC protocol specification, protocol.vmc.info, performer to marionette.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message import OscMessage
-from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_message_builder import build_msg
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
@@ -83,22 +82,7 @@ def _rest_from_t_pose() -> NDArray[np.float64]:
 _REST_FROM_T_POSE = _rest_from_t_pose()
 
 
-@dataclass(frozen=True, eq=False)
-class HumanoidPose:
-    """Local transforms of the bones, as Unity has them.
-
-    Attributes:
-        position_m: (22, 3) float64, of each bone's joint in its parent's axes; the hips' in the
-            world, Unity's axes.
-        rotation_xyzw: (22, 4) float64, quaternions x, y, z, w, parent from bone; the identity in
-            the T-pose. The hips' are world from bone.
-    """
-
-    position_m: NDArray[np.float64]
-    rotation_xyzw: NDArray[np.float64]
-
-
-def humanoid_pose(body: PosedBody) -> HumanoidPose:
+def humanoid_pose(body: PosedBody) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     r"""A body's pose on a humanoid whose bones rest in the T-pose.
 
     A bone must point where the part points, so that it turns from the T-pose to the rest pose first
@@ -109,6 +93,11 @@ def humanoid_pose(body: PosedBody) -> HumanoidPose:
     with the part's rotation :math:`R_p`, the turn :math:`A_b` from T-pose to rest pose (45 degrees
     for arms, forearms and hands, else none) and Unity's axes :math:`M`. Twist of forearm and hand
     is left to the humanoid: silhouettes do not show it.
+
+    Returns:
+        Position (22, 3) float64, m, of each bone's joint in its parent's axes, and quaternion
+        (22, 4) float64, x, y, z, w, parent from bone, the identity in the T-pose; those of the hips
+        in the world, all by Unity's axes.
     """
     turned = body.part_rotation[BONE_PARTS] @ _REST_FROM_T_POSE
     world = UNITY_FROM_WORLD @ turned @ UNITY_FROM_WORLD.T
@@ -118,7 +107,7 @@ def humanoid_pose(body: PosedBody) -> HumanoidPose:
     parents = BONE_PARENTS[children]
     between = origin[children] - origin[parents]
     offset[children] = np.einsum("bji,bj->bi", world[parents], between)
-    return HumanoidPose(offset, quaternions(local)[:, [1, 2, 3, 0]])
+    return offset, quaternions(local)[:, [1, 2, 3, 0]]
 
 
 def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
@@ -183,22 +172,11 @@ def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
 def _messages(frame: LiveFrame) -> Iterator[OscMessage]:
     body = frame.body
     if body is not None:
-        pose = humanoid_pose(body)
+        places = zip(BONE_NAMES, *(part.tolist() for part in humanoid_pose(body)), strict=True)
         root = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0  # position, quaternion
-        yield _message("/VMC/Ext/Root/Pos", "root", *root)
-        for name, position, rotation in zip(
-            BONE_NAMES, pose.position_m.tolist(), pose.rotation_xyzw.tolist(), strict=True
-        ):
-            yield _message("/VMC/Ext/Bone/Pos", name, *position, *rotation)
-    yield _message("/voxelpose/confidence", 0.0 if body is None else float(body.confidence))
-    yield _message("/VMC/Ext/OK", 1)
-    yield _message("/VMC/Ext/T", float(frame.time_s))
-
-
-def _message(address: str, *values: str | int | float) -> OscMessage:
-    """Message whose arguments have the types of the values: string, int32, float32."""
-    builder = OscMessageBuilder(address)
-    for value in values:
-        kind = "s" if isinstance(value, str) else "i" if isinstance(value, int) else "f"
-        builder.add_arg(value, kind)
-    return builder.build()
+        yield build_msg("/VMC/Ext/Root/Pos", ["root", *root])
+        for name, position, rotation in places:
+            yield build_msg("/VMC/Ext/Bone/Pos", [name, *position, *rotation])
+    yield build_msg("/voxelpose/confidence", 0.0 if body is None else float(body.confidence))
+    yield build_msg("/VMC/Ext/OK", 1)
+    yield build_msg("/VMC/Ext/T", float(frame.time_s))

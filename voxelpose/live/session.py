@@ -16,7 +16,7 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
-from voxelpose.live.live_estimators import LiveEstimator, LiveMoment, posed_body
+from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
 from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
 from voxelpose.live.live_recorder import LiveRecorder
 from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
@@ -189,7 +189,7 @@ class LiveSession:
         over = self._over.wait(timeout_s)
         if self._failure is not None:
             raise self._failure
-        if all(reader.ended for reader in self._readers):
+        if all(reader.state == "ended" for reader in self._readers):
             time.sleep(0.2)  # the last pictures are still under way
             return True
         return over
@@ -322,7 +322,8 @@ class LiveSession:
                 LiveMoment(shot.number, shot.time_s, silhouettes, pictures)
             )
             done_s = self._now()
-            self._keep_silhouettes(shot, silhouettes)
+            if (recorder := self._recorder) is not None and recorder.private:
+                recorder.put(shot, silhouettes.masks())
             several = len(others) >= min(2, len(shot.pictures))
             note = "somebody else is in the picture" if several else ""
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
@@ -364,8 +365,7 @@ class LiveSession:
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
-            found = self._estimator.step(observed.prepared)
-            body = None if found is None else posed_body(found)
+            body = self._estimator.step(observed.prepared)
             done_s = self._now()
             with self._lock:
                 if self._phase in ("searching", "following"):
@@ -388,11 +388,5 @@ class LiveSession:
 
     def _keep(self, shot: Shot) -> None:
         """Records pictures, also those that the estimation has no time for."""
-        recorder = self._recorder
-        if recorder is not None and not recorder.private:
+        if (recorder := self._recorder) is not None:
             recorder.put(shot)
-
-    def _keep_silhouettes(self, shot: Shot, silhouettes: Moment) -> None:
-        recorder = self._recorder
-        if recorder is not None and recorder.private:
-            recorder.put(shot, silhouettes.masks())

@@ -31,8 +31,9 @@ from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
     paint_unknown,
+    painted_mask,
     read_painting,
-    read_unknown_polygons,
+    unknown_polygons,
 )
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
@@ -265,8 +266,9 @@ class Recording:
         """
         paths = pictures_by_camera(self.folder / "unknown", stills=True)
         masks = paint_unknown(paths, self.rig, self.camera_names)
-        drawn = read_unknown_polygons(self.folder / RECORDING_FILE, self.rig, self.camera_names)
-        for name, mask in drawn.items():
+        drawn = unknown_polygons(self.folder / RECORDING_FILE, self.camera_names)
+        for name in drawn.keys() & set(self.rig.names):
+            mask = painted_mask(drawn[name], self.rig[name].size)
             masks[name] = masks[name] | mask if name in masks else mask
         return {name: mask for name, mask in masks.items() if mask.any()}
 

@@ -90,7 +90,8 @@ class FrameReader:
             InputError: a frame is missing, unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
-        frames = self._stills(numbers) if self.stills else self._video(numbers)
+        stills = (read_still(self.stills[number]) for number in numbers)
+        frames = stills if self.stills else self._video(numbers)
         for number, frame in zip(numbers, frames, strict=True):
             if frame.shape[1::-1] != self.size:
                 raise InputError(
@@ -105,10 +106,6 @@ class FrameReader:
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
         return replace(self, numbers=selected, frame_count=len(selected), promised=0)
-
-    def _stills(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        for number in numbers:
-            yield read_still(self.stills[number])
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))

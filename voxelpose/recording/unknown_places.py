@@ -62,24 +62,6 @@ def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
     return image.max(axis=2)
 
 
-def read_unknown_polygons(path: Path, rig: Rig, names: Sequence[str]) -> UnknownMasks:
-    """Reads the unknown places of recording.toml: `[unknown]` with polygons for each camera.
-
-    Args:
-        path: the file; one that does not exist names no places.
-        names: all cameras of the recording.
-
-    Raises:
-        InputError: the file is not TOML, a key is not known, there is no such camera, or what it
-            holds are no polygons.
-    """
-    return {
-        name: painted_mask(polygons, rig[name].size)
-        for name, polygons in unknown_polygons(path, names).items()
-        if name in rig
-    }
-
-
 def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArray[np.bool_]:
     """Pixels (H, W) bool within any of the polygons, (N, 2) px each, of a picture of a size."""
     image = np.zeros(size[::-1], np.uint8)
@@ -89,14 +71,15 @@ def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArra
 
 
 def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray[np.float64]]]:
-    """Reads the polygons of recording.toml, each (N, 2) px, by camera name.
+    """Reads the unknown places of recording.toml, polygons (N, 2) px each, by camera name.
 
     Args:
         path: the file; one that does not exist lists none.
         names: all cameras of the recording.
 
     Raises:
-        InputError: as `read_unknown_polygons`.
+        InputError: the file is not TOML, a key is not known, there is no such camera, or what it
+            holds are no polygons.
     """
     if not path.exists():
         return {}

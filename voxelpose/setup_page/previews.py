@@ -169,8 +169,5 @@ def _why(stages: SilhouetteStages, at: tuple[int, int]) -> str:
         return "differs from the empty view" if person else "like the empty view"
     if (stages.odds[at] > 0) != person:
         return "its neighbours decide"
-    return "only a shadow" if not person and _true(stages.shadow, at) else "its colours say so"
-
-
-def _true(mask: NDArray[np.bool_] | None, at: tuple[int, int]) -> bool:
-    return mask is not None and bool(mask[at])
+    shadow = stages.shadow is not None and stages.shadow[at]
+    return "only a shadow" if shadow and not person else "its colours say so"

@@ -7,6 +7,14 @@ from types import ModuleType
 
 from calib.errors import InputError
 
+_LINUX = sys.platform.startswith("linux")
+
+
+def has_screen() -> bool:
+    """Whether windows can be opened, as far as the environment tells."""
+    displays = os.environ.get("DISPLAY"), os.environ.get("WAYLAND_DISPLAY")
+    return not _LINUX or any(displays)
+
 
 def import_open3d(screen: bool = False) -> ModuleType:
     """Imports open3d, which takes a second or two and is therefore done only where it is used.
@@ -20,13 +28,12 @@ def import_open3d(screen: bool = False) -> ModuleType:
     Raises:
         InputError: it is missing or broken, or there is no screen; the line names the remedy.
     """
-    linux = sys.platform.startswith("linux")
-    if screen and linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if screen and not has_screen():
         raise InputError(
             "there is no screen to open a window on: say --png FILE for a picture instead"
         )
     try:
-        if linux:
+        if _LINUX:
             _load_libusb()
         import open3d
     except ImportError as error:

@@ -9,8 +9,8 @@ import numpy as np
 
 from silhouette_core.motion.pose import Pose
 from tests.clips import waving
-from voxelpose.live.live_estimators import FoundPose, LiveMoment
-from voxelpose.live.live_frame import LiveFrame
+from voxelpose.live.live_estimators import LiveMoment, posed_body
+from voxelpose.live.live_frame import LiveFrame, PosedBody
 from voxelpose.live.session import LiveSession, SessionSettings
 
 MOTION = waving(40)
@@ -31,10 +31,10 @@ class Sees:
             raise RuntimeError("a stage that fails")
         return min(int(mask.sum()) for mask in moment.silhouettes.masks().values())
 
-    def step(self, prepared: int) -> FoundPose | None:
+    def step(self, prepared: int) -> PosedBody | None:
         if prepared < 50:
             return None
-        return FoundPose(MOTION.model, STANDING, 0.9, np.ones(15))
+        return posed_body(MOTION.model, STANDING, 0.9, np.ones(15))
 
     def close(self) -> None:
         self.closed = True

@@ -15,7 +15,7 @@ IDENTITY = [0, 0, 0, 1]
 
 
 def rotations(body: PosedBody) -> dict[str, np.ndarray]:
-    return dict(zip(BONE_NAMES, humanoid_pose(body).rotation_xyzw, strict=True))
+    return dict(zip(BONE_NAMES, humanoid_pose(body)[1], strict=True))
 
 
 def assert_only(body: PosedBody, turned: dict[str, list[float]]) -> None:
@@ -28,9 +28,9 @@ def assert_only(body: PosedBody, turned: dict[str, list[float]]) -> None:
 
 def world(body: PosedBody) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Rotation and position of every bone in Unity's world, by adding up the local ones."""
-    pose, found = humanoid_pose(body), {}
+    (positions_m, rotations), found = humanoid_pose(body), {}
     for k, name in enumerate(BONE_NAMES):
-        turn, at = Rotation.from_quat(pose.rotation_xyzw[k]).as_matrix(), pose.position_m[k]
+        turn, at = Rotation.from_quat(rotations[k]).as_matrix(), positions_m[k]
         if BONE_PARENTS[k] >= 0:
             above, base = found[BONE_NAMES[BONE_PARENTS[k]]]
             turn, at = above @ turn, base + above @ at
@@ -99,7 +99,7 @@ def test_heading_and_place():
     np.testing.assert_allclose(turn @ [0, -1, 0], [1, 0, 0], atol=1e-12)
     body = posed(T_POSE, turn, root_m=(1.0, 2.0, 0.9))
     assert_only(body, {"Hips": [0, -HALF, 0, HALF]})
-    np.testing.assert_allclose(humanoid_pose(body).position_m[0], [-1.0, 0.9, -2.0])
+    np.testing.assert_allclose(humanoid_pose(body)[0][0], [-1.0, 0.9, -2.0])
 
 
 @pytest.mark.parametrize("stature_m", [1.5, 1.9])

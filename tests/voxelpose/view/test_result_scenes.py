@@ -14,6 +14,7 @@ from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
+from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.cli import run
 from voxelpose.export.tables import read_hypotheses
 from voxelpose.fitting import Output, write_estimate
@@ -50,12 +51,12 @@ def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(fitted):
         red, mask = camera_frame.picture[..., 0], camera_frame.mask
         assert red[mask].mean() > red[~mask].mean() + 80  # the person is red in RGB
     hull = scene.hull
-    joints = hull.grid.indices(scene.body.joints_m)
+    joints = voxels_at(hull.grid, scene.body.joints_m)
     assert hull.occupancy[tuple(joints.T)].mean() > 0.85
     assert len(hull.distance_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
     assert (
         hull.distance_m.max() > 0.05
-        and hull.occupancy[tuple(hull.grid.indices(hull.unexplained_m).T)].all()
+        and hull.occupancy[tuple(voxels_at(hull.grid, hull.unexplained_m).T)].all()
     )
     assert scenes.scene(2) is scene
     scenes.close()

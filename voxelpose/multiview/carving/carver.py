@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from threading import local
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -25,65 +24,27 @@ _BINS = 256
 _ANGLES = 24
 _WIDEST = 100  # tangent of 89.4 degrees
 
+_reused = local()
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """One camera for the kernels; see `blocks.carve_blocks`.
 
-    Attributes:
-        row: (COLUMNS,) float64.
-        kind: PINHOLE, RATIONAL or FISHEYE.
-        bound: (2, bins) float64.
+def _taken(name: str, dtype: type, count: int) -> NDArray[Any]:
+    """An array (count,) with arbitrary contents, kept for the thread's next call: allocating memory
+    would take longer than filling it.
     """
-
-    row: NDArray[np.float64]
-    kind: int
-    bound: NDArray[np.float64]
-
-
-class _Reused:
-    """Array reused between calls: allocating memory would take longer than filling it."""
-
-    def __init__(self, dtype: type) -> None:
-        self._array = np.empty(0, dtype=dtype)
-
-    def take(self, count: int) -> NDArray[Any]:
-        """The first `count` elements, with arbitrary contents."""
-        if len(self._array) < count:
-            self._array = np.empty(count, dtype=self._array.dtype)
-        return self._array[:count]
+    array = getattr(_reused, name, None)
+    if array is None or len(array) < count:
+        array = np.empty(count, dtype)
+        setattr(_reused, name, array)
+    return array[:count]
 
 
-class _Workspace(local):
-    """Reused arrays of one thread."""
-
-    def __init__(self) -> None:
-        self.pixels, self.sums = _Reused(np.uint8), _Reused(np.uint16)
-
-
-_workspace = _Workspace()
-_views: WeakKeyDictionary[Camera, _View] = WeakKeyDictionary()
-_rigs: WeakKeyDictionary[
-    Rig, tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
-] = WeakKeyDictionary()
-
-
-def view(camera: Camera) -> _View:
-    """Camera for the kernels, cached, since the bounds of a lens take milliseconds."""
-    if camera not in _views:
-        _views[camera] = _make_view(camera)
-    return _views[camera]
-
-
+@lru_cache(maxsize=64)
 def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
-    if rig not in _rigs:
-        if len(rig) > _MOST_CAMERAS:
-            raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
-        views = [view(camera) for camera in rig]
-        rows, kinds, bounds = ([getattr(v, key) for v in views] for key in ("row", "kind", "bound"))
-        _rigs[rig] = np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
-    return _rigs[rig]
+    if len(rig) > _MOST_CAMERAS:
+        raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
+    rows, kinds, bounds = zip(*map(_packed, rig), strict=True)
+    return np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
 
 
 def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
@@ -141,7 +102,8 @@ def pack_masks(
         )
         pixel_count += (wide + 2) * (high + 2)
         sum_count += (wide + 3) * (high + 3)
-    pixels, sums = _workspace.pixels.take(pixel_count), _workspace.sums.take(sum_count)
+    pixels = _taken("pixels", np.uint8, pixel_count)
+    sums = _taken("sums", np.uint16, sum_count)
     pixels[:3] = blocks.OBJECTS, blocks.AGREES, blocks.BLIND
     for (_, _, left, top, wide, high, pixel, total, count), mask in zip(
         frames.tolist(), masks, strict=True
@@ -166,13 +128,14 @@ def block_order(count: int) -> NDArray[np.int64]:
     return np.argsort(np.arange(count) * 0.6180339887498949 % 1.0)
 
 
-def _make_view(camera: Camera) -> _View:
-    """Row, kind and bound of a camera; see the columns' names in `blocks`."""
+@lru_cache(maxsize=512)
+def _packed(camera: Camera) -> tuple[NDArray[np.float64], int, NDArray[np.float64]]:
+    """Row, kind and bound of a camera, which take milliseconds; see the columns in `blocks`."""
     row = np.zeros(blocks.COLUMNS)
     bound = np.zeros((2, _BINS))
     if camera.is_pinhole:
         row[:12] = camera.projection.ravel()
-        return _View(row, blocks.PINHOLE, bound)
+        return row, blocks.PINHOLE, bound
     row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
     matrix = camera.matrix
     row[blocks.FX : blocks.CY + 1] = (
@@ -197,7 +160,7 @@ def _make_view(camera: Camera) -> _View:
     row[blocks.SEEN_RADIUS] = _seen_radius(camera)
     row[blocks.REACH] = min(lens.field_radius * (1 - 1e-6), 2 * row[blocks.SEEN_RADIUS], _WIDEST)
     bound[:] = _lens_bound(lens, row[blocks.REACH])
-    return _View(row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound)
+    return row, blocks.FISHEYE if camera.fisheye else blocks.RATIONAL, bound
 
 
 def _seen_radius(camera: Camera) -> float:

@@ -90,23 +90,13 @@ class VoxelGrid:
             (self.lattice + np.asarray(indices) + 0.5) * self.voxel_size_m, dtype=np.float64
         )
 
-    def indices(self, points_m: ArrayLike) -> NDArray[np.int64]:
-        """Voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside the grid."""
-        return (
-            np.floor(np.asarray(points_m, dtype=np.float64) / self.voxel_size_m).astype(np.int64)
-            - self.lattice
-        )
-
     def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Centres (N, 3) float64, world, m, of the voxels in `occupancy` (nx, ny, nz) bool."""
         check_array("occupancy", occupancy, self.shape)
         return self.centres(np.argwhere(occupancy))
 
-    def cropped(
-        self, occupancy: NDArray[np.bool_], margin: int = 0
-    ) -> tuple["VoxelGrid", NDArray[np.bool_]]:
-        """Returns the part of the grid that holds every occupied voxel, widened by `margin` voxels
-        within the grid.
+    def cropped(self, occupancy: NDArray[np.bool_]) -> tuple["VoxelGrid", NDArray[np.bool_]]:
+        """Returns the part of the grid that holds every occupied voxel.
 
         Raises:
             ValueError: Nothing is occupied.
@@ -114,8 +104,7 @@ class VoxelGrid:
         along = [np.flatnonzero(occupancy.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))]
         if not len(along[0]):
             raise ValueError("no voxel is occupied")
-        low = [max(0, int(a[0]) - margin) for a in along]
-        high = [min(n, int(a[-1]) + 1 + margin) for a, n in zip(along, self.shape, strict=True)]
+        low, high = [int(a[0]) for a in along], [int(a[-1]) + 1 for a in along]
         nx, ny, nz = (b - a for a, b in zip(low, high, strict=True))
         grid = VoxelGrid(
             np.asarray((self.lattice + low) * self.voxel_size_m, dtype=np.float64),

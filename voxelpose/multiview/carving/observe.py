@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from calib.components import MaskComponents, label_components
 from calib.errors import InputError
-from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.cleanup import bounding_box, dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.carving.carver import CarveRule, carve
@@ -90,29 +90,6 @@ class HullComponents:
             rows[name] = getattr(self, name)
         return rows
 
-    def body(self, near_m: np.ndarray | None, person: bool = True) -> int | None:
-        """Index of the body's component, or None where none is large enough.
-
-        Args:
-            near_m: (3,) where the body was last: near components are preferred. None: the largest.
-            person: whether it is a person's, so that components larger or shorter than persons are
-                count for less.
-        """
-        weight = self.volume_m3
-        if not len(weight):
-            return None
-        if person:
-            longest_m = np.ptp(self.bounds_m, axis=1).max(axis=1)
-            fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
-                longest_m / CARVING.person_m, 1
-            )
-            weight = weight * fitting**2
-        if near_m is not None and len(weight) > 1:
-            distance = np.linalg.norm(self.center_m - near_m, axis=1)
-            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
-        best = int(weight.argmax())
-        return best if self.volume_m3[best] >= CARVING.smallest_m3 else None
-
 
 def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
     """Rule by which a voxel may belong to a body.
@@ -138,6 +115,21 @@ def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRul
 def _least(usual: int, partly_unknown: int) -> int:
     """Fewest cameras that must agree where parts of some are unknown."""
     return max(usual - partly_unknown, min(usual, 2))
+
+
+def widened(views: PinholeViews, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
+    """Silhouettes (h, w) bool of C views widened by half a voxel of a grid.
+
+    A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
+    centres.
+    """
+    middle = grid.origin_m + 0.5 * grid.size_m
+    wide = []
+    for c, mask in enumerate(masks):
+        depth = float(views.rotation[c, 2] @ middle + views.translation_m[c, 2])
+        reach = round(0.5 * grid.voxel_size_m * views.intrinsics[c, 0] / max(depth, 0.1))
+        wide.append(dilated(mask, 2 * reach + 1))
+    return wide
 
 
 class HullObserver:
@@ -196,8 +188,26 @@ class HullObserver:
         )
 
     def body(self, components: HullComponents, near_m: np.ndarray | None) -> int | None:
-        """Index of the body's component, see `HullComponents.body`."""
-        return components.body(near_m, self._person)
+        """Index of the body's component, or None where none is large enough.
+
+        Args:
+            near_m: (3,) where the body was last: near components are preferred. None: the largest;
+                of a person, those larger or shorter than persons are count for less.
+        """
+        weight = components.volume_m3
+        if not len(weight):
+            return None
+        if self._person:
+            longest_m = np.ptp(components.bounds_m, axis=1).max(axis=1)
+            fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
+                longest_m / CARVING.person_m, 1
+            )
+            weight = weight * fitting**2
+        if near_m is not None and len(weight) > 1:
+            distance = np.linalg.norm(components.center_m - near_m, axis=1)
+            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
+        best = int(weight.argmax())
+        return best if components.volume_m3[best] >= CARVING.smallest_m3 else None
 
     def window(self, components: HullComponents, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
@@ -211,7 +221,7 @@ class HullObserver:
     ) -> tuple[list[np.ndarray], np.ndarray]:
         """Silhouettes (h, w) bool confirmed by others, and their hull (nx, ny, nz) in a window."""
         masks = self._confirmed_by_others(masks, self._surroundings(grid))
-        wide, unknown = self._dilated(masks, grid), self.views.unknown
+        wide, unknown = widened(self.views, masks, grid), self.views.unknown
         return masks, carve(self.views.rig, wide, grid, self.rule, unknown)
 
     def _surroundings(self, grid: VoxelGrid) -> VoxelGrid:
@@ -237,22 +247,6 @@ class HullObserver:
             return None
         return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)
 
-    def _dilated(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
-        """Silhouettes widened by half a voxel.
-
-        A voxel then stays where it touches the body, so that thin limbs do not vanish between voxel
-        centres.
-        """
-        middle = grid.origin_m + 0.5 * grid.size_m
-        wide = []
-        for c, mask in enumerate(masks):
-            depth = float(self.views.rotation[c, 2] @ middle + self.views.translation_m[c, 2])
-            reach = max(
-                round(0.5 * grid.voxel_size_m * self.views.intrinsics[c, 0] / max(depth, 0.1)), 0
-            )
-            wide.append(dilated(mask, 2 * reach + 1))
-        return wide
-
     def _confirmed_by_others(self, masks: list[np.ndarray], grid: VoxelGrid) -> list[np.ndarray]:
         """Pixels of each silhouette into which a voxel near the body projects.
 
@@ -264,7 +258,7 @@ class HullObserver:
         strict_rule = self.rule
         if self.views.unknown is not None:  # what no other camera sees, none contradicts
             strict_rule = replace(self.rule, least_agreeing=1)
-        wide = self._dilated(masks, grid)
+        wide = widened(self.views, masks, grid)
         strict = self._confirmed(masks, wide, grid, strict_rule)
         if len(masks) < 4:
             return strict
@@ -296,7 +290,7 @@ class HullObserver:
             # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
             # misses at the edge.
             side = int(np.ceil(2 * size_px)) | 1
-            result, window = np.zeros_like(mask), _window(mask, side // 2)
+            result, window = np.zeros_like(mask), bounding_box(mask, side // 2)
             result[window] = mask[window] & dilated(footprint[window].view(np.bool_), side)
             confirmed.append(result)
         return confirmed
@@ -320,13 +314,6 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
     return MaskComponents(labels, np.bincount(labels[occupancy], minlength=1))
 
 
-def _window(mask: np.ndarray, margin_px: int) -> tuple[slice, slice]:
-    """Rows and columns of a mask with foreground, and a margin around them."""
-    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-    rows = slice(max(top - margin_px, 0), min(top + height + margin_px, mask.shape[0]))
-    return rows, slice(max(left - margin_px, 0), min(left + width + margin_px, mask.shape[1]))
-
-
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
@@ -335,9 +322,7 @@ def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
     """Connected components of a mask of at most `most_px` pixels."""
-    result, window = np.zeros_like(mask), _window(mask, 0)
-    if not mask[window].size:
-        return result
+    result, window = np.zeros_like(mask), bounding_box(mask)
     components = label_components(mask[window])
     result[window] = mask[window] & (components.sizes <= most_px)[components.labels]
     return result

@@ -45,10 +45,6 @@ class _Memory:
     def __init__(self, most_bytes: int):
         self.most, self.left, self.extended, self.exceeded = most_bytes, most_bytes, 0, False
 
-    def begin(self) -> None:
-        """Starts a search, with nothing kept of an earlier one."""
-        self.left = self.most
-
     def take(self, taken: np.ndarray) -> None:
         """Counts one partial choice."""
         self.left -= taken.nbytes + _ENTRY_BYTES
@@ -277,7 +273,7 @@ def _search(parts: list[_Part], score: float, memory: _Memory) -> list[int] | No
     ticket = itertools.count()
     start = np.zeros(parts[0].bits.shape[1], np.uint64)
     queue = [(-np.inf, next(ticket), 0.0, [], start)]
-    memory.begin()
+    memory.left = memory.most  # nothing is kept of an earlier search
     memory.take(start)
     while queue and not memory.exceeded:
         negative, _, reached, chosen, taken = heapq.heappop(queue)

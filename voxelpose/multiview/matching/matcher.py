@@ -152,11 +152,7 @@ def match(
 
 
 def movable_areas(
-    body_volume: BodyVolume,
-    grid: VoxelGrid,
-    occupancy: np.ndarray,
-    pose: Pose,
-    settings: MatchSettings | None = None,
+    body_volume: BodyVolume, grid: VoxelGrid, occupancy: np.ndarray, pose: Pose
 ) -> list[LimbArea]:
     """Movable area of every limb but the root's, with its parents placed as in a given pose.
 
@@ -166,7 +162,7 @@ def movable_areas(
 
     Source: Iiyama, Kameda and Minoh, section 3.
     """
-    search = _Search(body_volume, grid, occupancy, pose, settings or MatchSettings())
+    search = _Search(body_volume, grid, occupancy, pose, MatchSettings())
     root = body_volume.root_limb
     search.decide([search.placements(root, pose.angles_rad[None])], (0,), pose.angles_rad)
     areas = []

@@ -43,9 +43,9 @@ from voxelpose.multiview.person.posterior import (
     ShapePrior,
     StatureEvidence,
     chest_from_hull,
+    cost_terms,
     hull_volume_m3,
     is_improbable,
-    posterior_cost,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, SITTING_SEARCH, TRACKING
@@ -105,13 +105,14 @@ class Start:
     errors: dict[int, float]
 
     def cost(self) -> float:
-        """Cost by the anchor frames, see `posterior_cost`."""
+        """Cost by the anchor frames, see `cost_terms`."""
         return self.cost_of([*self.errors.values()])
 
     def cost_of(self, errors: list[float]) -> float:
         """Cost by the silhouette errors of other frames."""
         body = self.body.model
-        return posterior_cost(self.candidate, body, self.prior, errors, self.evidence)
+        terms = cost_terms(self.candidate, body, self.prior, errors, self.evidence)
+        return sum(terms.values())
 
 
 def choose_body(

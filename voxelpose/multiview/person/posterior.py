@@ -119,17 +119,6 @@ class ShapePrior:
     covariance: np.ndarray | None
 
 
-def posterior_cost(
-    candidate: Candidate,
-    model: BodyModel,
-    prior: ShapePrior,
-    errors: Sequence[float],
-    evidence: StatureEvidence,
-) -> float:
-    """Negative logarithm of a candidate's posterior, by independent silhouette errors."""
-    return sum(cost_terms(candidate, model, prior, errors, evidence).values())
-
-
 def cost_terms(
     candidate: Candidate,
     model: BodyModel,
@@ -137,7 +126,9 @@ def cost_terms(
     errors: Sequence[float],
     evidence: StatureEvidence,
 ) -> dict[str, float]:
-    """Terms of `posterior_cost` by name; arguments as there."""
+    """Terms of the negative logarithm of a candidate's posterior by name, by independent silhouette
+    errors; their sum is its cost.
+    """
     metres = stature_of(model)
     return {
         "silhouettes": PERSON_COST.frame_residuals * len(errors) * log_error(errors),

@@ -74,25 +74,18 @@ class FrameEvidence:
             unknown does not count, and a camera in which all of it is has the others' mean.
         joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
             square, the mean over the cameras that have the joint before them and know some of it.
-        outside: share of the body's volume outside the hull.
         joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
     """
 
     camera_error: np.ndarray
     joint_error: np.ndarray
-    outside: float
     joint_sigma_m: np.ndarray
 
 
 def frame_evidence(
-    body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation, outside: float
+    body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation
 ) -> FrameEvidence:
-    """Compares a posed body with the silhouettes of its frame.
-
-    Args:
-        joints_m: (15, 3) its joints.
-        outside: share of the body's volume outside the hull.
-    """
+    """Compares a posed body, whose joints are (15, 3), with the silhouettes of its frame."""
     model, vertices_m = body.model, posed_mesh(body.model, pose)
     errors, near = [], []
     for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
@@ -124,7 +117,7 @@ def frame_evidence(
         camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
     joint_error = sums / np.maximum(known.sum(axis=0), 1)
     sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
-    return FrameEvidence(camera_error, joint_error, outside, sigma_m)
+    return FrameEvidence(camera_error, joint_error, sigma_m)
 
 
 def half_turn_ratio(
@@ -169,7 +162,7 @@ class MotionEvidence:
         camera_error: (T, C) float64, as in `FrameEvidence`; rows of NaN where there is none.
         joint_error: (T, 15) float64, likewise.
         joint_sigma_m: (T, 15) float64, likewise.
-        outside: (T,) float64, likewise.
+        outside: (T,) float64, share of the body's volume outside the hull.
         at_limits: (T,) float64, share of the joint angles that are at an end of their range.
         half_turn: median half-turn ratio of the recording.
         clothes: thickness of the body's clothes, as fractions of the stature, summed.

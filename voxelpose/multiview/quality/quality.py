@@ -37,14 +37,12 @@ class Quality:
     Attributes:
         part_overlap: (27,) float64, fraction of each part's volume inside the hull; NaN for a part
             smaller than a voxel.
-        part_unsupported: (27,) bool, parts that hardly overlap the hull.
         unexplained: fraction of the hull's voxels that no part covers, nor a neighbour of which:
             a part's points leave gaps of a voxel.
         unexplained_voxels: (n, 3) int64, indices of those voxels in the frame's grid.
     """
 
     part_overlap: np.ndarray
-    part_unsupported: np.ndarray
     unexplained: float
     unexplained_voxels: np.ndarray
 
@@ -71,7 +69,6 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
     unexplained = np.argwhere(frame.occupancy & ~near)
     return Quality(
         overlap,
-        overlap < QUALITY.unsupported,
         len(unexplained) / max(len(voxel_set), 1),
         unexplained,
     )
@@ -114,7 +111,7 @@ def motion_quality(
         pose = pose_of(row)
         quality = assess(body.body_volume, pose, frame)
         outside = 1 - float(np.nansum(quality.part_overlap * points)) / points.sum()
-        seen = frame_evidence(body, pose, joints_m[row], frame, outside)
+        seen = frame_evidence(body, pose, joints_m[row], frame)
         return {
             "part_overlap": quality.part_overlap,
             "unexplained": np.array(quality.unexplained),

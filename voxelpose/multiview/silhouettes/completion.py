@@ -24,6 +24,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.carving.observe import widened
 from voxelpose.multiview.silhouettes.floor_shadows import FloorShadows, Masks
 from voxelpose.multiview.tuning import COMPLETION
 
@@ -172,10 +173,7 @@ class SilhouetteCompletion:
 
     def _carved(self, masks: Masks) -> NDArray[np.bool_]:
         """Hull of silhouettes widened by half a voxel, so that thin limbs remain."""
-        wide = [
-            dilated(mask, 2 * round(0.5 * size) + 1)
-            for mask, size in zip(masks, self._voxel_px, strict=True)
-        ]
+        wide = widened(self._views, masks, self._grid)
         return carve(self.rig, wide, self._grid, self._rule, self._views.unknown)
 
     def _unexplained(

@@ -31,7 +31,12 @@ from voxelpose.multiview.matching.pose_search import (
     PoseFit,
     find_pose,
 )
-from voxelpose.multiview.person.posterior import GIRTH_CAMERAS, chest_from_hull, hull_volume_m3
+from voxelpose.multiview.person.posterior import (
+    GIRTH_CAMERAS,
+    chest_from_hull,
+    hull_height_m,
+    hull_volume_m3,
+)
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
     Masks,
@@ -132,8 +137,7 @@ def _body(settings: Settings, frame: FrameObservation) -> BodyGeometry:
     """Body of the stature and chest girth given, or of the hull's height and volume."""
     stature = settings.stature_m
     if stature is None:
-        rows = np.flatnonzero(frame.occupancy.any((0, 1)))
-        stature = float(np.clip((np.ptp(rows) + 1) * frame.grid.voxel_size_m, 0.6, 2.4))
+        stature = float(np.clip(hull_height_m(frame), 0.6, 2.4))
     sex = "male" if settings.sex == "unknown" else settings.sex
     model = BodyModel.from_sizes(BodySizes(stature, settings.chest_m, sex))
     if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:

@@ -97,7 +97,7 @@ class PoseTracker:
     def _carry(self, track: BodyTrack | None, direction: int) -> None:
         """Tracks one way."""
         while track is not None:
-            t = self._frame_of(track) + direction
+            t = round(track.time_s * self.fps) + direction
             track = self._step(track, t)
             if track is None or track.fit.error >= TRACKING.better * self.error[t]:
                 return
@@ -139,17 +139,14 @@ class PoseTracker:
         """Searches at most `most` of the worst frames again, and tracks from those that improve."""
         tried = np.zeros(len(self.poses), bool)
         for _ in range(most):
-            bad = np.where(tried, -np.inf, np.minimum(self.error, TRACKING.lost))
+            errors = np.minimum(self.error, TRACKING.lost)
+            bad = np.where(tried, -np.inf, errors)
             t = int(bad.argmax())
-            if bad[t] < TRACKING.bad * self._usual():
+            if bad[t] < TRACKING.bad * np.median(errors):
                 return
             tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
             if self.anchor(t):
                 self.carry(t)
-
-    def _usual(self) -> float:
-        """Median error of all frames; of one without a pose that of a lost one."""
-        return float(np.median(np.minimum(self.error, TRACKING.lost)))
 
     def mend_jumps(self) -> None:
         """Tracks again across the jumps between frames, from the longest stretch without one.
@@ -252,6 +249,3 @@ class PoseTracker:
 
     def _time_s(self, t: int) -> float:
         return t / self.fps
-
-    def _frame_of(self, track: BodyTrack) -> int:
-        return round(track.time_s * self.fps)

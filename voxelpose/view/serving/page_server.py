@@ -80,6 +80,9 @@ class PageServer:
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
+
+    Attributes:
+        url: address for the browser, the token included.
     """
 
     def __init__(self, address: Address) -> None:
@@ -94,17 +97,13 @@ class PageServer:
         try:
             guard_connections(self.viser, self._peers)
             self.gate = Gate(address, self._relay)
+            self.url = self.gate.url
         except BaseException:
             self._stop_viser()
             raise
         gui = self.viser.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
-
-    @property
-    def url(self) -> str:
-        """Address for the browser, the token included."""
-        return self.gate.url
 
     @property
     def watched(self) -> bool:

@@ -39,16 +39,11 @@ class Browser:
         self._wake.set()
         self._played_s = 0.0
         self._page = PageServer(address)
-        self.server = self._page.viser
+        self.server, self.url = self._page.viser, self._page.url
         model = None if scenes.motion is None else scenes.motion.model
         self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, model)
         self._make_panel()
         self._set_up_view()
-
-    @property
-    def url(self) -> str:
-        """Address for the browser, the token included."""
-        return self._page.url
 
     def run(self) -> None:
         """Draws what is chosen until the process is interrupted."""

@@ -1,7 +1,7 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.multiview.carving.bounds import place_grid
-from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
@@ -78,70 +77,6 @@ class FittedBody:
         return np.concatenate(
             [points @ rotation.T + origin for points, rotation, origin in placed if len(points)]
         )
-
-
-@dataclass(frozen=True, eq=False)
-class HullCarver:
-    """Carves frames and compares their hulls with the fitted body.
-
-    Silhouettes, voxels and rule are those of the multi-view estimator; the volume is that around
-    the motion, or around the silhouettes where there is none.
-
-    Attributes:
-        rule: which voxels may belong to a body.
-        fitted: the body; None where there is none.
-    """
-
-    views: PinholeViews
-    voxel_size_m: float
-    rule: CarveRule
-    fitted: FittedBody | None
-
-    def observe(self, masks: list[NDArray[np.bool_]], row: int | None) -> FrameObservation | None:
-        """Hull and silhouettes of one body, or None where no hull of a body's size is left.
-
-        Args:
-            masks: a silhouette (h, w) bool per camera.
-            row: of the motion, whose root tells this body from others; None: the largest body.
-
-        Raises:
-            InputError: the silhouettes leave no volume to carve.
-        """
-        near = None if row is None or self.fitted is None else self.fitted.motion.root_m[row]
-        observer = HullObserver(self.views, self._volume(masks), self.voxel_size_m, self.rule)
-        return observer.observe(self.views.without_unknown(masks), near)
-
-    def hull(self, observation: FrameObservation, row: int | None) -> CarvedHull:
-        """Surface of an observed hull, and the voxels that the body of a row leaves unexplained."""
-        grid, occupancy = observation.grid, observation.occupancy
-        vertices, faces = surface(*grid.cropped(occupancy))
-        unexplained, distance = np.zeros((0, 3)), np.zeros(0)
-        if row is not None and self.fitted is not None:
-            quality = assess(self.fitted.volume, self.fitted.pose(row), observation)
-            unexplained = grid.centres(quality.unexplained_voxels)
-            distance = np.asarray(KDTree(self.fitted.points(row)).query(unexplained)[0], float)
-        return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
-
-    def areas(self, observation: FrameObservation, row: int) -> dict[str, LimbArea]:
-        """Movable areas by the name of the limb's first part; the limbs above as in a row's pose.
-
-        Source: Iiyama, Kameda and Minoh, section 3.
-        """
-        if self.fitted is None:
-            return {}
-        areas = movable_areas(
-            self.fitted.volume, observation.grid, observation.occupancy, self.fitted.pose(row)
-        )
-        return {area.limb.name: area for area in areas}
-
-    def _volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
-        coarse_m = 2 * self.voxel_size_m
-        if self.fitted is None:
-            hidden = self.views.unknown
-            return place_grid(self.views.rig, masks, coarse_m, rule=self.rule, unknown=hidden)
-        root = self.fitted.motion.root_m
-        reach_m = 1.3  # of a body from its root: an arm's length above the head
-        return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
 
 
 class ResultScenes:
@@ -209,9 +144,9 @@ class ResultScenes:
         self._cameras = tuple(view.pinhole for view in views.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
         unknown = self._reader.unknown if self._reader else None
-        carved = PinholeViews.from_rig(Rig(self._cameras), unknown)
-        rule = body_rule(len(self.rig), int(options.get("tolerance", 0)), carved.partly_unknown)
-        self._carver = HullCarver(carved, self.voxel_size_m, rule, self._fitted)
+        self._views = PinholeViews.from_rig(Rig(self._cameras), unknown)
+        tolerance = int(options.get("tolerance", 0))
+        self._rule = body_rule(len(self.rig), tolerance, self._views.partly_unknown)
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
 
@@ -233,7 +168,11 @@ class ResultScenes:
         return None if row is None or self._fitted is None else self._fitted.state(row)
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
-        """Movable areas of a frame by the name of the limb's first part; none without a hull."""
+        """Movable areas of a frame by the name of the limb's first part; none without a hull. The
+        limbs above are as in the pose.
+
+        Source: Iiyama, Kameda and Minoh, section 3.
+        """
         return self._areas(frame)
 
     def row(self, frame: int) -> int | None:
@@ -286,7 +225,7 @@ class ResultScenes:
                 share = 100 * one.unknown.mean()
                 notes.append(f"{share:.0f} % of {one.camera.name} is marked as unknown")
         observation = self._observe(camera_frames, row, notes)
-        hull = None if observation is None else self._carver.hull(observation, row)
+        hull = None if observation is None else self._hull(observation, row)
         time_s = frame / self.fps
         if self.motion is not None and row is not None:
             time_s = float(self.motion.time_s[row])
@@ -299,13 +238,16 @@ class ResultScenes:
     def _observe(
         self, camera_frames: tuple[CameraFrame, ...], row: int | None, notes: list[str]
     ) -> FrameObservation | None:
-        """Observation of a frame; where there is none, notes why."""
+        """Observation of a frame, carved as by the multi-view estimator; if none, notes why."""
         masks = [frame.mask for frame in camera_frames if frame.mask is not None]
         if len(self.rig) < 2:
             notes.append("one camera leaves no voxels to carve")
         elif masks:
+            near_m = None if row is None or self.motion is None else self.motion.root_m[row]
             try:
-                observation = self._carver.observe(masks, row)
+                at = self._volume(masks), self.voxel_size_m, self._rule
+                observer = HullObserver(self._views, *at)
+                observation = observer.observe(self._views.without_unknown(masks), near_m)
             except InputError as error:
                 notes.append(str(error))
             else:
@@ -314,9 +256,34 @@ class ResultScenes:
                 return observation
         return None
 
+    def _volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
+        """That around the motion, or around the silhouettes where there is none."""
+        coarse_m = 2 * self.voxel_size_m
+        if self.motion is None:
+            unknown = self._views.unknown
+            return place_grid(self._views.rig, masks, coarse_m, rule=self._rule, unknown=unknown)
+        root = self.motion.root_m
+        reach_m = 1.3  # of a body from its root: an arm's length above the head
+        return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
+
+    def _hull(self, observation: FrameObservation, row: int | None) -> CarvedHull:
+        """Surface of an observed hull, and the voxels that the body of a row leaves unexplained."""
+        grid, occupancy = observation.grid, observation.occupancy
+        vertices, faces = surface(*grid.cropped(occupancy))
+        unexplained, distance = np.zeros((0, 3)), np.zeros(0)
+        if row is not None and self._fitted is not None:
+            quality = assess(self._fitted.volume, self._fitted.pose(row), observation)
+            unexplained = grid.centres(quality.unexplained_voxels)
+            distance = np.asarray(KDTree(self._fitted.points(row)).query(unexplained)[0], float)
+        return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
+
     def _make_areas(self, frame: int) -> dict[str, LimbArea]:
         observation, row = self._observed_scene(frame)[1], self.row(frame)
-        return {} if observation is None or row is None else self._carver.areas(observation, row)
+        if observation is None or row is None or self._fitted is None:
+            return {}
+        hull = observation.grid, observation.occupancy
+        areas = movable_areas(self._fitted.volume, *hull, self._fitted.pose(row))
+        return {area.limb.name: area for area in areas}
 
 
 def _open_recording(

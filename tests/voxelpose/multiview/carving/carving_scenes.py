@@ -87,3 +87,8 @@ def rule_numbers(rule: CarveRule, cameras: int) -> tuple[int, int, int]:
     if least is None:
         least = max(int(np.floor(0.75 * cameras)) - rule.tolerance, 1)
     return rule.tolerance, least, {"carve": OBJECTS, "keep": BLIND}[rule.outside]
+
+
+def voxels_at(grid: VoxelGrid, points_m: np.ndarray) -> np.ndarray:
+    """Voxels (N, 3) int64 that hold world points (N, 3), m; they may lie outside the grid."""
+    return np.floor(points_m / grid.voxel_size_m).astype(np.int64) - grid.lattice

@@ -4,6 +4,7 @@ import trimesh
 from carving_scenes import figure_points
 
 from calib.errors import InputError
+from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface, write_ply
 
@@ -12,7 +13,7 @@ from voxelpose.multiview.carving.hull_mesh import surface, write_ply
 def figure() -> tuple[VoxelGrid, np.ndarray]:
     grid = VoxelGrid.from_bounds((-0.3, -0.3, 0), (0.9, 0.3, 1.9), 0.02)
     occupancy = np.zeros(grid.shape, bool)
-    occupancy[tuple(grid.indices(figure_points()).T)] = True
+    occupancy[tuple(voxels_at(grid, figure_points()).T)] = True
     return grid, occupancy
 
 
@@ -63,7 +64,7 @@ def test_the_written_voxels_read_back(figure, tmp_path):
     write_ply(tmp_path / "hull.ply", grid, occupancy, "voxels")
     cloud = trimesh.load(tmp_path / "hull.ply")
     again = np.zeros(grid.shape, bool)
-    again[tuple(grid.indices(cloud.vertices).T)] = True
+    again[tuple(voxels_at(grid, cloud.vertices).T)] = True
     np.testing.assert_array_equal(again, occupancy)
 
 

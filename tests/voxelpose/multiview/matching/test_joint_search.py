@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import FREE_FROM_BODY, TAKEN, VoxelSet
 from voxelpose.multiview.matching.joint_search import best_together
@@ -122,7 +123,7 @@ def test_cover_against_sets_of_indices():
     )
     bits, empty, inside = voxel_set.cover(points, rotations, translations)
     for k in range(7):
-        index = grid.indices(points @ rotations[k].T + translations[k])
+        index = voxels_at(grid, points @ rotations[k].T + translations[k])
         within = ((index >= 0) & (index < grid.shape)).all(axis=1)
         result = voxel_set.ids[tuple(index[within].T)]
         assert empty[k] == (~within).sum() + (result == FREE_FROM_BODY).sum()

@@ -125,10 +125,10 @@ def test_evidence_of_the_known_part_alone(masks, marked):
     frame = HullObserver(marked, VOLUME, 0.04, rule).observe(marked.without_unknown(masks))
     body = BodyGeometry.from_surface(Surface(MODEL), 0.04)
     places = joints(MODEL, POSE)
-    found = frame_evidence(body, POSE, places, frame, 0.0)
+    found = frame_evidence(body, POSE, places, frame)
     assert found.camera_error.max() < 0.03 and found.joint_error.max() < 0.05
     blind = replace(frame, views=views(4))
-    wrong = frame_evidence(body, POSE, places, blind, 0.0)
+    wrong = frame_evidence(body, POSE, places, blind)
     assert wrong.camera_error[0] > 0.2 and wrong.joint_error[ANKLES].min() > 0.03
 
 
@@ -140,7 +140,7 @@ def test_a_camera_that_knows_nothing_has_the_others_agreement(masks, marked):
     )
     frame = replace(frame, views=nothing, masks=nothing.without_unknown(frame.masks))
     body = BodyGeometry.from_surface(Surface(MODEL), 0.04)
-    found = frame_evidence(body, POSE, joints(MODEL, POSE), frame, 0.0)
+    found = frame_evidence(body, POSE, joints(MODEL, POSE), frame)
     assert found.camera_error[0] == pytest.approx(found.camera_error[1:].mean())
 
 

@@ -14,7 +14,6 @@ from voxelpose.multiview.person.posterior import (
     StatureEvidence,
     cost_terms,
     is_improbable,
-    posterior_cost,
 )
 
 ADULT, USUAL = Candidate(1.70, None, "male"), [0.08] * 5
@@ -26,9 +25,7 @@ def terms(candidate=ADULT, errors=USUAL, evidence=UNKNOWN, deviation=0.0):
     model = BodyModel.from_sizes(candidate.sizes)
     expected = model.shape - deviation * SHAPE_SIGMA
     prior = ShapePrior(Stature(1.7, 0.05), expected, np.diag(SHAPE_SIGMA**2))
-    found = cost_terms(candidate, model, prior, errors, evidence)
-    assert sum(found.values()) == posterior_cost(candidate, model, prior, errors, evidence)
-    return found
+    return cost_terms(candidate, model, prior, errors, evidence)
 
 
 def test_an_error_twice_as_large_costs_the_residuals_of_all_frames():

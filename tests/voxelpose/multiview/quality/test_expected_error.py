@@ -53,12 +53,12 @@ def joints(model, pose):
 
 def test_the_right_pose_has_nothing_against_it_and_a_wrong_arm_is_seen_at_that_arm(scene):
     body, pose, frame = scene
-    right = frame_evidence(body, pose, joints(body.model, pose), frame, 0.0)
+    right = frame_evidence(body, pose, joints(body.model, pose), frame)
     assert right.camera_error.shape == (4,) and right.camera_error.max() < 0.02
     angles = pose.angles_rad.copy()
     angles[body.model.tree.dof_names.index("left_forearm.flexion")] = 0.0
     other = replace(pose, angles_rad=angles)
-    wrong = frame_evidence(body, other, joints(body.model, other), frame, 0.0)
+    wrong = frame_evidence(body, other, joints(body.model, other), frame)
     names = list(range(15))
     assert wrong.camera_error.mean() > 2 * right.camera_error.mean()
     # 11 is the left wrist, 12 to 14 the right arm.
