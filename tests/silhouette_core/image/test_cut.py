@@ -88,3 +88,15 @@ def test_an_exposure_that_varies_over_the_picture_is_taken_out(seed):
     off = np.abs(aligned(frame, room.astype(np.float32)).astype(float) - room)
     off[75:205, 115:165] = 0
     assert off.mean() < 1 < np.abs(frame - room)[:, :100].mean()
+
+
+def test_a_black_stage_keeps_its_exposure_whoever_is_lit_on_it():
+    rng = np.random.default_rng(5)
+    stage = rng.normal(12, 1, (*SIZE, 3)).clip(0, 255)
+    reference = stage.copy()
+    reference[60:200, 130:170] = (40, 160, 190)  # who is there most of the time
+    frame = np.rint(stage).astype(np.uint8)
+    frame[60:200, 130:170] = np.linspace(60, 220, 140)[:, None, None]  # somebody lit from below
+    off = aligned(frame, reference.astype(np.float32)).astype(float) - stage
+    off[55:205, 125:175] = 0
+    assert np.abs(off).max() < 6

@@ -21,6 +21,14 @@ def test_a_hull_is_as_high_as_its_lowest_and_highest_voxels():
     assert hull_height_m(frame(1.4)) == pytest.approx(1.4)  # type: ignore[arg-type]
 
 
+def test_the_ends_of_the_cones_beside_a_hull_s_middle_are_no_height():
+    occupancy = np.zeros((60, 20, 60), bool)
+    for x in range(60):  # it rises away from the cameras
+        occupancy[x, 8:12, 10 : 30 + x // 2] = True
+    one = SimpleNamespace(occupancy=occupancy, grid=VoxelGrid(np.zeros(3), 0.05, (60, 20, 60)))
+    assert hull_height_m(one) == pytest.approx(1.85, abs=0.06)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("heights_m", "first"),
     [((1.6, 1.65, 1.7), (1.65,)), ((1.2, 1.2, 1.7), (1.2, 1.7)), ((1.8, 1.8, 1.2), (1.8,))],
