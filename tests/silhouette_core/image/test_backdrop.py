@@ -100,3 +100,10 @@ def test_who_walks_among_furniture_is_before_no_screen():
     frames, _ = film(furnished, step=1)
     assert not EmptyScene.from_frames(frames).uniform
     assert EmptyScene.from_frames(frames, kind="uniform").uniform
+
+
+def test_a_screen_that_fills_half_of_the_picture_is_not_uniform():
+    half = screen(BLUE)
+    half[:, 100:] = np.random.default_rng(4).uniform(20, 220, (SIZE[0], 60, 3))
+    frames, _ = film(half)
+    assert not EmptyScene.from_frames(frames).uniform
