@@ -19,6 +19,8 @@ from silhouette_core.estimator import Estimate, Settings, load_estimator
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import describe_conditioning, filter_warning
+from silhouette_core.motion.dynamics import is_person_tree
+from silhouette_core.motion.heading import fastest_turn
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
@@ -310,6 +312,9 @@ def _summary(
         "conditioning": describe_conditioning(motion),
         "facts": dict(estimate.facts),
     }
+    if is_person_tree(motion.model.tree):
+        speed, frame = fastest_turn(motion)
+        summary["facts"] = {**estimate.facts, "fastest_turn": [round(speed, 1), frame]}
     summary["verdict"] = asdict(verdict_of(summary))
     return summary
 

@@ -46,9 +46,10 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     wrong more likely than not, or most of its joints are (several cameras), or if body and
     silhouettes have less than three quarters of their union in common (one camera), or if the
     poses that one camera leaves are so far apart that the joints' mean error is likely above 75
-    mm, or if it was joined of pieces that do not meet. So is one from which an object was left
-    out that nobody marked: legs that do not move may have been taken for it; and one whose
-    silhouettes were cut by the body, with which they agree for that alone.
+    mm, or if it was joined of pieces that do not meet, or if it turns faster than people do. So
+    is one from which an object was left out that nobody marked: legs that do not move may have
+    been taken for it; and one whose silhouettes were cut by the body, with which they agree for
+    that alone.
 
     Args:
         summary: contents of summary.json; `frames`, `quality` and `facts` are read.
@@ -82,6 +83,13 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
             "doubtful",
             f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
             " sheet, at background and calibration, and at clothes of the walls' colours",
+        )
+    turn_deg_s, frame = facts.get("fastest_turn") or (0.0, 0)
+    if turn_deg_s > RELIABILITY.turn_deg_s:
+        return Verdict(
+            "doubtful",
+            f"at frame {frame} the body turns faster than people do, by {turn_deg_s:.0f} degrees a"
+            " second: before or after it, front and back are exchanged; look at the overlay",
         )
     error_mm = quality.get("pose_error_mm", {}).get("median")
     if error_mm is not None and error_mm > RELIABILITY.open_mm:

@@ -75,6 +75,7 @@ class _Spent(msgspec.Struct):
 class _Facts(msgspec.Struct):
     seams_mm: list[_Number | None] = []
     half_turn_ratio: _Number | None = None
+    fastest_turn: tuple[_Number, _Count] | None = None
     objects_share: dict[_Name, _Number] = {}
     objects_apart: bool = False
 

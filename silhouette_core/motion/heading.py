@@ -1,4 +1,4 @@
-"""Headings and tilts of orientations, and mirror images of motions."""
+"""Headings and tilts of orientations, turns, and mirror images of motions."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES, exchanged_sides
+from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 
 
@@ -29,6 +30,18 @@ def split_heading(
         [length, cosine * x + sine * y, cosine * y - sine * x, np.zeros_like(w)], axis=-1
     )
     return np.mod(heading + np.pi, 2 * np.pi) - np.pi, tilt
+
+
+def fastest_turn(motion: Motion) -> tuple[float, int]:
+    """The fastest turn of the body's transverse axis from frame to frame, degrees a second, and the
+    later frame's number; 0 and the first one where there is one frame only.
+    """
+    if len(motion) < 2:
+        return 0.0, int(motion.frames[0])
+    across = kinematics.rotation_matrices(motion.root_quaternion)[:, :, 0]
+    cosine = np.clip((across[1:] * across[:-1]).sum(axis=1), -1, 1)
+    speed = np.degrees(np.arccos(cosine)) / np.diff(motion.time_s)
+    return float(speed.max()), int(motion.frames[1 + speed.argmax()])
 
 
 def mirrored(motion: Motion) -> Motion:

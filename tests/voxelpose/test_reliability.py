@@ -87,6 +87,15 @@ def test_a_result_most_of_whose_joints_are_likely_wrong_is_doubtful():
     assert verdict_of(numbers).level == "reliable"
 
 
+def test_nobody_turns_round_within_a_tenth_of_a_second():
+    numbers = summary(error=43.0)
+    numbers["facts"]["fastest_turn"] = [1550.0, 191]
+    verdict = verdict_of(numbers)
+    assert verdict.level == "doubtful" and "at frame 191" in verdict.reason
+    numbers["facts"]["fastest_turn"] = [846.0, 191]
+    assert verdict_of(numbers).level == "reliable"
+
+
 def test_silhouettes_that_the_body_made_are_no_witness_for_it():
     numbers = summary(right=0.98)
     numbers["facts"]["cut_by_body"] = {"cam_1": 0.2}

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.heading import mirrored, split_heading
+from silhouette_core.motion.heading import fastest_turn, mirrored, split_heading
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 
@@ -83,3 +83,18 @@ def test_quality_follows_its_part():
     np.testing.assert_array_equal(
         mirrored(motion).quality["unexplained"], motion.quality["unexplained"]
     )
+
+
+def turning(yaw_deg: list[float], first: int = 7) -> Motion:
+    count = len(yaw_deg)
+    # The pelvis leans: a turn is one all the same.
+    turn = Rotation.from_euler("z", np.array(yaw_deg)[:, None], degrees=True)
+    leant = (turn * Rotation.from_euler("x", 40, degrees=True)).as_quat(scalar_first=True)
+    rest = np.zeros((count, MODEL.tree.dof_limits_rad.shape[0]))
+    return Motion(25.0, MODEL, np.zeros((count, 3)), leant, rest, first + np.arange(count))
+
+
+def test_the_fastest_turn_is_found_across_the_half_circle():
+    speed, frame = fastest_turn(turning([170.0, 178.0, -162.0, -160.0]))
+    assert abs(speed - 20 * 25) < 1e-6 and frame == 9
+    assert fastest_turn(turning([30.0])) == (0.0, 7)
