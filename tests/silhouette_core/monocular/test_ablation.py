@@ -33,8 +33,18 @@ def sparse(library):
     return TreeFilter(library, matrix)
 
 
+class FromTheFront(ForwardFilter):
+    """Begins with people who face the camera."""
+
+    def _prior(self, window, last, time_s, restarted):
+        prior = super()._prior(window, last, time_s, restarted)
+        if last is not None:
+            return prior
+        return self.tree.weigh_views(prior, np.exp(2 * np.cos(self.tree.library.views[:, 0])))
+
+
 def follow(tree, masks):
-    filter_ = ForwardFilter(tree, FRONT, interval_s=INTERVAL_S)
+    filter_ = FromTheFront(tree, FRONT, interval_s=INTERVAL_S)
     return [filter_.step(k, INTERVAL_S * k, Person(mask, False)) for k, mask in enumerate(masks)]
 
 

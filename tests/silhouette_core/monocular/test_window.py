@@ -111,15 +111,6 @@ def test_twice_as_far_looks_half_as_large(library):
     assert np.count_nonzero(far) / np.count_nonzero(near) == pytest.approx(4.0, rel=0.03)
 
 
-def test_a_middle_that_is_given_is_kept(library):
-    camera, pose, mask = seen(*PLACES[0], 3, library)
-    pixel = camera.project(pose.root_m[None])[0][0]
-    window = look_at(camera, mask, 4.0, METRE_PX, pixel)
-    np.testing.assert_allclose(
-        window_pixels(window, pose.root_m[None])[0], (np.array(SIZE) - 1) / 2, atol=1e-6
-    )
-
-
 def test_an_empty_or_misshapen_mask_is_refused():
     camera = camera_at((0, -4, 1))
     with pytest.raises(ValueError, match="must not be empty"):
