@@ -60,7 +60,7 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     }
     assert summary["body"]["stature_m"] == 1.81
     assert summary["quality"]["part_overlap"]["pelvis"] == 0.5
-    assert summary["facts"] == {"tried": [0, 1]}
+    assert summary["facts"] == {"tried": [0, 1], "fastest_turn": [300.0, 4]}
     assert result.settings["conditioning"] == {
         "filter": "butterworth",
         "cutoff_hz": 7.0,

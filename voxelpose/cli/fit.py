@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Suppress, arg
 
-from silhouette_core.estimator import BackgroundKind
 from voxelpose.cli.arguments import (
     BodyName,
     Cameras,
@@ -58,7 +57,7 @@ class EstimationArguments:
     filter_order: FilterOrder = None
     gap_limit: GapLimit = "0"
     gap_method: GapMethod = "linear"
-    background: BackgroundKind = "auto"
+    background: Literal["auto", "uniform", "moving", "paper"] = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
     in Okada and Stenger 5.1."""

@@ -83,7 +83,7 @@ def test_what_is_added_hangs_on_the_part_that_carries_it():
         _body(), "tool", "arm", (0, 0, 0.7), [Box((-0.1, 0, 0.7), (0.1, 0.1, 0.8))],
         {"blade": (0.1, 0.0, 0.75)},
     )  # fmt: skip
-    assert larger.names == ("base", "arm", "tool") and larger.parents.tolist() == [-1, 0, 1]
+    assert larger.names == ("base", "arm", "tool") and larger.tree.parents.tolist() == [-1, 0, 1]
     assert larger.tree.landmark_names == ("base", "arm", "tip", "tool", "blade")
     assert larger.tree.landmark_bones[-2:].tolist() == [[2, 3], [3, 4]]
     assert larger.part_volumes_m3(0.01)[2] == pytest.approx(0.002, rel=0.1)

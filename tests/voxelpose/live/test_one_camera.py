@@ -59,7 +59,7 @@ def test_a_person_is_found_frame_by_frame(live):
         seen = estimator.prepare(moment(number, whole, frame.pictures))
         assert seen is not None and seen[:2] == (number, number / 25)
         found = estimator.step(seen)
-        assert found.confidence > 0.6 and found.shown.shape == (15,)
+        assert found.confidence > 0.6 and found.joint_confidence.shape == (15,)
         assert found.model.sizes.stature_m == pytest.approx(person().sizes.stature_m)
         away = np.linalg.norm(found.pose.root_m - RIG.cameras[0].center_m)
         true_m = np.linalg.norm(STANDING.pose.root_m - RIG.cameras[0].center_m)

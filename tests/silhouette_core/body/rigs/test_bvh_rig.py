@@ -24,7 +24,7 @@ def test_bones_are_capsules_in_the_stated_unit(rig_files, tmp_path):
 def test_a_limit_about_y_is_mirrored_where_the_file_turns_about_z(rig_files, tmp_path):
     rig_files.write_bvh_rig(tmp_path)
     (tmp_path / "leg.rig.toml").write_text('unit = "cm"\n[limits.knee]\ny = [-20, 50]\n')
-    limits = np.degrees(read_bvh_rig(tmp_path / "leg.bvh").dof_limits_rad[0])
+    limits = np.degrees(read_bvh_rig(tmp_path / "leg.bvh").tree.dof_limits_rad[0])
     assert limits.tolist() == pytest.approx([-50, 20])
 
 
