@@ -74,7 +74,7 @@ def test_calibration_of_the_session_and_order(source, tmp_path, convert):
         (source / "videos" / old).rename(trial / "videos" / new)
     convert("pose2sim", trial, tmp_path / "out")
     named = dict(zip(("cam_left", "cam_right"), pixels().values(), strict=True))
-    opened(tmp_path / "out", named)
+    assert set(opened(tmp_path / "out", named).rig.names) == {"cam_left", "cam_right"}
 
 
 def test_mistakes(source, tmp_path, refuse):

@@ -82,10 +82,7 @@ def test_walls_and_flicker_are_no_person(masks, words):
     ],
 )
 def test_somebody_who_stands_still_or_is_cut_off_is_plausible(masks):
-    try:
-        check_plausible({"a": masks}, least=1)
-    except InputError as refused:
-        pytest.fail(str(refused))
+    assert check_plausible({"a": masks}, least=1) is None
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 400])
