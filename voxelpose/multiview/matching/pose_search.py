@@ -8,6 +8,7 @@ from functools import cache
 from operator import attrgetter
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -32,6 +33,8 @@ from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
 from voxelpose.multiview.tuning import MATCHING, REFINING
 
+HEADINGS = 12
+"""Of upright people from which poses are searched."""
 PLACEMENTS, MORE_PLACEMENTS, FEW_PLACEMENTS = 10, 20, 4
 """Placements of the torso that a search tries; where an improbable track is begun again, and of a
 sitting person; and in a first search live, which the fewer, the sooner catches up.
@@ -138,7 +141,9 @@ def find_pose(
     placements = _placements(body, frame, settings or MatchSettings(), count)
     if not placements:
         return []
-    first = sorted(_matches(body, frame, placements, settings), key=attrgetter("error"))
+    upright = [RefineStart(pose, SEARCHED) for pose in standing(body, frame)]
+    stood = refine_fits(body, frame.observation, upright)
+    first = sorted([*_matches(body, frame, placements, settings), *stood], key=attrgetter("error"))
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
     again = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
@@ -165,6 +170,38 @@ def _placements(
     matched = [match(volume, *hull, root, coarse) for root in roots]
     order = np.argsort([-one.score for one in matched], kind="stable")
     return [roots[k] for k in order[:count]]
+
+
+def standing(body: BodyGeometry, frame: FrameObservation) -> list[Pose]:
+    """Relaxed stances in high columns of the hull, best first by the silhouettes: where the hull is
+    much larger than the person, as that of two cameras, a torso fits nearly everywhere. Empty for
+    a body that is no person's or stands at a known place.
+    """
+    if not body.body_volume.is_person or body.root is not None:
+        return []
+    model, grid = body.model, frame.grid
+    filled = frame.occupancy.sum(axis=2)
+    columns = np.argwhere(2 * filled >= filled.max())
+    apart = max(round(MATCHING.apart_m / grid.voxel_size_m), 1)
+    spread = columns[(columns % apart == 0).all(axis=1)]
+    columns = spread if len(spread) else columns[:1]
+    z = np.arange(frame.occupancy.shape[2])
+    middle = (frame.occupancy * z).sum(axis=2)[*columns.T] / filled[*columns.T]
+    half_m = 0.5 * (model.vertices_m[:, 2].max() + model.vertices_m[:, 2].min())
+    below_m = np.array([0.0, 0.0, half_m - model.joints_m[0, 2]])
+    places_m = grid.centres(np.column_stack([columns, middle])) - below_m
+    turns = Rotation.from_euler("z", np.arange(HEADINGS)[:, None] * 2 * np.pi / HEADINGS)
+    angles = relaxed_rad(model.tree)
+
+    def best(poses: list[Pose]) -> list[Pose]:
+        seen = frame.observation.views, frame.masks, body.body_volume.backend
+        order = np.argsort(mask_errors(model, poses, *seen), kind="stable")
+        return [poses[k] for k in order[: MATCHING.matched_again]]
+
+    upright = best([Pose(place, np.eye(3), angles.copy()) for place in places_m])
+    return best(
+        [Pose(one.root_m, turn, angles.copy()) for one in upright for turn in turns.as_matrix()]
+    )
 
 
 def move_limbs(body: BodyGeometry, observation: Observation, fit: PoseFit) -> PoseFit:

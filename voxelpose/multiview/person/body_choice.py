@@ -27,8 +27,10 @@ from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
+    HEADINGS,
     MORE_PLACEMENTS,
     SEARCHED,
+    STEP,
     BodyGeometry,
     PoseFit,
     find_pose,
@@ -50,7 +52,7 @@ from voxelpose.multiview.person.posterior import (
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, SITTING_SEARCH, TRACKING
 
-_HEADINGS, _BEST = 12, 5
+_BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
 _STARTS = 3  # poses of a frame from which candidates are refined
 _ROUNDS = 2  # of adaptation about the stature that was found
@@ -68,7 +70,7 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
         if joint in bent_deg:
             angles[k] = np.radians(bent_deg[joint])
     root = _below_head(model, points)
-    headings_deg = np.arange(_HEADINGS) * 360 / _HEADINGS
+    headings_deg = np.arange(HEADINGS) * 360 / HEADINGS
     places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
     torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
     places += [(torso.root_m, torso.root_rotation) for torso in torsos]
@@ -94,6 +96,7 @@ class Start:
         body: with adapted proportions.
         prior: of these.
         poses: frame -> pose, for the anchor frames that are clear.
+        unclear: the same for others, which do not tell which body it is.
         errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
     """
 
@@ -102,6 +105,7 @@ class Start:
     prior: ShapePrior
     evidence: StatureEvidence
     poses: dict[int, Pose]
+    unclear: dict[int, Pose]
     errors: dict[int, float]
 
     def cost(self) -> float:
@@ -191,11 +195,19 @@ def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
         silhouette_error(surface.model, pose, observation, backend)
         for pose, observation in zip(poses, observations, strict=True)
     ]
+    body = BodyGeometry.from_surface(surface, observed[0].grid.voxel_size_m, backend)
+    unclear = {
+        t: refine_fits(body, frames[t].observation, [RefineStart(pose, STEP)])[0]
+        for t, pose in start.unclear.items()
+    }
     return replace(
         start,
-        body=BodyGeometry.from_surface(surface, observed[0].grid.voxel_size_m, backend),
+        body=body,
         poses=dict(zip(start.poses, poses, strict=True)),
-        errors=start.errors | dict(zip(start.poses, errors, strict=True)),
+        unclear={t: fit.pose for t, fit in unclear.items()},
+        errors=start.errors
+        | dict(zip(start.poses, errors, strict=True))
+        | {t: fit.error for t, fit in unclear.items()},
     )
 
 
@@ -266,7 +278,7 @@ class _Search:
                 for t, frame in self.frames.items()
             }
             fits = {t: min(poses, key=attrgetter("error")) for t, poses in found.items() if poses}
-            return self._start(candidate, body, self._prior(candidate, body), evidence, fits)
+            return self._start(candidate, body, _prior(candidate, body, evidence), evidence, fits)
 
         return min(side_by_side(refined, candidates), key=Start.cost)
 
@@ -289,7 +301,7 @@ class _Search:
 
         def of(candidate: Candidate) -> Start:
             body = self._body(candidate)
-            prior = self._prior(candidate, body)
+            prior = _prior(candidate, body, start.evidence)
             return adapted(replace(start, candidate=candidate, body=body, prior=prior), self.frames)
 
         every = [replace(one, template=name) for one in candidates for name in self._templates]
@@ -303,9 +315,11 @@ class _Search:
         evidence: StatureEvidence,
         fits: dict[int, PoseFit],
     ) -> Start:
-        poses = {t: fit.pose for t, fit in clear_fits(fits).items()}
+        clear = clear_fits(fits)
+        poses = {t: fit.pose for t, fit in clear.items()}
+        unclear = {t: fit.pose for t, fit in fits.items() if t not in clear}
         errors = {t: fits[t].error if t in fits else 1.0 for t in self.frames}
-        return Start(candidate, body, prior, evidence, poses, errors)
+        return Start(candidate, body, prior, evidence, poses, unclear, errors)
 
     def _found(self, body: BodyGeometry, posture: str) -> dict[int, list[PoseFit]]:
         """Poses of all frames that a search finds, best first."""
@@ -331,11 +345,11 @@ class _Search:
     def _body(self, candidate: Candidate) -> BodyGeometry:
         return BodyGeometry.from_sizes(candidate.sizes, self.voxel_size_m, self.backend)
 
-    def _prior(self, candidate: Candidate, body: BodyGeometry) -> ShapePrior:
-        told = self.settings.stature_m is not None
-        sigma_m = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * candidate.stature
-        stature = Stature(candidate.stature, sigma_m)
-        return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
+
+def _prior(candidate: Candidate, body: BodyGeometry, evidence: StatureEvidence) -> ShapePrior:
+    """Of the body of a candidate for an unknown person."""
+    stature = evidence.prior(candidate.stature)
+    return ShapePrior(stature, body.model.shape, np.diag(SHAPE_SIGMA**2))
 
 
 def start_given(

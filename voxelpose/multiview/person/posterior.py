@@ -71,10 +71,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class StatureEvidence:
-    """Stature told by the user, m, if any, and the usual and largest height of the hull."""
+    """Stature told by the user, m, if any, the usual and largest height of the hull, and what of
+    the standard deviation of a stature's logarithm about these an unknown distance makes.
+    """
 
     told_m: float | None
     hull_m: tuple[float, ...] = ()
+    distance_sigma: float = 0.0
 
     @classmethod
     def from_frames(
@@ -82,7 +85,19 @@ class StatureEvidence:
     ) -> StatureEvidence:
         """StatureEvidence of some frames by number."""
         heights_m = [hull_height_m(frame) for frame in frames.values()]
-        return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)))
+        unsure = float(np.median([hull_distance_sigma(frame) for frame in frames.values()]))
+        return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)), unsure)
+
+    def prior(self, metres: float) -> Stature:
+        """What adaptation of a candidate's body may do to a stature, m: as far as the distance is
+        unknown, people's statures decide.
+        """
+        if self.told_m is not None:
+            return Stature(metres, PERSON_COST.told_sigma_m)
+        unsure, adult = (self.distance_sigma * metres) ** 2, PERSON_COST.adult_sigma_m**2
+        share = unsure / (unsure + adult)
+        variance = (PERSON_COST.hull_sigma * metres) ** 2 + share * adult
+        return Stature(metres + share * (MEASURING.usual_m - metres), float(np.sqrt(variance)))
 
     def statures_m(self, posture: str) -> tuple[tuple[float, ...], ...]:
         """Statures from which searches in a posture begin, likeliest first; a tuple a search."""
@@ -103,6 +118,16 @@ def hull_height_m(frame: FrameObservation) -> float:
     aside = np.hypot(*(voxels[:, :2] - np.median(voxels[:, :2], axis=0)).T)
     near = aside <= max(PERSON_COST.middle_m / frame.grid.voxel_size_m, float(aside.min()))
     return float(np.ptp(voxels[near, 2]) + 1) * frame.grid.voxel_size_m
+
+
+def hull_distance_sigma(frame: FrameObservation) -> float:
+    """Standard deviation of the logarithm of a person's distance from the cameras in a frame's
+    visual hull: what is higher by a factor looks the same farther away by that factor.
+    """
+    points = frame.grid.occupied_points(frame.occupancy)[:, None, :2]
+    distances = np.linalg.norm(points - frame.views.center_m[:, :2], axis=2)
+    excess = distances.var(axis=0) - PERSON_COST.middle_m**2
+    return float(np.mean(np.sqrt(np.maximum(excess, 0.0)) / distances.mean(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +200,8 @@ def _hull(metres: float, evidence: StatureEvidence) -> float:
     if evidence.told_m is not None or not evidence.hull_m:
         return 0.0
     farthest = PERSON_COST.hull_farthest_sigmas
-    sigmas = np.abs(np.log(metres / np.array(evidence.hull_m))).min() / PERSON_COST.hull_sigma
+    sigma = np.hypot(PERSON_COST.hull_sigma, evidence.distance_sigma)
+    sigmas = np.abs(np.log(metres / np.array(evidence.hull_m))).min() / sigma
     return 0.5 * float(min(sigmas, farthest) ** 2 - farthest**2)
 
 

@@ -52,7 +52,7 @@ def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
     frames = _clear_frames(tracker)
     poses = {t: pose for t in frames if (pose := tracker.poses[t]) is not None}
     own = tracker.body.model
-    starts = [replace(start, body=tracker.body, poses=poses, errors={})]
+    starts = [replace(start, body=tracker.body, poses=poses, unclear={}, errors={})]
     if any_sex:
         starts.append(_of_other_sex(starts[0], tracker))
     best = min(side_by_side(lambda one: adapted(one, frames), starts), key=Start.cost)

@@ -5,8 +5,10 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from calib.camera import Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
@@ -19,14 +21,14 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.carving import observe as observe_module
-from voxelpose.multiview.carving.carver import CarveRule
+from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.limbs import CHAINS
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose, standing
 from voxelpose.multiview.matching.torso_search import find_torso
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
@@ -97,6 +99,20 @@ def test_a_limb_is_found_on_the_silhouettes_alone(body, chain, turns):
         k for k, name in enumerate(body.model.tree.dof_names) if name.partition(".")[0] not in own
     ]
     np.testing.assert_array_equal(result.angles_rad[other], start.angles_rad[other])
+
+
+def test_somebody_who_stands_before_two_cameras_side_by_side_is_placed(body):
+    """Their hull is longer than a person, who stands at one end of it."""
+    actor = other_body(1)
+    truth = turned(stance(actor, {"left_thigh.flexion": 15.0}, place_m=(0.2, -0.3)), 70)
+    seen_by = PinholeViews.from_rig(Rig(tuple(views(12).rig)[:2]))
+    masks = photograph(seen_by, actor, truth)
+    grid = VoxelGrid.from_bounds((-1.6, -1.6, 0.0), (1.6, 1.6, 2.2), 0.04)
+    frame = FrameObservation(seen_by, masks, grid, carve(seen_by.rig, masks, grid))
+    assert np.ptp(grid.occupied_points(frame.occupancy)[:, :2], axis=0).max() > 1.2
+    placed = standing(body, frame)
+    errors_m = [joint_errors_m(body.model, pose, actor, truth).mean() for pose in placed]
+    assert errors_m[0] < 0.15
 
 
 @pytest.mark.slow

@@ -43,6 +43,7 @@ def matched(monkeypatch) -> list[Pose]:
         return [PoseFit(one.pose, error) for one, error in zip(begun, errors, strict=True)]
 
     monkeypatch.setattr(pose_search, "find_torso", lambda *given: [at(x) for x in range(5)])
+    monkeypatch.setattr(pose_search, "standing", lambda *given: [])
     monkeypatch.setattr(pose_search, "match", match)
     monkeypatch.setattr(pose_search, "refine_fits", refine_fits)
     monkeypatch.setattr(pose_search, "move_limbs", lambda body, observation, fit: fit)
@@ -53,6 +54,12 @@ def test_the_three_best_torsos_are_matched_a_second_time(matched):
     found = find_pose(BODY, FRAME, None)  # type: ignore[arg-type]
     assert places(matched) == [0, 1, 2, 3, 4, 0.1, 1.1, 2.1]
     assert places(fit.pose for fit in found) == [0.2, 0.1, 1.2, 1.1, 2.2, 2.1, 3.1, 4.1]
+
+
+def test_a_stance_that_explains_more_than_a_match_comes_before_it(matched, monkeypatch):
+    monkeypatch.setattr(pose_search, "standing", lambda *given: [at(0.5)])
+    found = find_pose(BODY, FRAME, None)  # type: ignore[arg-type]
+    assert places(fit.pose for fit in found)[:3] == [0.6, 0.5, 0.2]
 
 
 def test_a_pose_whose_limbs_were_moved_may_come_first(matched, monkeypatch):

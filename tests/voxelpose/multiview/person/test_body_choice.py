@@ -5,10 +5,12 @@ from contextlib import closing, contextmanager
 import numpy as np
 import pytest
 
-from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter, StageClock
-from silhouette_core.refinement.adaptation import stature_of
+from silhouette_core.refinement.adaptation import Stature, stature_of
+from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     other_body,
@@ -20,9 +22,15 @@ from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.person import body_choice
-from voxelpose.multiview.person.body_choice import anchor_frames, choose_body
-from voxelpose.multiview.person.posterior import StatureEvidence, hull_height_m
+from voxelpose.multiview.person.body_choice import Start, adapted, anchor_frames, choose_body
+from voxelpose.multiview.person.posterior import (
+    Candidate,
+    ShapePrior,
+    StatureEvidence,
+    hull_height_m,
+)
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import refit
@@ -81,6 +89,22 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
+
+
+def test_frames_that_do_not_tell_the_body_have_the_errors_of_the_adapted_one():
+    tall = BodyModel.from_sizes(BodySizes(1.06 * STATURE_M, sex="female"))
+    with filmed(other_body(), [{}, {"left_upper_arm.abduction": 30.0}]) as store:
+        frames = anchor_frames(store)
+        body = BodyGeometry.from_model(tall, 0.04, CPU)
+        prior = ShapePrior(Stature(STATURE_M, 0.1), tall.shape, np.diag(SHAPE_SIGMA**2))
+        poses = {t: find_pose(body, frame)[0] for t, frame in frames.items()}
+        clear, other = ({t: poses[t].pose} for t in sorted(poses))
+        errors = {t: fit.error for t, fit in poses.items()}
+        candidate = Candidate(STATURE_M, None, "female")
+        start = Start(candidate, body, prior, StatureEvidence(None), clear, other, errors)
+        found = adapted(start, frames)
+    (t,) = other
+    assert found.errors[t] < 0.9 * errors[t] and [*found.unclear] == [t]
 
 
 def test_of_a_known_body_only_the_clothes_are_adapted():

@@ -54,7 +54,7 @@ def test_the_other_template_is_taken_where_it_is_more_probable(sex):
     shape = first.model.shape
     prior = ShapePrior(Stature(STATURE_M, 0.02), shape, np.diag(SHAPE_SIGMA**2))
     candidate = Candidate(STATURE_M, None, first.model.sizes.sex)
-    start = Start(candidate, first, prior, StatureEvidence(STATURE_M), {}, {})
+    start = Start(candidate, first, prior, StatureEvidence(STATURE_M), {}, {}, {})
     poses = [stance(person, turns) for turns in TURNS]
     with (
         closing(MaskStore([camera.size for camera in seen_by.rig], len(poses))) as masks,
