@@ -122,6 +122,30 @@ def test_the_token_opens_page_and_websocket(guarded):
         assert link.recv(5)  # viser's first message
 
 
+def test_no_other_site_may_frame_what_is_served_and_the_title_names_it(guarded, local):
+    cookie = f"Cookie: {cookie_of(guarded)}"
+    page, packed = ask(local, "/"), ask(local, "/", "Accept-Encoding: gzip")
+    assert "<title>walk</title>" in page and "Content-Encoding: gzip" in packed
+    assert len(packed) < len(page) / 2
+    for answer in (
+        page,
+        packed,
+        ask(local, "/nothing.js"),
+        ask(local, "/", method="PUT"),
+        ask(guarded, "/", cookie),
+        ask(guarded, QUERY),
+        ask(guarded, "/"),
+    ):
+        head = answer.partition("\r\n\r\n")[0]
+        assert head.count("Content-Security-Policy: frame-ancestors 'none'") == 1
+
+
+def test_a_title_is_text():
+    server = PageServer(Address("127.0.0.1", 0), "</title><script>")
+    assert "<title>&lt;/title&gt;&lt;script&gt;</title>" in ask(server, "/")
+    server.close()
+
+
 def test_the_url_has_the_token(guarded):
     assert guarded.url == f"http://127.0.0.1:{guarded.gate.port}{QUERY}"
 

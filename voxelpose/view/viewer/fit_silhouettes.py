@@ -23,7 +23,7 @@ from voxelpose.view.images.canvas import png
 from voxelpose.view.viewer.previews import SILHOUETTE
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
-ADDED, REMOVED, OUTLINE = (80, 220, 120), (255, 70, 160), (255, 255, 255)  # RGB
+ADDED, REMOVED, OUTLINE = (80, 220, 120), (255, 70, 160), (255, 210, 63)  # RGB
 
 Mask = NDArray[np.bool_]
 
@@ -56,8 +56,9 @@ class FitSilhouette:
         outlines, _ = cv2.findContours(
             self.body.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
         )
-        width = max(1, round(max(self.body.shape) / 640))
-        cv2.drawContours(image, outlines, -1, (*OUTLINE, 255), width)
+        for colour, wider in (((0, 0, 0), 2), (OUTLINE, 0)):  # seen before white and black
+            width = max(1, round(max(self.body.shape) / 640)) + wider
+            cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), width)
         return png(image)
 
     def explained(self, before: Mapping[str, Any], at: tuple[int, int]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ export const STAGES = {
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
   silhouette: ["Silhouette", "As `fit` begins with it."],
   body: ["Body", "The silhouette that the fit used. Green: added to that of the picture alone; pink: taken out;"
-    + " white: outline of the fitted body."],
+    + " yellow: outline of the fitted body."],
 };
 
 // Names of the stages that there are: masks have none, the method paper few.
@@ -60,7 +60,7 @@ export class Stages {
     if (key === this.key) return;
     this.key = key;
     this.stage = stage;
-    if (stage) this.load();
+    this.load();
   }
 
   // An answer, once the backgrounds are learned; null where it is not wanted any more.
@@ -78,7 +78,7 @@ export class Stages {
   async pictures(current) {
     const { stage } = this;
     const notes = [];
-    for (const view of this.views.values()) {
+    for (const view of stage ? this.views.values() : []) {
       const answer = await this.ready("api/stage", { ...this.request(), camera: view.name, stage }, current);
       if (!answer) return;
       const image = await loadImage(`data:image/png;base64,${answer.png}`);

@@ -31,6 +31,8 @@ class App {
     const { state } = this;
     by("recording").textContent = state.name;
     by("recording").title = state.folder;
+    by("made").textContent = `How the silhouettes of the shown frame came about, made by the code of fit with ${
+      state.fitted ? "the settings of this result" : "its usual settings"}.`;
     document.title = `${state.name} – voxelpose silhouettes`;
     for (const camera of state.cameras) {
       const view = new CameraView(camera);
@@ -86,7 +88,6 @@ class App {
   }
 
   update() {
-    if (this.stage === "picture") by("note").textContent = "";
     this.stages.show(this.stage === "picture" ? null : this.stage);
     for (const view of this.views.values()) view.draw();
   }
