@@ -124,12 +124,10 @@ def test_the_token_opens_page_and_websocket(guarded):
 
 def test_no_other_site_may_frame_what_is_served_and_the_title_names_it(guarded, local):
     cookie = f"Cookie: {cookie_of(guarded)}"
-    page, packed = ask(local, "/"), ask(local, "/", "Accept-Encoding: gzip")
-    assert "<title>walk</title>" in page and "Content-Encoding: gzip" in packed
-    assert len(packed) < len(page) / 2
+    page = ask(local, "/", "Accept-Encoding: gzip")
+    assert "<title>walk</title>" in page and "Content-Encoding" not in page
     for answer in (
         page,
-        packed,
         ask(local, "/nothing.js"),
         ask(local, "/", method="PUT"),
         ask(guarded, "/", cookie),

@@ -5,7 +5,6 @@ for a whole figure costs ten times the sending.
 """
 
 import asyncio
-import gzip
 import io
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Container
@@ -158,10 +157,7 @@ class PageServer:
         kind = BytesParser().parsebytes(lines).get("Content-Type", "text/plain")
         if kind.startswith("text/html"):
             body = body.replace(b"<title>Viser</title>", self._title, 1)
-        headers = {}
-        if "gzip" in request.headers.get("accept-encoding", ""):
-            body, headers = gzip.compress(body, 1), {"Content-Encoding": "gzip"}
-        return Reply(status.decode("latin-1").partition(" ")[2], body, kind, headers)
+        return Reply(status.decode("latin-1").partition(" ")[2], body, kind)
 
     async def _relay(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter

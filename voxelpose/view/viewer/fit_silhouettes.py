@@ -57,8 +57,7 @@ class FitSilhouette:
             self.body.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
         )
         for colour, wider in (((0, 0, 0), 2), (OUTLINE, 0)):  # seen before white and black
-            width = max(1, round(max(self.body.shape) / 640)) + wider
-            cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), width)
+            cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), 1 + wider)
         return png(image)
 
     def explained(self, before: Mapping[str, Any], at: tuple[int, int]) -> dict[str, Any]:

@@ -15,7 +15,8 @@ export const STAGES = {
     + " They decide, with edges and neighbours."],
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
   silhouette: ["Silhouette", "As `fit` begins with it."],
-  body: ["Body", "The silhouette that the fit used. Green: added to that of the picture alone; pink: taken out;"
+  body: ["Body", "The silhouette as the fit used it, made again with the body that it found. Green: added to that of"
+    + " the picture alone; pink: taken out;"
     + " yellow: outline of the fitted body."],
 };
 
@@ -87,7 +88,7 @@ export class Stages {
       view.draw();
       if (answer.note) notes.push(`${view.name}: ${answer.note}.`);
     }
-    this.note(notes.join(" "));
+    this.note(notes.join("\n"));
   }
 
   // Tells what a pixel of a camera is taken for, in the place of the hint; null: no longer.
