@@ -100,7 +100,7 @@ def test_other_cameras_add_what_one_misses(desk):
     gap[middle[0] - 20 : middle[0] - 5] = True
     gap &= bodies["cam_2"]
     told = Told(bodies | {"cam_2": bodies["cam_2"] & ~gap}, {"cam_2": gap})
-    found = fit.of(3, scenes.recording.backgrounds(), told, None)
+    found = fit.of(3, scenes.recording.backgrounds(), told)
     one = found["cam_2"]
     assert (one.used & gap).sum() > 0.8 * gap.sum()
     for name, body in bodies.items():
@@ -122,7 +122,7 @@ def test_of_one_camera_only_pieces_of_the_person_are_used(desk):
     other = np.zeros_like(body)
     other[5:45, 5:35] = True
     told = Told({"cam_1": body | other}, {})
-    one = FitSilhouettes(scenes).of(3, scenes.recording.backgrounds(), told, None)["cam_1"]
+    one = FitSilhouettes(scenes).of(3, scenes.recording.backgrounds(), told)["cam_1"]
     assert np.array_equal(one.used, body) and "taken out: no piece of the person" in one.summary()
 
 
@@ -131,7 +131,7 @@ def test_what_an_unknown_estimator_used_is_not_claimed(desk):
     scenes = ResultScenes("out")
     bodies = bodies_of(scenes, 3)
     frames = scenes.recording.backgrounds()
-    one = FitSilhouettes(scenes).of(3, frames, Told(bodies, {}), None)["cam_1"]
+    one = FitSilhouettes(scenes).of(3, frames, Told(bodies, {}))["cam_1"]
     assert one.summary() == "silhouette and body have 100 % in common"
 
 

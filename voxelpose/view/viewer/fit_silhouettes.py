@@ -125,7 +125,11 @@ class FitSilhouettes:
         return reader.silhouettes_with(self._evidence) if cut else reader.silhouettes
 
     def of(
-        self, moment: int, frames: Mapping[str, Frame], plain: Silhouettes, cut: Silhouettes | None
+        self,
+        moment: int,
+        frames: Mapping[str, Frame],
+        plain: Silhouettes,
+        cut: Silhouettes | None = None,
     ) -> dict[str, FitSilhouette]:
         """Silhouettes of a moment, by camera name; empty where nothing is fitted.
 

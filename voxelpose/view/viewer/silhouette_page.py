@@ -115,33 +115,35 @@ class SilhouettePage:
 
     def _stage(self, asked: StageAsked) -> dict[str, Any]:
         """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
-        plain = self._models.get(_PLAIN)
         body = asked.stage == "body"
-        cut = self._models.get(_CUT) if body and self._fit.cut else None
-        if plain is None or (body and self._fit.cut and cut is None):
+        kinds = (_PLAIN, _CUT) if body and self._fit.cut else (_PLAIN,)
+        models = [model for kind in kinds if (model := self._models.get(kind)) is not None]
+        if len(models) < len(kinds):
             return {"ready": False}
-        frames = self._frames(asked.moment)
-        answer: dict[str, Any] = {"ready": True}
-        size = self._recording.rig[asked.camera].size
-        key = asked.camera, asked.moment
+        frames, answer = self._frames(asked.moment), {"ready": True}
         if not self._recording.silhouettes_given:
+            key = asked.camera, asked.moment
             if self._staged is None or self._staged[0] != key:
-                self._staged = key, plain.stages(asked.camera, frames[asked.camera])
-            shown = StageAsked(
+                self._staged = key, models[0].stages(asked.camera, frames[asked.camera])
+            alone = StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
-            answer = stage_answer(self._staged[1], shown, size)
+            size = self._recording.rig[asked.camera].size
+            answer = stage_answer(self._staged[1], alone, size)
         if not body:
             return answer
         if self._fitted is None or self._fitted[0] != asked.moment:
-            self._fitted = asked.moment, self._fit.of(asked.moment, frames, plain, cut)
-        fitted = self._fitted[1].get(asked.camera)
+            self._fitted = asked.moment, self._fit.of(asked.moment, frames, *models)
+        return answer | self._changed(asked, answer)
+
+    def _changed(self, asked: StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
+        """What the fit made of a silhouette, or of a pixel of it that is explained already."""
+        fitted = None if self._fitted is None else self._fitted[1].get(asked.camera)
         if fitted is None:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
-        if "explained" in answer and asked.pixel is not None:
+        if asked.pixel is not None and "explained" in alone:
+            size = self._recording.rig[asked.camera].size
             at = pixel_at(asked.pixel, size, fitted.alone.shape)
-            answer["explained"] = fitted.explained(answer["explained"], at)
-        else:
-            answer["png"] = base64.b64encode(fitted.picture()).decode()
-            answer["note"] = fitted.summary()
-        return answer
+            return {"explained": fitted.explained(alone["explained"], at)}
+        picture = base64.b64encode(fitted.picture()).decode()
+        return {"png": picture, "note": fitted.summary()}
