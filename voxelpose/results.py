@@ -78,6 +78,7 @@ class _Facts(msgspec.Struct):
     fastest_turn: tuple[_Number, _Count] | None = None
     objects_share: dict[_Name, _Number] = {}
     objects_apart: bool = False
+    late_frames: dict[_Name, Annotated[int, Meta(ge=-_MOST_FRAMES, le=_MOST_FRAMES)]] = {}
 
 
 class _Verdict(msgspec.Struct):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import islice
 from math import gcd
 from typing import get_args
@@ -196,12 +197,13 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
 
-    def stages(self, name: str, frame: Frame) -> SilhouetteStages:
+    def stages(self, name: str, frame: Frame, step: int | None = None) -> SilhouetteStages:
         """How the silhouette of a camera's frame (H, W, 3) uint8, BGR, comes about.
 
         Args:
             name: of the camera.
             frame: as recorded; the stages have the size of its silhouettes.
+            step: The number of the frame, by which bodies are asked.
 
         Raises:
             InputError: the silhouettes are given, so that nothing makes them.
@@ -209,7 +211,7 @@ class Silhouettes:
         if self._given:
             raise InputError("masks/ holds silhouettes: they are used as they are")
         frame = self.scaled(name, frame)
-        told = self._evidence(name, frame)
+        told = self._evidence(name, frame, step)
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
@@ -346,6 +348,27 @@ def scaled_size(camera: Camera, long_side_px: int | None) -> tuple[int, int]:
 def working_scale(camera: Camera, long_side_px: int | None) -> float:
     """Factor, at most 1, by which a camera's images are scaled."""
     return 1.0 if long_side_px is None else min(1.0, long_side_px / max(camera.size))
+
+
+def as_recorded(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
+    """An image (h, w) of a camera's pinhole, where its lens shows it."""
+    if camera.is_pinhole:
+        return image
+    maps = _recorded_maps(camera, image.shape[1::-1])
+    found = cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float32)
+
+
+@lru_cache(64)  # cameras of a recording, at two sizes
+def _recorded_maps(
+    camera: Camera, size: tuple[int, int]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two (h, w) for cv2.remap, from recorded to pinhole, px, of images of a size (w, h)."""
+    scale = camera.size[0] / size[0]
+    x, y = np.meshgrid(*(scale * (np.arange(count) + 0.5) - 0.5 for count in size))
+    seen = np.nan_to_num(camera.undistort(np.column_stack([x.ravel(), y.ravel()])), nan=-1)
+    maps = ((seen + 0.5) / scale - 0.5).astype(np.float32)
+    return maps[:, 0].reshape(x.shape), maps[:, 1].reshape(x.shape)
 
 
 @dataclass(frozen=True, eq=False)

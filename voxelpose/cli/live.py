@@ -226,7 +226,10 @@ Ctrl-C ends the session.
         from voxelpose.live.live_page import Page
 
         cameras = session.settings.rig.cameras
-        page = Page(session, cameras, self.address(), lambda: senders.states)
+        title = "voxelpose live"
+        if self.folder is not None:
+            title = f"{self.folder.resolve().name} – {title}"
+        page = Page(session, cameras, self.address(), lambda: senders.states, title)
         print(f"page: {page.url} (Ctrl-C ends the session)", file=sys.stderr, flush=True)
         self.open_page(page.url)
         return page

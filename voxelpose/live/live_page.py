@@ -172,17 +172,19 @@ class Page:
         rig: Sequence[Camera],
         address: Address,
         receivers: Callable[[], Sequence[ReceiverState]],
+        title: str = "voxelpose live",
     ) -> None:
         """Starts the server.
 
         Args:
             session: whose controls are called from threads of the page.
             rig: the cameras, at least one.
+            title: of the page.
 
         Raises:
             InputError: see `Gate`.
         """
-        self._served = PageServer(address)
+        self._served = PageServer(address, title)
         self.url = self._served.url
         try:
             self._panel = PagePanel(self._served.viser.gui, session, receivers)

@@ -38,8 +38,8 @@ from voxelpose.setup_page.page_requests import (
     Polygon,
     Polygons,
     RegionDrawing,
-    check_camera_names,
 )
+from voxelpose.view.serving.page_answers import check_camera_names
 
 _KEY = "voxelpose polygons"
 _LARGEST_BYTES = 1_000_000

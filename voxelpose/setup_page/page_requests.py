@@ -1,24 +1,21 @@
 """What the page may send: every number bounded, every text short, nothing else let through."""
 
-from collections.abc import Iterable
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from calib.errors import InputError
 from silhouette_core.estimator import BackgroundKind
+from voxelpose.view.serving.page_answers import Corner, Moment, Name
+from voxelpose.view.viewer.previews import StageAsked
 
 LARGEST_BODY = 4_000_000
 """Bytes of a request: ten thousands of corners."""
 MOST_POINTS = 2000
 
-Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Metre = Annotated[float, Meta(ge=-10_000, le=10_000)]
-Corner = tuple[Pixel, Pixel]
 Polygon = Annotated[list[Corner], Meta(min_length=3, max_length=1000)]
 Polygons = Annotated[list[Polygon], Meta(max_length=200)]
-Name = Annotated[str, Meta(min_length=1, max_length=200)]
 # Of a point, as a line of a table: no line breaks, no quotes, nothing before or after.
 PointName = Annotated[
     str,
@@ -90,22 +87,16 @@ class FitChosen(Struct, forbid_unknown_fields=True):
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):
     """Silhouettes of a moment, from 0, with what is drawn but not saved."""
 
-    moment: Annotated[int, Meta(ge=0, le=10_000_000)]
+    moment: Moment
     background: BackgroundKind = "auto"
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 
-class StageRequest(SilhouetteRequest, forbid_unknown_fields=True, kw_only=True):
-    """A stage of a camera's silhouette, or what one of its pixels is taken for.
+class StageRequest(StageAsked, forbid_unknown_fields=True, kw_only=True):
+    """A stage of a camera's silhouette, or a pixel of it, with what is drawn but not saved."""
 
-    Attributes:
-        stage: what is to be drawn; None: nothing is.
-        pixel: px of the camera's picture; None: none is asked about.
-    """
-
-    camera: Name
-    stage: Literal["background", "difference", "odds", "first"] | None = None
-    pixel: Corner | None = None
+    background: BackgroundKind = "auto"
+    places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 
 class PointsRequest(Struct, forbid_unknown_fields=True):
@@ -132,36 +123,3 @@ class SaveRequest(Struct, forbid_unknown_fields=True):
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
     points: Points | UnsetType = UNSET
     fit: FitChosen = msgspec.field(default_factory=FitChosen)
-
-
-Asked = TypeVar("Asked")
-
-
-def parse_request(body: bytes, kind: type[Asked]) -> Asked:
-    """A request of the page.
-
-    Args:
-        body: JSON.
-        kind: one of the classes above.
-
-    Raises:
-        InputError: it is none, or a value is out of bounds.
-    """
-    try:
-        return msgspec.json.decode(body, type=kind)
-    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
-        raise InputError(f"the page sent what is not understood: {str(error)[:200]}") from None
-
-
-def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
-    """Checks that there are such cameras.
-
-    Raises:
-        InputError: there is one that the recording does not have.
-    """
-    known = list(names)
-    for name in named:
-        if name not in known:
-            raise InputError(
-                f"there is no camera {name[:40]!r}: the recording has {', '.join(known)}"
-            )

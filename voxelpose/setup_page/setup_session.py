@@ -2,7 +2,7 @@
 
 import base64
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -11,8 +11,10 @@ from msgspec import UNSET
 
 from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
+from silhouette_core.estimator import BackgroundKind
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
+from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
@@ -38,19 +40,19 @@ from voxelpose.setup_page.page_requests import (
     SaveRequest,
     SilhouetteRequest,
     StageRequest,
-    check_camera_names,
 )
-from voxelpose.setup_page.previews import (
+from voxelpose.view.images.canvas import encoded
+from voxelpose.view.serving.page_answers import check_camera_names
+from voxelpose.view.viewer.previews import (
     SILHOUETTE,
     BackgroundModels,
     MomentFrames,
-    SettingValues,
-    draw_stage,
-    explain_pixel,
     overlay_png,
+    stage_answer,
 )
-from voxelpose.view.images.canvas import encoded
 
+SettingValues = Mapping[str, tuple[Any, str]]
+"""Settings of `fit` by name: value, and the file that it is from."""
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)
 _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
 
@@ -72,7 +74,7 @@ class SetupSession:
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
         self._moments = MomentFrames(self._recording)
-        self._backgrounds = BackgroundModels(self._recording, settings)
+        self._backgrounds = BackgroundModels(self._learned)
         self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
         self.check = CheckJob(self._recording)
@@ -185,17 +187,7 @@ class SetupSession:
             stages = self._stages(asked)
         if stages is None:
             return {"ready": False}
-        answer: dict[str, Any] = {"ready": True}
-        if asked.stage is not None:
-            answer["png"] = base64.b64encode(draw_stage(stages, asked.stage)).decode()
-        if asked.pixel is not None:
-            size = self._recording.rig[asked.camera].size
-            column, row = (
-                min(max(int((at + 0.5) * short / long), 0), short - 1)
-                for at, long, short in zip(asked.pixel, size, stages.first.shape[::-1], strict=True)
-            )
-            answer["explained"] = explain_pixel(stages, row, column)
-        return answer
+        return stage_answer(stages, asked, self._recording.rig[asked.camera].size)
 
     def _stages(self, asked: StageRequest) -> SilhouetteStages | None:
         """Stages of a silhouette, the last of which are kept; None while the model is learned."""
@@ -208,7 +200,7 @@ class SetupSession:
             self._staged = key, model.stages(asked.camera, frame)
         return self._staged[1]
 
-    def _model(self, asked: SilhouetteRequest) -> Silhouettes | None:
+    def _model(self, asked: SilhouetteRequest | StageRequest) -> Silhouettes | None:
         """Silhouettes with what is drawn; None while their backgrounds are learned.
 
         Raises:
@@ -224,6 +216,11 @@ class SetupSession:
             drawn_unknown=self._places.unknown_masks(asked.places),
         )
         return model.with_places(source)
+
+    def _learned(self, kind: BackgroundKind) -> Silhouettes:
+        segmenter, _ = self._settings().get("segmenter", (None, ""))
+        source = DrawnRecording(**vars(self._recording))
+        return Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
 
     def errors(self, asked: PointsRequest) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points.

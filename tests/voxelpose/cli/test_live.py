@@ -115,6 +115,7 @@ def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
             assert line, "the session ended"
             url = line.split()[1] if line.startswith("page: ") else ""
         browser.goto(url)
+        assert browser.title() == f"{studio.name} – voxelpose live"
         browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
         pictures = []
         for _ in range(2):

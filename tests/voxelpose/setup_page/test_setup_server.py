@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from calib.errors import InputError
 from tests.sources import ring, write_recording
 from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, served, staged
-from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest, parse_request
+from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest
+from voxelpose.view.serving.page_answers import parse_request
 
 TOKEN = "open & sesame"
 POSTS = (

@@ -122,6 +122,23 @@ def test_another_site_cannot_listen(served):
         connect(address, origin="http://evil.example", open_timeout=5)
 
 
+@pytest.mark.slow
+def test_another_site_cannot_frame_the_page(served, tmp_path):
+    """Its visitors would press the page's buttons."""
+    frames = "".join(
+        f"<iframe src='{served.url}/{path}'></iframe>" for path in ("", "silhouettes/")
+    )
+    (tmp_path / "site.html").write_text(f"<h1>a site</h1>{frames}")
+    with new_page(900, 600) as (page, faults):
+        page.goto((tmp_path / "site.html").as_uri())
+        page.wait_for_timeout(1500)
+        assert [frame.evaluate("document.body.innerText") for frame in page.frames[1:]] != []
+        for frame in page.frames[1:]:
+            assert not frame.url.startswith(served.url)
+        refused = [fault for fault in faults if "frame-ancestors" in fault]
+        assert len(refused) == 2
+
+
 def test_other_machines_need_a_token(served):
     with pytest.raises(InputError, match="protect the page with --token"):
         Address("0.0.0.0", 8399)

@@ -24,7 +24,7 @@ SUBPROTOCOL = f"viser-v{viser.__version__}"
 def guarded() -> Iterator[PageServer]:
     """A server with a token, on an address that this machine alone can reach."""
     before = set(threading.enumerate())
-    server = PageServer(Address("127.0.0.1", 0, TOKEN))
+    server = PageServer(Address("127.0.0.1", 0, TOKEN), "walk")
     server.viser.gui.add_html("the room")
     yield server
     server.close()
@@ -34,7 +34,7 @@ def guarded() -> Iterator[PageServer]:
 @pytest.fixture(scope="module")
 def local() -> Iterator[PageServer]:
     """A server without a token."""
-    server = PageServer(Address("127.0.0.1", 0))
+    server = PageServer(Address("127.0.0.1", 0), "walk")
     server.viser.gui.add_html("the room")
     yield server
     server.close()
@@ -122,6 +122,28 @@ def test_the_token_opens_page_and_websocket(guarded):
         assert link.recv(5)  # viser's first message
 
 
+def test_no_other_site_may_frame_what_is_served_and_the_title_names_it(guarded, local):
+    cookie = f"Cookie: {cookie_of(guarded)}"
+    page = ask(local, "/", "Accept-Encoding: gzip")
+    assert "<title>walk</title>" in page and "Content-Encoding" not in page
+    for answer in (
+        page,
+        ask(local, "/nothing.js"),
+        ask(local, "/", method="PUT"),
+        ask(guarded, "/", cookie),
+        ask(guarded, QUERY),
+        ask(guarded, "/"),
+    ):
+        head = answer.partition("\r\n\r\n")[0]
+        assert head.count("Content-Security-Policy: frame-ancestors 'none'") == 1
+
+
+def test_a_title_is_text():
+    server = PageServer(Address("127.0.0.1", 0), "</title><script>")
+    assert "<title>&lt;/title&gt;&lt;script&gt;</title>" in ask(server, "/")
+    server.close()
+
+
 def test_the_url_has_the_token(guarded):
     assert guarded.url == f"http://127.0.0.1:{guarded.gate.port}{QUERY}"
 
@@ -191,7 +213,7 @@ def test_an_unknown_viser_is_one_line_and_leaves_no_thread(monkeypatch):
     before = set(threading.enumerate())
     monkeypatch.delattr("viser.infra._infra.WebsockMessageHandler.unregister_handler")
     with pytest.raises(InputError, match=r"does not know viser .*: install another"):
-        PageServer(Address("127.0.0.1", 0))
+        PageServer(Address("127.0.0.1", 0), "walk")
     assert set(threading.enumerate()) <= before
 
 
@@ -210,11 +232,11 @@ def test_other_machines_need_a_token(host):
 
 
 def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guarded):
-    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded._relay)
+    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded._answer)
     assert gate.port > guarded.gate.port
     gate.close()
     gate.close()
     with pytest.raises(InputError, match=r"--host 203\.0\.113\.1 --port 8080: .*choose another"):
-        Gate(Address("203.0.113.1", 8080, TOKEN), guarded._relay)
+        Gate(Address("203.0.113.1", 8080, TOKEN), guarded._answer)
     with pytest.raises(InputError, match="choose another"):
         Address("127.0.0.1", 99999, TOKEN)

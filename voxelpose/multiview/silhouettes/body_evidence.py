@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cut import body_odds
 from silhouette_core.image.raster import render_parts
+from silhouette_core.image.silhouettes import as_recorded
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.silhouette_error import posed_mesh
@@ -45,39 +45,38 @@ class BodyEvidence:
     views: Rig
     recorded: Rig
     late: Sequence[int]
-    _maps: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
     def __call__(self, name: str, step: int, size: tuple[int, int]) -> NDArray[np.float32]:
         """Odds of the person (h, w), nats, of a camera's frame in a size (w, h)."""
+        drawn = self._drawn(name, step, size)
+        if drawn is None:
+            return np.zeros(size[::-1], np.float32)
+        return as_recorded(body_odds(*drawn, BODY_EVIDENCE.most), self.recorded[name])
+
+    def silhouette(self, name: str, step: int, size: tuple[int, int]) -> NDArray[np.bool_]:
+        """The body (h, w) bool in a camera's frame, as recorded, in a size (w, h)."""
+        drawn = self._drawn(name, step, size)
+        if drawn is None:
+            return np.zeros(size[::-1], np.bool_)
+        return as_recorded(drawn[0].astype(np.float32), self.recorded[name]) > 0.5
+
+    def _drawn(
+        self, name: str, step: int, size: tuple[int, int]
+    ) -> tuple[NDArray[np.bool_], float] | None:
+        """The body (h, w) bool in a pinhole's frame, and how far, px, from its outline it says the
+        most; None where it was not found.
+        """
         c = self.views.names.index(name)
         t = step - self.late[c]
         pose = self.poses[t] if 0 <= t < len(self.poses) else None
         if pose is None:
-            return np.zeros(size[::-1], np.float32)
+            return None
         camera, model = self.views.cameras[c], self.model
         camera = camera.pinhole(size[0] / camera.size[0])
         seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
         parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, size)
         depth_m = max(float(np.median(seen[:, 2])), 0.3)
-        reach_px = max(BODY_EVIDENCE.reach_m * camera.matrix[0, 0] / depth_m, 1.0)
-        odds = body_odds(parts > 0, reach_px, BODY_EVIDENCE.most)
-        return self._as_recorded(odds, self.recorded.cameras[c], size)
-
-    def _as_recorded(
-        self, odds: NDArray[np.float32], camera: Camera, size: tuple[int, int]
-    ) -> NDArray[np.float32]:
-        """Odds (h, w) of a pinhole camera's pixels, where the lens shows them."""
-        if camera.is_pinhole:
-            return odds
-        if camera.name not in self._maps:
-            scale = camera.size[0] / size[0]
-            x, y = np.meshgrid(*(scale * (np.arange(count) + 0.5) - 0.5 for count in size))
-            seen = np.nan_to_num(camera.undistort(np.column_stack([x.ravel(), y.ravel()])), nan=-1)
-            maps = ((seen + 0.5) / scale - 0.5).astype(np.float32)
-            self._maps[camera.name] = maps[:, 0].reshape(x.shape), maps[:, 1].reshape(x.shape)
-        maps = self._maps[camera.name]
-        found = cv2.remap(odds, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(found, np.float32)
+        return parts > 0, max(BODY_EVIDENCE.reach_m * camera.matrix[0, 0] / depth_m, 1.0)
 
 
 @contextmanager

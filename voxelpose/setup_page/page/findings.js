@@ -1,34 +1,18 @@
 // The side panel's parts on silhouettes and settings, the check of the cameras, up and the floor.
 
 import { button, checkbox, make, number, refusal } from "./parts.js";
+import { STAGES, stageButtons, stageNames } from "./stages.js";
 
 const USUAL = { background: "auto", tolerance: "0", voxel: "automatic", repair: "auto",
   stature: "estimated" };
 
-const STAGES = {
-  picture: ["Picture", "The frame as it was filmed."],
-  background: ["Background", "The empty view as it was learned. Hatched: nobody saw it, its colours are a guess."],
-  difference: ["Difference", "From the background, beyond what noise and shadows explain: black none, violet little,"
-    + " orange and yellow enough (1×) for a person."],
-  odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither."
-    + " They decide, with edges and neighbours."],
-  first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
-  silhouette: ["Silhouette", "As `fit` begins with it."],
-};
-
-// Stages that there are: masks have none, the method paper few.
-function stagesOf(app) {
-  const few = { paper: ["picture", "background", "first", "silhouette"] }[app.overlays.method];
-  return app.store.state.masks_only ? ["picture", "silhouette"] : few ?? Object.keys(STAGES);
-}
-
 export function silhouettesPanel(app) {
   const { state } = app.store;
+  const names = state.masks_only ? ["picture", "silhouette"] : stageNames({ paper: app.overlays.method === "paper" });
   const body = [
     make("p", {}, "Silhouettes of the shown frame, as `fit` makes them with what is drawn and chosen"
       + " here. A result is as good as its silhouettes: whole, without shadows, nothing beside the person."),
-    make("div", { class: "choices", role: "group", "aria-label": "Shown" }, ...stagesOf(app).map((stage) =>
-      button(STAGES[stage][0], () => app.chooseStage(stage), { "data-stage": stage, "aria-pressed": stage === app.stage }))),
+    stageButtons(names, app.stage, (stage) => app.chooseStage(stage)),
     make("p", {}, STAGES[app.stage][1]),
   ];
   if (app.stage !== "picture") body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));

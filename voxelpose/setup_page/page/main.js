@@ -9,7 +9,7 @@ import { Overlays } from "./overlays.js";
 import { placesPanel, pointsPanel } from "./panels.js";
 import { make } from "./parts.js";
 import { pointActions } from "./point_actions.js";
-import { Pointer, polygonsOf } from "./pointer.js";
+import { DrawingPointer, polygonsOf } from "./drawing_pointer.js";
 import { Store } from "./store.js";
 
 const by = (id) => document.getElementById(id);
@@ -39,7 +39,7 @@ class App {
     this.checkNumber = 0;
     this.moment = Math.floor(state.moments / 2);
     this.loupe = new Loupe(by("loupe"));
-    this.pointer = new Pointer(this);
+    this.pointer = new DrawingPointer(this);
     this.overlays = new Overlays(this);
     this.build();
     this.store.addEventListener("change", () => this.changed());

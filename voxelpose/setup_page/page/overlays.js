@@ -1,38 +1,19 @@
 // What is fetched for the cameras: pictures of a moment, silhouettes, painted places, the floor.
 
 import { loadImage, postJson } from "./api.js";
-import { make } from "./parts.js";
+import { Stages, latest } from "./stages.js";
 
 const by = (id) => document.getElementById(id);
 const STAGED = ["background", "difference", "odds", "first"];
-const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
-
-// Runs one task after a pause, and only the last one that is asked for; its `current()` tells
-// whether another was asked for meanwhile.
-function latest(pause, task, failed) {
-  let number = 0;
-  return async () => {
-    const mine = ++number;
-    const current = () => mine === number;
-    await later(pause);
-    if (!current()) return;
-    try {
-      await task(current);
-    } catch (error) {
-      if (current()) failed(error);
-    }
-  };
-}
 
 export class Overlays {
   constructor(app) {
     this.app = app;
     this.keys = {};
     const quiet = () => {};
+    this.stages = new Stages(app.views, () => this.request, (text) => text && this.silhouetteText(text));
     this.loadPictures = latest(60, (current) => this.pictures(current), (error) => this.timeText(error.message));
     this.loadSilhouettes = latest(250, (current) => this.silhouettes(current), (error) => this.silhouetteText(error.message));
-    this.loadStage = latest(250, (current) => this.stage(current), (error) => this.silhouetteText(error.message));
-    this.loadPixel = latest(30, (current) => this.pixel(current), (error) => this.pixelText(error.message));
     this.loadGround = latest(30, (current) => this.ground(current), (error) => app.notice(error.message));
     this.loadErrors = latest(200, (current) => this.errors(current), quiet);
     this.forgetPainted();
@@ -47,8 +28,7 @@ export class Overlays {
       if (wanted) this.silhouetteText("Making silhouettes …");
       this.loadSilhouettes();
     }
-    const stage = STAGED.includes(app.stage) ? app.stage + wanted : null;
-    if (this.changed("stage", stage) && stage) this.loadStage();
+    this.stages.show(STAGED.includes(app.stage) ? app.stage : null);
     const up = JSON.stringify([app.ground, doc.fit.up, app.height]);
     if (this.changed("ground", up) && app.ground) this.loadGround();
     if (this.changed("errors", JSON.stringify(doc.points)) && !state.refused.points) this.loadErrors();
@@ -122,63 +102,16 @@ export class Overlays {
     return { moment: this.app.moment, background: this.method, places: { regions, unknown } };
   }
 
-  // An answer, once the backgrounds are learned; null where it is not wanted any more.
-  async ready(path, request, current) {
-    let answer = await postJson(path, request);
-    while (!answer.ready) {
-      this.silhouetteText("Learning the backgrounds, a few seconds …");
-      await later(400);
-      if (!current()) return null;
-      answer = await postJson(path, request);
-    }
-    return current() ? answer : null;
-  }
-
-  async stage(current) {
-    const { app, request } = this;
-    const { stage } = app;
-    for (const view of app.views.values()) {
-      const answer = await this.ready("/api/stage", { ...request, camera: view.name, stage }, current);
-      if (!answer) return;
-      view.staged = { stage, image: await loadImage(`data:image/png;base64,${answer.png}`) };
-      view.draw();
-    }
-  }
-
   // Tells what a pixel of a camera is taken for, in the place of the hint; null: no longer.
   explain(asked) {
     const there = asked && !this.app.store.state.masks_only && !by("empty").checked;
-    this.asked = there ? asked : null;
-    if (there) this.loadPixel();
-    else this.pixelText("");
-  }
-
-  async pixel(current) {
-    const { asked } = this;
-    if (!asked) return;
-    const answer = await this.ready("/api/stage", { ...this.request, ...asked }, current);
-    if (!answer || this.asked !== asked) return;
-    const { here, background, known, measures, person, why } = answer.explained;
-    const colour = (text, values) => {
-      const swatch = make("i");
-      swatch.style.background = `rgb(${values.join(" ")})`;
-      return make("span", {}, `${text} `, swatch, values.join(" "));
-    };
-    this.pixelText(make("b", { class: person ? "person" : "" }, person ? "person" : "background"),
-      make("span", {}, why), colour("here", here), colour(known ? "empty" : "empty, guessed", background),
-      ...measures.map((text) => make("span", {}, text)));
-  }
-
-  pixelText(...parts) {
-    by("pixel").replaceChildren(...parts);
-    by("pixel").hidden = parts[0] === "";
-    by("hint").hidden = parts[0] !== "";
+    this.stages.explain(there ? asked : null);
   }
 
   async silhouettes(current) {
     const { app } = this;
     if (app.stage === "picture") return;
-    const answer = await this.ready("/api/silhouettes", this.request, current);
+    const answer = await this.stages.ready("api/silhouettes", this.request, current);
     if (!answer) return;
     await Promise.all(Object.entries(answer.cameras).map(async ([name, { png }]) => {
       const image = await loadImage(`data:image/png;base64,${png}`);

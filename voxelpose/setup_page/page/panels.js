@@ -1,7 +1,7 @@
 // The side panel's parts on regions, unknown places and points.
 
 import { button, checkbox, make, number } from "./parts.js";
-import { polygonsOf } from "./pointer.js";
+import { polygonsOf } from "./drawing_pointer.js";
 
 const SAID = {
   region: [

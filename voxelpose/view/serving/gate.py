@@ -21,6 +21,8 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError
 
+UNFRAMED = "frame-ancestors 'none'"
+"""Policy of every page: none is shown within another's, whose visitors would press its buttons."""
 _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
 _HEAD_BYTES = 16384
 _HEAD_S = 10
@@ -68,6 +70,7 @@ class Reply:
             "Content-Length": str(len(body)),
             "Cache-Control": "no-store",
             "Referrer-Policy": "no-referrer",
+            "Content-Security-Policy": UNFRAMED,
             "Connection": "close",
             **self.headers,
         }

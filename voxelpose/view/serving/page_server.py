@@ -9,6 +9,8 @@ import io
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Container
 from contextlib import redirect_stdout
+from email.parser import BytesParser
+from html import escape
 
 import numpy as np
 import viser
@@ -16,7 +18,10 @@ from numpy.typing import NDArray
 from viser import infra
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, GateRequest
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply
+from voxelpose.view.serving.page_answers import PageAnswers
+
+_LARGEST_BODY = 10_000  # bytes that the page beside may be sent
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
@@ -85,8 +90,12 @@ class PageServer:
         url: address for the browser, the token included.
     """
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, address: Address, title: str, beside: PageAnswers | None = None) -> None:
         """Starts both.
+
+        Args:
+            title: of the page, in the browser's tab.
+            beside: another page, in a folder of its own, to those whom the gate lets pass.
 
         Raises:
             InputError: see `Gate` and `guard_connections`.
@@ -94,9 +103,10 @@ class PageServer:
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
         self._peers: set[tuple[str, int]] = set()
+        self._title, self._beside = f"<title>{escape(title)}</title>".encode(), beside
         try:
             guard_connections(self.viser, self._peers)
-            self.gate = Gate(address, self._relay)
+            self.gate = Gate(address, self._answer, 0 if beside is None else _LARGEST_BODY)
             self.url = self.gate.url
         except BaseException:
             self._stop_viser()
@@ -119,19 +129,50 @@ class PageServer:
         with redirect_stdout(io.StringIO()):
             self.viser.stop()
 
+    async def _answer(
+        self, request: GateRequest, reader: StreamReader, writer: StreamWriter
+    ) -> None:
+        if self._beside is not None and self._beside.answers(request) and not request.upgrade:
+            await self._beside.serve(request, reader, writer)
+        elif request.upgrade:
+            await self._relay(request, reader, writer)
+        else:
+            reply = Reply("400 Bad Request", "This page takes GET only.")
+            if request.method == "GET":
+                reply = await self._file(request)
+            writer.write(reply.encoded())
+            await writer.drain()
+
+    async def _file(self, request: GateRequest) -> Reply:
+        """A file of viser's, with the page's title."""
+        port = self.viser.get_port()
+        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
+        try:
+            inner_writer.write(f"GET {request.target} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+            answer = await inner_reader.read(-1)
+        finally:
+            inner_writer.close()
+        head, _, body = answer.partition(b"\r\n\r\n")
+        status, _, lines = head.partition(b"\r\n")
+        kind = BytesParser().parsebytes(lines).get("Content-Type", "text/plain")
+        if kind.startswith("text/html"):
+            body = body.replace(b"<title>Viser</title>", self._title, 1)
+        return Reply(status.decode("latin-1").partition(" ")[2], body, kind)
+
     async def _relay(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
-        """Passes a request on, then the answer, and for a WebSocket whatever follows either way."""
+        """Passes a WebSocket on, and whatever follows either way."""
         port = self.viser.get_port()
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
         own = inner_writer.get_extra_info("sockname")[:2]
         self._peers.add(own)
         try:
             inner_writer.write(request.head)
-            ways = [asyncio.create_task(_copy(inner_reader, writer))]
-            if request.upgrade:
-                ways.append(asyncio.create_task(_copy(reader, inner_writer)))
+            ways = [
+                asyncio.create_task(_copy(inner_reader, writer)),
+                asyncio.create_task(_copy(reader, inner_writer)),
+            ]
             try:
                 await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
             finally:

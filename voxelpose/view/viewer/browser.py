@@ -15,6 +15,7 @@ from voxelpose.view.serving.page_server import PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, legend_html, text_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene import LAYERS, PICTURES, Choice, SceneRenderer, frame_html
+from voxelpose.view.viewer.silhouette_page import SilhouettePage
 
 _NO_PART = "none"
 
@@ -38,7 +39,9 @@ class Browser:
         self._wake = threading.Event()
         self._wake.set()
         self._played_s = 0.0
-        self._page = PageServer(address)
+        self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
+        beside = None if self._silhouettes is None else self._silhouettes.answers
+        self._page = PageServer(address, f"{scenes.name} – voxelpose view", beside)
         self.server, self.url = self._page.viser, self._page.url
         model = None if scenes.motion is None else scenes.motion.model
         self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, model)
@@ -70,6 +73,8 @@ class Browser:
         with self.server.atomic():
             self._renderer.draw(scene, areas, choice)
             self._status.content = frame_html(scene)
+            if self._silhouettes is not None:
+                self._link.content = self._silhouettes.link(frame)
             self._area.content = area_text(choice.part, areas)
         self._drawn = choice
         return True
@@ -113,6 +118,7 @@ class Browser:
         self._play.on_update(lambda _: self._start())
         with gui.add_folder("This frame"):
             self._status = gui.add_html(text_html(["Reading the recording …"]))
+            self._link = gui.add_html("", visible=self._silhouettes is not None)
         with gui.add_folder("Show"):
             pictures = gui.add_dropdown("Cameras show", PICTURES)
             pictures.on_update(lambda _: self._choose(pictures=pictures.value))

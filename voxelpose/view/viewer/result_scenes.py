@@ -27,7 +27,7 @@ from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
-from voxelpose.recording.folder import Recording
+from voxelpose.recording.folder import Recording, open_readers
 from voxelpose.results import Result, is_result
 from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
@@ -89,6 +89,13 @@ class ResultScenes:
         motion: the poses; None for a recording alone.
         recording: None where it is missing.
         missing: why the recording is missing; else empty.
+        facts: what the fit noted in summary.json.
+        estimator: that made the poses; "": none did.
+        background: kind of the silhouettes' background.
+        lenses: undistorted view of every camera by name.
+        views: their pinhole cameras.
+        rule: by which hulls are carved.
+        reader: of pictures and silhouettes; None where the recording is missing.
     """
 
     def __init__(
@@ -109,15 +116,16 @@ class ResultScenes:
             InputError: it is neither, or damaged.
         """
         folder = Path(folder)
-        self.title = str(folder)
+        self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
         self.missing = ""
         self.motion = None
         settings: Mapping[str, Any] = {}
+        self.facts: Mapping[str, Any] = {}
         self._hypotheses: Mapping[int, tuple[Hypothesis, ...]] = {}
         if is_result(folder):
             result = Result.open(folder)
-            settings = result.settings
+            settings, self.facts = result.settings, result.summary["facts"]  # type: ignore[assignment]
             frame, self.motion = result.motion.upright_frame, result.motion.upright()
             self.rig, self.fps = frame.rig(result.rig), result.motion.fps
             tree = self.motion.model.tree
@@ -127,26 +135,29 @@ class ResultScenes:
             }
             self._reopen(result, recording, unit)
         else:
-            self.recording = _open_recording(folder, None, None, unit, None)
+            readers, _ = open_readers(folder)
+            lone = list(readers) if len(readers) == 1 else None  # which needs no calibration
+            self.recording = _open_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
             self.fps = self.recording.fps
             self.frames = np.arange(self.recording.frame_count)
+        self.estimator = str(settings.get("estimator", ""))
         options = settings.get("options", {})
         self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", CARVING.voxel_m))
-        views = {
+        self.lenses = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
-        kind = settings.get("background", "auto").replace("refined", "auto")
-        self._reader = None
+        self.background = settings.get("background", "auto").replace("refined", "auto")
+        self.reader = None
         if self.recording:
             segmenter = settings.get("segmenter")
-            self._reader = CameraFrames(self.recording, kind, views, segmenter)
-        self._cameras = tuple(view.pinhole for view in views.values())
+            self.reader = CameraFrames(self.recording, self.background, self.lenses, segmenter)
+        self._cameras = tuple(view.pinhole for view in self.lenses.values())
         self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
-        unknown = self._reader.unknown if self._reader else None
-        self._views = PinholeViews.from_rig(Rig(self._cameras), unknown)
+        unknown = self.reader.unknown if self.reader else None
+        self.views = PinholeViews.from_rig(Rig(self._cameras), unknown)
         tolerance = int(options.get("tolerance", 0))
-        self._rule = body_rule(len(self.rig), tolerance, self._views.partly_unknown)
+        self.rule = body_rule(len(self.rig), tolerance, self.views.partly_unknown)
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
 
@@ -160,7 +171,7 @@ class ResultScenes:
 
     def camera_frames(self, frame: int) -> tuple[CameraFrame, ...]:
         """Pictures and silhouettes of a frame, without carving."""
-        return self._reader.read(frame) if self._reader else tuple(map(CameraFrame, self._cameras))
+        return self.reader.read(frame) if self.reader else tuple(map(CameraFrame, self._cameras))
 
     def body(self, frame: int) -> BodyState | None:
         """The fitted body of a frame; None where it was not found."""
@@ -174,6 +185,11 @@ class ResultScenes:
         Source: Iiyama, Kameda and Minoh, section 3.
         """
         return self._areas(frame)
+
+    def pose(self, frame: int) -> Pose | None:
+        """The fitted pose of a frame; None where it was not found."""
+        row = self.row(frame)
+        return None if row is None or self._fitted is None else self._fitted.pose(row)
 
     def row(self, frame: int) -> int | None:
         """Row of the motion that holds a frame, or None."""
@@ -192,8 +208,8 @@ class ResultScenes:
 
     def close(self) -> None:
         """Stops reading."""
-        if self._reader:
-            self._reader.close()
+        if self.reader:
+            self.reader.close()
 
     def _reopen(self, result: Result, moved: Path | None, unit: str | None) -> None:
         """Opens the recording of a result, or states why it is missing."""
@@ -245,9 +261,9 @@ class ResultScenes:
         elif masks:
             near_m = None if row is None or self.motion is None else self.motion.root_m[row]
             try:
-                at = self._volume(masks), self.voxel_size_m, self._rule
-                observer = HullObserver(self._views, *at)
-                observation = observer.observe(self._views.without_unknown(masks), near_m)
+                at = self.volume(masks), self.voxel_size_m, self.rule
+                observer = HullObserver(self.views, *at)
+                observation = observer.observe(self.views.without_unknown(masks), near_m)
             except InputError as error:
                 notes.append(str(error))
             else:
@@ -256,12 +272,14 @@ class ResultScenes:
                 return observation
         return None
 
-    def _volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
-        """That around the motion, or around the silhouettes where there is none."""
+    def volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
+        """Where the body may be: around the motion, or around silhouettes (h, w) bool, one per
+        camera, where there is none.
+        """
         coarse_m = 2 * self.voxel_size_m
         if self.motion is None:
-            unknown = self._views.unknown
-            return place_grid(self._views.rig, masks, coarse_m, rule=self._rule, unknown=unknown)
+            unknown = self.views.unknown
+            return place_grid(self.views.rig, masks, coarse_m, rule=self.rule, unknown=unknown)
         root = self.motion.root_m
         reach_m = 1.3  # of a body from its root: an arm's length above the head
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)

@@ -15,7 +15,7 @@ from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import BackgroundKind
 from silhouette_core.image.segmenter import load_segmenter
-from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
+from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView, scaled_unknown
 from silhouette_core.motion.kinematics import quaternions
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -358,14 +358,20 @@ class CameraFrames:
         self._next, self._frames = 0, None
 
     @cached_property
-    def _silhouettes(self) -> Silhouettes:
+    def silhouettes(self) -> Silhouettes:
+        """The background models; learned when first asked for."""
+        return self.silhouettes_with(None)
+
+    def silhouettes_with(self, bodies: BodyOdds | None) -> Silhouettes:
+        """Background models learned anew, with what is known of bodies, see `Silhouettes`."""
         segmenter = self._segmenter
         try:
             if segmenter is not None:
                 load_segmenter(segmenter)
         except InputError:
             segmenter = None
-        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, segmenter=segmenter)
+        known = {"segmenter": segmenter, "bodies": bodies}
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, **known)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
@@ -376,7 +382,7 @@ class CameraFrames:
     def read(self, frame: int) -> tuple[CameraFrame, ...]:
         """Undistorted pictures and silhouettes of a frame, one per camera."""
         pictures = self._read(frame)
-        masks = self._silhouettes.of(pictures)
+        masks = self.silhouettes.of(pictures)
         given, unknown = self._recording.silhouettes_given, self.unknown or [None] * len(masks)
         return tuple(
             CameraFrame(

@@ -1,81 +1,25 @@
-// Mouse and keys on the enlarged camera: polygons, points, zoom and pan.
+// Mouse and keys on the enlarged camera: polygons and points.
 
 import { middleOf } from "./camera_view.js";
+import { Pointer, at, distance } from "./pointer.js";
 
 const NEAR = 9; // screen pixels
-const CLICK = 4;
 const PLACE = { region: "regions", unknown: "unknown" };
 
 export const polygonsOf = (doc, kind, camera) =>
   kind === "region" ? doc.regions[camera].polygons : doc.unknown[camera];
 
-export class Pointer {
-  constructor(app) {
-    this.app = app;
-    this.drag = null;
-  }
-
-  attach(view) {
-    const { canvas } = view;
-    canvas.addEventListener("pointerdown", (event) => this.down(view, event));
-    canvas.addEventListener("pointermove", (event) => this.move(view, event));
-    canvas.addEventListener("pointerup", (event) => this.up(view, event));
-    canvas.addEventListener("pointercancel", () => this.cancelDrag());
-    canvas.addEventListener("pointerleave", () => this.leave(view));
-    canvas.addEventListener("contextmenu", (event) => view.large && event.preventDefault());
-    canvas.addEventListener("wheel", (event) => {
-      if (!view.large) return;
-      event.preventDefault();
-      view.zoomAt(at(event), Math.exp(-Math.sign(event.deltaY) * 0.22));
-      this.hover(view, event);
-    }, { passive: false });
-  }
-
+export class DrawingPointer extends Pointer {
   get drawing() {
     return this.app.tool in PLACE;
   }
 
-  down(view, event) {
-    if (!view.large) return;
-    view.canvas.setPointerCapture(event.pointerId);
-    view.measure();
-    const position = at(event);
-    const grabbed = event.button === 0 ? this.grab(view, position) : null;
-    this.drag = { start: position, last: position, moved: false, button: event.button, grabbed };
+  hold() {
+    this.app.store.hold();
   }
 
-  move(view, event) {
-    if (!view.large) return;
-    const position = at(event);
-    const { drag } = this;
-    if (drag && (drag.moved || distance(position, drag.start) > CLICK)) {
-      if (!drag.moved && drag.grabbed) this.app.store.hold();
-      drag.moved = true;
-      if (drag.grabbed) this.dragTo(view, drag.grabbed, position);
-      else view.pan(position[0] - drag.last[0], position[1] - drag.last[1]);
-      drag.last = position;
-    }
-    this.hover(view, event);
-  }
-
-  up(view, event) {
-    const { drag } = this;
-    this.drag = null;
-    if (!view.large) {
-      if (event.button === 0) this.app.enlarge(view.name);
-      return;
-    }
-    if (!drag) return;
-    if (drag.moved) {
-      if (drag.grabbed) this.app.store.release();
-    } else if (drag.button === 0) {
-      this.click(view, at(event), event, drag.grabbed);
-    }
-  }
-
-  cancelDrag() {
-    if (this.drag?.moved && this.drag.grabbed) this.app.store.release();
-    this.drag = null;
+  release() {
+    this.app.store.release();
   }
 
   leave(view) {
@@ -237,14 +181,6 @@ export class Pointer {
     app.loupe.show(view, moved);
     return true;
   }
-}
-
-function at(event) {
-  return [event.offsetX, event.offsetY];
-}
-
-function distance([a, b], [c, d]) {
-  return Math.hypot(a - c, b - d);
 }
 
 function inside([x, y], polygon) {

@@ -6,6 +6,7 @@ const COLOURS = {
   middle: "rgb(255 255 255 / 80%)", pole: "#ffd23f",
 };
 const MOST_ZOOM = 64;
+const OVERLAID = ["first", "silhouette", "body"]; // stages over the picture, others instead of it
 
 export class CameraView {
   constructor(camera) {
@@ -111,8 +112,9 @@ export class CameraView {
     pen.imageSmoothingEnabled = this.scale < 3;
     const scene = this.scene(this.name);
     const staged = this.staged?.stage === scene.stage ? this.staged.image : null;
-    this.layer(pen, scene.stage === "first" ? this.image : staged ?? this.image);
-    this.layer(pen, { silhouette: this.silhouette, first: staged }[scene.stage]);
+    const over = OVERLAID.includes(scene.stage);
+    this.layer(pen, over ? this.image : staged ?? this.image);
+    if (over) this.layer(pen, scene.stage === "silhouette" ? this.silhouette ?? staged : staged);
     this.layer(pen, this.hidden);
     if (scene.region.polygons.length || (scene.region.painted && this.painted)) {
       this.layer(pen, this.outside(scene.region));

@@ -1,7 +1,8 @@
-"""Pictures of the page: moments, the empty view, silhouettes and painted places as overlays, and
-stages of a silhouette, also in words for one pixel.
+"""Pictures of pages: moments, the empty view, masks as overlays, and stages of a silhouette, which
+are told in words for one pixel, too.
 """
 
+import base64
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -10,20 +11,18 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from silhouette_core.estimator import BackgroundKind, Frame
+from silhouette_core.estimator import Frame
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.tuning import COLOURS
-from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.folder import Recording
-from voxelpose.setup_page.drawn_places import DrawnRecording
 from voxelpose.view.images.canvas import encoded, hatched, png
+from voxelpose.view.serving.page_answers import Corner, Moment, Name
 
-SettingValues = Mapping[str, tuple[Any, str]]
-"""Settings of `fit` by name: value, and the file that it is from."""
 _KEPT = 4  # moments
 SILHOUETTE = (64, 200, 255)  # RGB
 _FIRST = (255, 210, 63)
@@ -67,13 +66,17 @@ class MomentFrames:
 class BackgroundModels:
     """Background models of a recording, each learned in a thread of its own when asked for."""
 
-    def __init__(self, recording: Recording, settings: Callable[[], SettingValues]) -> None:
-        """Learns nothing yet; reads the settings of `fit` when it does."""
-        self._recording, self._settings, self._lock = recording, settings, threading.Lock()
-        self._models: dict[BackgroundKind, Future[Silhouettes]] = {}
+    def __init__(self, learn: Callable[[Any], Silhouettes]) -> None:
+        """Learns nothing yet.
 
-    def get(self, kind: BackgroundKind) -> Silhouettes | None:
-        """Silhouettes of a kind of background; None while it is learned.
+        Args:
+            learn: makes the silhouettes of one kind, in any thread.
+        """
+        self._learned, self._lock = learn, threading.Lock()
+        self._models: dict[Any, Future[Silhouettes]] = {}
+
+    def get(self, kind: object) -> Silhouettes | None:
+        """Silhouettes of a kind; None while it is learned.
 
         Raises:
             InputError: the backgrounds cannot be read.
@@ -85,11 +88,9 @@ class BackgroundModels:
             model = self._models[kind]
         return model.result() if model.done() else None
 
-    def _learn(self, kind: BackgroundKind) -> None:
+    def _learn(self, kind: object) -> None:
         try:
-            segmenter, _ = self._settings().get("segmenter", (None, ""))
-            source = DrawnRecording(**vars(self._recording))
-            model = Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
+            model = self._learned(kind)
         except BaseException as error:  # for who asks
             self._models[kind].set_exception(error)
         else:
@@ -112,17 +113,58 @@ def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: in
     return png(image)
 
 
-StageName = Literal["background", "difference", "odds", "first"]
+class StageAsked(Struct, forbid_unknown_fields=True):
+    """A stage of a camera's silhouette, or what one of its pixels is taken for.
+
+    Attributes:
+        moment: from 0.
+        stage: what is to be drawn; None: nothing is.
+        pixel: px of the camera's picture; None: none is asked about.
+    """
+
+    moment: Moment
+    camera: Name
+    stage: Literal["background", "difference", "odds", "first", "silhouette", "body"] | None = None
+    pixel: Corner | None = None
 
 
-def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
-    """A stage as a picture; the first silhouette as PNG to be laid over the frame.
+def stage_answer(
+    stages: SilhouetteStages, asked: StageAsked, size: tuple[int, int]
+) -> dict[str, Any]:
+    """What a page is told of the stages: a picture, and a pixel explained.
+
+    Args:
+        stages: of the camera's silhouette at that moment.
+        size: width and height, px, of the camera's picture.
 
     Raises:
-        InputError: the method does not compute it.
+        InputError: there is no such stage.
     """
+    answer: dict[str, Any] = {"ready": True}
+    if asked.stage is not None:
+        answer["png"] = base64.b64encode(_draw_stage(stages, asked.stage)).decode()
+    if asked.pixel is not None:
+        answer["explained"] = _explain(stages, pixel_at(asked.pixel, size, stages.first.shape))
+    return answer
+
+
+def pixel_at(pixel: Corner, size: tuple[int, int], shape: tuple[int, ...]) -> tuple[int, int]:
+    """Row and column, in an image of a shape (h, w), of a pixel of a picture of a size (W, H)."""
+    column, row = (
+        min(max(int((at + 0.5) * short / long), 0), short - 1)
+        for at, long, short in zip(pixel, size, shape[::-1], strict=True)
+    )
+    return row, column
+
+
+def _draw_stage(stages: SilhouetteStages, stage: str) -> bytes:
+    """A stage as a picture; silhouettes as PNG to be laid over the frame."""
     if stage == "first":
         return overlay_png(stages.first, _FIRST, 120)
+    if stage == "silhouette":
+        return overlay_png(stages.silhouette, SILHOUETTE, 120)
+    if stage == "body":
+        raise InputError("nothing is fitted yet: `voxelpose view` shows what a body changed")
     if stage == "background":
         image = np.rint(stages.background.clip(0, 255)).astype(np.uint8)
         return encoded(image if stages.known.all() else hatched(image, ~stages.known), ".png")
@@ -138,9 +180,8 @@ def draw_stage(stages: SilhouetteStages, stage: StageName) -> bytes:
     return encoded(np.rint(np.abs(strength) * colours).astype(np.uint8), ".png")
 
 
-def explain_pixel(stages: SilhouetteStages, row: int, column: int) -> dict[str, Any]:
+def _explain(stages: SilhouetteStages, at: tuple[int, int]) -> dict[str, Any]:
     """What a pixel of the stages is taken for, and why: colours (RGB), measures and a word."""
-    at = row, column
     measures, background = [], np.rint(stages.background[at][::-1].clip(0, 255)).astype(int)
     if stages.difference is not None:
         measures.append(f"difference {stages.difference[at]:.1f}×")
