@@ -52,7 +52,9 @@ def label_components(mask: NDArray[np.bool_], *, diagonal: bool = True) -> MaskC
     if mask.ndim == 2:
         _, found = cv2.connectedComponents(inside.view(np.uint8), connectivity=8 if diagonal else 4)
     else:
-        found, _ = ndimage.label(inside, ndimage.generate_binary_structure(3, 3 if diagonal else 1))
+        neighbours = ndimage.generate_binary_structure(3, 3 if diagonal else 1)
+        found = np.empty(inside.shape, np.int32)
+        ndimage.label(inside, neighbours, output=found)
     labels[box] = found
     # OpenCV's own statistics take several times as long as its labels.
     return MaskComponents(labels, np.bincount(labels[box][inside], minlength=1))
