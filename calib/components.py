@@ -47,14 +47,24 @@ def label_components(mask: NDArray[np.bool_], *, diagonal: bool = True) -> MaskC
         diagonal: Whether elements that share only a corner or an edge are connected: 8 or 26
             neighbours instead of 4 or 6.
     """
+    labels, box = np.zeros(mask.shape, np.int32), _occupied(mask)
+    inside = np.ascontiguousarray(mask[box])
     if mask.ndim == 2:
-        _, labels = cv2.connectedComponents(
-            np.ascontiguousarray(mask).view(np.uint8), connectivity=8 if diagonal else 4
-        )
-        labels = np.asarray(labels, dtype=np.int32)
+        _, found = cv2.connectedComponents(inside.view(np.uint8), connectivity=8 if diagonal else 4)
     else:
         neighbours = ndimage.generate_binary_structure(3, 3 if diagonal else 1)
-        labels = np.empty(mask.shape, np.int32)
-        ndimage.label(mask, neighbours, output=labels)
+        found = np.empty(inside.shape, np.int32)
+        ndimage.label(inside, neighbours, output=found)
+    labels[box] = found
     # OpenCV's own statistics take several times as long as its labels.
-    return MaskComponents(labels, np.bincount(labels[mask], minlength=1))
+    return MaskComponents(labels, np.bincount(labels[box][inside], minlength=1))
+
+
+def _occupied(mask: NDArray[np.bool_]) -> tuple[slice, ...]:
+    """Bounding box of a mask; one element of an empty mask."""
+    box = []
+    for axis in range(mask.ndim):
+        others = tuple(other for other in range(mask.ndim) if other != axis)
+        places = np.flatnonzero(mask.any(axis=others))
+        box.append(slice(places[0], places[-1] + 1) if len(places) else slice(0, 1))
+    return tuple(box)

@@ -14,7 +14,7 @@ from benchmarks.board_scene import board_picture
 from calib.board import Board
 from calib.camera import Camera
 from docs.figures.drawing import INK, QUIET, arrow, blank, centred, save
-from voxelpose.view.images.canvas import Colour, Image, dot, write_text
+from voxelpose.view.images.canvas import Colour, Image, dots, write_text
 
 BOARD = Board(8, 5, 0.1)
 WORLD_FROM_BOARD = np.diag([1.0, -1.0, -1.0])  # z of the board points into the floor
@@ -66,10 +66,10 @@ def from_above() -> Image:
         tip = first + np.array(end) * _SQUARE_PX
         arrow(panel, np.stack([first, tip]), colour, 4)
         write_text(panel, name, int(tip[0]) + 16, int(tip[1]) + 6, 22, colour, True)
-    dot(panel, first, 8, _AXES[2][1])
+    dots(panel, first[None], 8, _AXES[2][1])
     for corner in (0, 7, 39):
         at = first + np.array([corner % 8, corner // 8]) * _SQUARE_PX
-        dot(panel, at, 4, (20, 160, 250))
+        dots(panel, at[None], 4, (20, 160, 250))
         _label(panel, str(corner), at + np.array([9, 20]))
     centred(panel, "The face from above: --board 8x5 counts inner corners", _SIZE[0] / 2, 34, 17)
     centred(panel, "corner 0 is at the edge with two black corner squares", 370, 94, 14, QUIET)
@@ -85,7 +85,7 @@ def on_floor() -> Image:
         tip = camera.project(np.eye(3)[axis][None] * 0.32)[0][0]
         arrow(panel, np.stack([origin, tip]), colour, 4)
         write_text(panel, name, int(tip[0]) + 10, int(tip[1]) - 4, 22, colour, True)
-    dot(panel, origin, 6, INK)
+    dots(panel, origin[None], 6, INK)
     centred(panel, "On the floor, face up: z points up, the floor is z = 0", 310, 34, 17)
     return panel
 

@@ -18,7 +18,7 @@ from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import Mannequin
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.view.images.canvas import LEFT, Image, dot, stroke, tint
+from voxelpose.view.images.canvas import LEFT, Image, dots, stroke, tint
 
 VOLUME_RADIUS_M, REACH_M = 1.0, 2.2  # of the floor that is used; of raised hands
 LOW_M, HIGH_M = 1.2, 2.2
@@ -103,7 +103,7 @@ def plan(count: int) -> Image:
         angle = np.radians(azimuth)
         out = np.array([np.sin(angle), np.cos(angle)])
         at = middle + out * DISTANCE_M * _PX_PER_M
-        dot(panel, at, 7, POSITIVE if camera_height == HIGH_M else INK)
+        dots(panel, at[None], 7, POSITIVE if camera_height == HIGH_M else INK)
         label = at + np.array([0, 22 if out[1] > 0 else -14])
         centred(panel, f"{camera_height:g} m", label[0], label[1], 15)
     excess = hull_excess(PLACES[count])

@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +19,7 @@ from silhouette_core.image.difference import (
     measure_gain,
 )
 from silhouette_core.image.empty_scene import EmptyScene, Kind
-from silhouette_core.image.exposure import aligned
+from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.foreground import (
     SilhouetteStages,
     SoftSilhouette,
@@ -38,20 +39,34 @@ _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measur
 
 
 @dataclass(frozen=True, eq=False)
-class _ColourStatistics:
-    """Statistics of each pixel's colour and of its colour divided by its length.
+class _Directions:
+    """Each pixel's colour divided by its length, for the paper's method.
 
     Attributes:
-        mean: (H, W, 3) float64, of the colour, BGR of 255.
-        variance: (H, W, 3) float64, of the colour.
-        unit_mean: (H, W, 3) float64, of the normalised colour.
-        unit_variance: (H, W, 3) float64, of the normalised colour.
+        mean: (H, W, 3) float32.
+        half_precision: (H, W, 3) float32, half of one over the variance.
+        log_peak: (H, W) float32, logarithm of the density at the mean.
     """
 
-    mean: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    unit_mean: NDArray[np.float64]
-    unit_variance: NDArray[np.float64]
+    mean: NDArray[np.float32]
+    half_precision: NDArray[np.float32]
+    log_peak: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls, colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
+    ) -> "_Directions":
+        """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
+        # Noise of the channels turns a colour of length L by noise / L: the direction of dark
+        # pixels is uncertain.
+        variance = np.maximum(variance, (BACKGROUND.noise / _length(colour)) ** 2)
+        peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
+        return cls(*(array.astype(np.float32) for array in (mean, 0.5 / variance, peak)))
+
+
+def _length(colour: NDArray) -> NDArray[np.float64]:
+    """Length (H, W, 1) of colours (H, W, 3), at least 1."""
+    return np.maximum(np.linalg.norm(colour, axis=2, keepdims=True), 1.0)
 
 
 class BackgroundModel:
@@ -61,21 +76,18 @@ class BackgroundModel:
     refined method are ours.
     """
 
-    def __init__(self, statistics: _ColourStatistics, method: Method):
+    def __init__(
+        self,
+        mean: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        directions: _Directions | None,
+    ):
         """Prepares the model; use the constructors `from_...`."""
-        self.method: Method = method
-        self.mean: NDArray[np.float32] = np.ascontiguousarray(statistics.mean, np.float32)
-        noise = np.maximum(np.sqrt(statistics.variance.mean(axis=2)), BACKGROUND.noise)
+        self.method: Method = "refined" if directions is None else "paper"
+        self.mean: NDArray[np.float32] = np.ascontiguousarray(mean, np.float32)
+        noise = np.maximum(np.sqrt(variance.mean(axis=2)), BACKGROUND.noise)
         self._background = Background.from_noise(self.mean, noise)
-        # Noise of the channels turns a colour of length L by noise / L: the direction of dark
-        # pixels is uncertain.
-        length = np.maximum(np.linalg.norm(statistics.mean, axis=2, keepdims=True), 1.0)
-        variance = np.maximum(statistics.unit_variance, (BACKGROUND.noise / length) ** 2)
-        self._unit_mean = np.ascontiguousarray(statistics.unit_mean, np.float32)
-        self._half_precision = np.ascontiguousarray(0.5 / variance, np.float32)
-        self._log_peak = np.ascontiguousarray(
-            -0.5 * np.log(2 * np.pi * variance).sum(axis=2), np.float32
-        )
+        self._directions, self._aligner = directions, Aligner(self.mean)
         self._colours: SceneColours | None = None
         self.uniform = False  # whether it is a backdrop, found in occupied frames
 
@@ -104,20 +116,25 @@ class BackgroundModel:
             TypeError: a frame is not uint8.
         """
         count = 0
-        sums: list[np.ndarray] = []
+        sums: list[np.ndarray] = []  # of colours and of their squares, then of directions
         for frame in frames:
             check_array("frame", frame, sums[0].shape if sums else ("H", "W", 3), np.uint8)
-            if not sums:
-                sums = [np.zeros(frame.shape) for _ in range(4)]
-            kernels.add_moments(np.ascontiguousarray(frame), *sums)
+            seen = [frame] if method == "refined" else [frame, frame / _length(frame)]
+            sums = sums or [np.zeros(frame.shape) for _ in range(2 * len(seen))]
+            for k, image in enumerate(seen):
+                cv2.accumulate(image, sums[2 * k])
+                cv2.accumulateSquare(image, sums[2 * k + 1])
             count += 1
         if not count:
             raise ValueError("frames must hold at least one picture of the empty scene, got none")
-        mean, square, unit_mean, unit_square = (total / count for total in sums)
+        mean, *unit_mean = (total / count for total in sums[::2])
+        square, *unit_square = (total / count for total in sums[1::2])
         measured, assumed = np.maximum(square - mean**2, 0), BACKGROUND.noise**2
         variance = (count * measured + _PRIOR_FRAMES * assumed) / (count + _PRIOR_FRAMES)
-        unit_variance = np.maximum(unit_square - unit_mean**2, 0)
-        return cls(_ColourStatistics(mean, variance, unit_mean, unit_variance), method)
+        if not unit_mean:
+            return cls(mean, variance, None)
+        unit_variance = np.maximum(unit_square[0] - unit_mean[0] ** 2, 0)
+        return cls(mean, variance, _Directions.of(mean, unit_mean[0], unit_variance))
 
     @classmethod
     def from_occupied(
@@ -149,9 +166,9 @@ class BackgroundModel:
         people = None if evidence is None else np.stack(evidence) > 0
         scene = EmptyScene.from_frames(np.stack(stack), people, kind)
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
-        length = np.maximum(np.linalg.norm(mean, axis=2, keepdims=True), 1.0)
-        statistics = _ColourStatistics(mean, variance, mean / length, variance / length**2)
-        model = cls(statistics, method)
+        length = _length(mean)
+        directions = _Directions.of(mean, mean / length, variance / length**2)
+        model = cls(mean, variance, None if method == "refined" else directions)
         model._background = replace(model._background, known=~scene.unseen)
         asked = scene.frames[::_SHADOW_STEP]
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
@@ -173,7 +190,7 @@ class BackgroundModel:
             evidence: what else speaks for a person in each frame, nats, of the size `cut_size`.
         """
         model = copy(self)
-        same = np.stack([aligned(np.ascontiguousarray(one), self.mean) for one in frames])
+        same = np.stack([self._aligner.aligned(np.ascontiguousarray(one)) for one in frames])
         model._colours = SceneColours.learned(same, self._background, True, evidence)
         return model
 
@@ -215,13 +232,14 @@ class BackgroundModel:
             TypeError: the frame is not uint8.
         """
         frame = self._aligned(frame)
-        if self.method == "refined":
+        if self._directions is None:
             cut = self._cut(frame, evidence)
             return refined_mask(frame, self._background, region, exposure, cut=cut)
+        known = self._directions
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
         kernels.paper_mask(
-            frame, self.mean, self._unit_mean, self._half_precision, self._log_peak, *limits, mask
+            frame, self.mean, known.mean, known.half_precision, known.log_peak, *limits, mask
         )
         return mask if region is None else mask & region
 
@@ -345,7 +363,7 @@ class BackgroundModel:
         """A whole frame, checked; where colours decide, with the exposure of the background."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return aligned(frame, self.mean) if self.has_colours else frame
+        return self._aligner.aligned(frame) if self.has_colours else frame
 
     def _cut(
         self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None

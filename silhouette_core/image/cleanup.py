@@ -42,8 +42,7 @@ def clean(
         check_array("region", region, mask.shape, np.bool_)
     kept = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
-        box = bounding_box(kept)
-        kept[box] = _large_components(kept[box], min_area_px, min_share)
+        kept = _large_components(kept, min_area_px, min_share)
     if max_hole_px > 0:
         _fill_holes(kept, max_hole_px)
     return kept

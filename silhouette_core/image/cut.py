@@ -93,9 +93,7 @@ class SceneColours:
         kernels.contrast(frame, back.mean, back.known, links)
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
         links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
-        mask = np.empty(odds.shape, np.bool_)
-        kernels.cut(odds, links, _ROUNDS, mask)
-        return mask
+        return least_cut(odds, links)
 
     def odds(
         self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
@@ -133,6 +131,26 @@ class SceneColours:
         mask = self.cut(small, evidence).astype(np.float32)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
+
+
+def least_cut(odds: NDArray[np.float32], links: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """The person (h, w) bool, nearly of least cost, by odds (h, w) float32 of each pixel, nats, and
+    the cost of neighbours that differ, links (2, h, w) float32, to the right and downward.
+    """
+    # Columns lie in a row's place where messages go sideways, so that loops run along the memory.
+    turned, across = cv2.transpose(odds), cv2.transpose(links[0])
+    sideways, upright = np.zeros((2, *turned.shape), np.float32), np.zeros_like(links)
+    totals, turned_totals = np.empty_like(odds), np.empty_like(turned)
+    for _ in range(_ROUNDS):
+        np.add(*upright, out=totals)
+        cv2.transpose(totals, turned_totals)
+        turned_totals += turned
+        kernels.pass_on(turned_totals, across, sideways)
+        np.add(*sideways, out=turned_totals)
+        cv2.transpose(turned_totals, totals)
+        totals += odds
+        kernels.pass_on(totals, links[1], upright)
+    return totals + upright[0] + upright[1] > 0
 
 
 def cut_size(size: tuple[int, int]) -> tuple[int, int]:

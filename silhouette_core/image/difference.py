@@ -173,11 +173,12 @@ def detect(view: FrameView, scale: float) -> tuple[NDArray[np.bool_], NDArray[np
     )
     light = np.float32(view.background.shadow), np.float32(FOREGROUND.highlight)
     kernels.evidence(*view.arrays, unit, clip, *light, beyond, parts, strong)
-    pooled = np.asarray([cv2.blur(part, (side, side)) for part in parts], np.int16)
+    for part in parts:
+        cv2.blur(part, (side, side), part)
     mask = np.empty((height, width), np.bool_)
     limits = round(FOREGROUND.pooled * UNIT), round(FOREGROUND.brightness * UNIT)
-    kernels.decide(pooled, strong, *limits, mask)
-    return mask, pooled
+    kernels.decide(parts, strong, *limits, mask)
+    return mask, parts
 
 
 def grown(

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.exposure import aligned
+from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
 from silhouette_core.tuning import SCENE
@@ -71,7 +71,8 @@ class EmptyScene:
         """
         stack = stack[:64]
         median = _median(stack)
-        frames = np.stack([aligned(frame, median) for frame in stack])
+        aligner = Aligner(median)
+        frames = np.stack([aligner.aligned(frame) for frame in stack])
         height, width = median.shape[:2]
         factor = min(1.0, SCENE.side_px / min(height, width))
         size = max(round(width * factor), 1), max(round(height * factor), 1)

@@ -197,7 +197,8 @@ class _Looked:
 
 def _chroma(pooled: NDArray[np.int16]) -> NDArray[np.float32]:
     """Length (H, W) of the chromatic residual in pooled evidence (4, H, W), in noise."""
-    return np.sqrt(np.square(pooled[:3], dtype=np.float32).sum(axis=0)) / np.float32(UNIT)
+    first, second, third = pooled[:3].astype(np.float32) / np.float32(UNIT)
+    return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
 def _segmented(

@@ -6,16 +6,6 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 
-def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
-    """Okada and Stenger, section 5.1: sums of the colour and of the colour over its length."""
-    colour = frame.astype(np.float64)
-    unit = _unit(colour)
-    sum_raw += colour
-    sum_raw_squared += colour**2
-    sum_unit += unit
-    sum_unit_squared += unit**2
-
-
 def paper_mask(
     frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
 ):
@@ -120,14 +110,14 @@ def contrast(frame, mean, known, out):
         out[side, : shape[0], : shape[1]] = np.maximum(own - np.where(both, behind, 0), 0)
 
 
-def cut(odds, links, rounds, mask):
-    """Belief propagation with two labels and their costs, as of any number of labels."""
-    own = np.stack([np.zeros_like(odds), -odds], axis=2)
-    differ = 1 - np.eye(2)
-    right, down = (link[..., None, None] * differ for link in links)
-    labels = np.empty(odds.shape, int)
-    least_cost_labels(own, right, down, rounds, labels)
-    mask[:] = labels == 1
+def pass_on(odds, links, told):
+    """Messages of belief propagation with two labels, row by row."""
+    for row in range(1, len(odds)):
+        most = links[row - 1]
+        told[0, row] = np.clip(odds[row - 1] + told[0, row - 1], -most, most)
+    for row in range(len(odds) - 1, 0, -1):
+        most = links[row - 1]
+        told[1, row - 1] = np.clip(odds[row] + told[1, row], -most, most)
 
 
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):

@@ -1,4 +1,4 @@
-"""Statistics of the background and its subtraction, pixel by pixel.
+"""Subtraction of the background, and its median, pixel by pixel.
 
 Source: Okada and Stenger, section 5.1; the median is ours. Called by
 `silhouette_core.image.background`. Reference: `tests.oracles.image`.
@@ -7,26 +7,6 @@ Source: Okada and Stenger, section 5.1; the median is ours. Called by
 import numpy as np
 
 from silhouette_core.jit import parallel_kernel, prange
-
-
-@parallel_kernel
-def add_moments(frame, sum_raw, sum_raw_squared, sum_unit, sum_unit_squared):
-    """Adds a frame (H, W, 3) uint8 to sums (H, W, 3) float64: of its colour, of the colour over its
-    length, and of their squares.
-    """
-    height, width = frame.shape[0], frame.shape[1]
-    for row in prange(height):
-        for column in range(width):
-            blue = np.float64(frame[row, column, 0])
-            green = np.float64(frame[row, column, 1])
-            red = np.float64(frame[row, column, 2])
-            length = max(np.sqrt(blue * blue + green * green + red * red), 1.0)
-            for channel, value in enumerate((blue, green, red)):
-                unit = value / length
-                sum_raw[row, column, channel] += value
-                sum_raw_squared[row, column, channel] += value * value
-                sum_unit[row, column, channel] += unit
-                sum_unit_squared[row, column, channel] += unit * unit
 
 
 @parallel_kernel

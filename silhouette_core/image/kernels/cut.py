@@ -37,40 +37,18 @@ def contrast(frame, mean, known, out):
 
 
 @kernel
-def cut(odds, links, rounds, mask):
-    """Fills mask (H, W) bool: the person, by odds (H, W) float32 of each pixel, nats, and the cost
-    of neighbours that differ, links (2, H, W) float32, to the right and downward.
+def pass_on(odds, links, told):
+    """Updates told (2, H, W) float32: odds that a pixel is told from above and from below.
+
+    Each passes on its own odds (H, W) float32, nats, and what it was told from the same side, as
+    far as links (H, W) float32 allow, the cost of a pixel and its lower neighbour that differ.
     """
-    height, width = mask.shape
-    # What neighbours tell, from the left, the right, above and below: odds, too.
-    told = np.zeros((4, height, width), np.float32)
-    for _ in range(rounds):
-        for row in range(height):
-            for column in range(width - 1):
-                said = odds[row, column] + told[0, row, column]
-                said += told[2, row, column] + told[3, row, column]
-                most = links[0, row, column]
-                told[0, row, column + 1] = min(max(said, -most), most)
-            for column in range(width - 1, 0, -1):
-                said = odds[row, column] + told[1, row, column]
-                said += told[2, row, column] + told[3, row, column]
-                most = links[0, row, column - 1]
-                told[1, row, column - 1] = min(max(said, -most), most)
-        for row in range(height - 1):
-            for column in range(width):
-                said = odds[row, column] + told[0, row, column]
-                said += told[1, row, column] + told[2, row, column]
-                most = links[1, row, column]
-                told[2, row + 1, column] = min(max(said, -most), most)
-        for row in range(height - 1, 0, -1):
-            for column in range(width):
-                said = odds[row, column] + told[0, row, column]
-                said += told[1, row, column] + told[3, row, column]
-                most = links[1, row - 1, column]
-                told[3, row - 1, column] = min(max(said, -most), most)
-    for row in range(height):
+    height, width = odds.shape
+    for row in range(height - 1):
         for column in range(width):
-            total = odds[row, column]
-            for source in range(4):
-                total += told[source, row, column]
-            mask[row, column] = total > 0
+            said, most = odds[row, column] + told[0, row, column], links[row, column]
+            told[0, row + 1, column] = min(max(said, -most), most)
+    for row in range(height - 1, 0, -1):
+        for column in range(width):
+            said, most = odds[row, column] + told[1, row, column], links[row - 1, column]
+            told[1, row - 1, column] = min(max(said, -most), most)

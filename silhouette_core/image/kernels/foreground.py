@@ -234,6 +234,9 @@ def log_odds(
                 frame[2, row, column] >> shift,
             )
             background = others[colour] * (shares[0] if known[row, column] else shares[1])
+            if table[colour] - np.log(background) <= -most:  # whatever else it may be
+                out[row, column] = -most
+                continue
             residual_0, residual_1, residual_2, ratio = _split(
                 frame, mean, scales, gain, row, column
             )
@@ -256,8 +259,7 @@ def log_odds(
                     * np.exp(np.float32(-0.5) * square)
                     / (deviation * deviation * length)
                 )
-            person = table[colour]
-            out[row, column] = max(-most, min(most, person - np.log(background)))
+            out[row, column] = max(-most, min(most, table[colour] - np.log(background)))
 
 
 @kernel

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel
-from silhouette_core.image.exposure import aligned
+from silhouette_core.image.cut import _ROUNDS, least_cut
+from silhouette_core.image.exposure import Aligner
+from tests.oracles.image import least_cost_labels
 
 SIZE = (240, 320)
 SKIN, SHIRT, TROUSERS = (90, 120, 190), (90, 140, 110), (120, 60, 40)
@@ -76,6 +78,18 @@ def test_a_cast_shadow_is_no_person():
     assert agreement(frames, masks) > 0.9
 
 
+@pytest.mark.parametrize("size", [(6, 8), (9, 5), (1, 4)])
+def test_a_cut_is_belief_propagation_with_two_labels(size):
+    rng = np.random.default_rng(4)
+    odds = rng.normal(0, 2, size).astype(np.float32)
+    links = rng.uniform(0, 2, (2, *size)).astype(np.float32)
+    own, differ = np.stack([np.zeros(size), -odds], axis=2), 1 - np.eye(2)
+    labels = np.empty(size, int)
+    right, down = (link[..., None, None] * differ for link in links)
+    least_cost_labels(own, right, down, _ROUNDS, labels)
+    assert np.array_equal(least_cut(odds, links), labels == 1)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_an_exposure_that_varies_over_the_picture_is_taken_out(seed):
     rng = np.random.default_rng(seed)
@@ -85,7 +99,7 @@ def test_an_exposure_that_varies_over_the_picture_is_taken_out(seed):
     field = np.exp(terms[0] + columns[..., None] * terms[1] + rows[..., None] * terms[2])
     frame = np.rint(room * field).clip(0, 255).astype(np.uint8)
     frame[80:200, 120:160] = SHIRT  # somebody
-    off = np.abs(aligned(frame, room.astype(np.float32)).astype(float) - room)
+    off = np.abs(Aligner(room.astype(np.float32)).aligned(frame).astype(float) - room)
     off[75:205, 115:165] = 0
     assert off.mean() < 1 < np.abs(frame - room)[:, :100].mean()
 
@@ -97,6 +111,6 @@ def test_a_black_stage_keeps_its_exposure_whoever_is_lit_on_it():
     reference[60:200, 130:170] = (40, 160, 190)  # who is there most of the time
     frame = np.rint(stage).astype(np.uint8)
     frame[60:200, 130:170] = np.linspace(60, 220, 140)[:, None, None]  # somebody lit from below
-    off = aligned(frame, reference.astype(np.float32)).astype(float) - stage
+    off = Aligner(reference.astype(np.float32)).aligned(frame).astype(float) - stage
     off[55:205, 125:175] = 0
     assert np.abs(off).max() < 6

@@ -36,9 +36,9 @@ def test_a_video_per_camera_and_a_sheet(tmp_path):
         "overlay_cam_3.webm",
     ]
     frames, fps = frames_of(tmp_path / "overlay_cam_2.webm")
-    assert frames.shape == (8, 180, 240, 3)
+    assert frames.shape == (8, 480, 640, 3)
     assert fps == 25
-    middle = frames[:, 20:140, 60:180].astype(int)
+    middle = frames[:, 53:373, 160:480].astype(int)
     drawn = (np.abs(middle - 90).sum(axis=3) > 60).mean(axis=(1, 2))
     assert (drawn[[0, 4, 6, 7]] > 0.05).all()
     assert drawn[5] < 0.03  # the frame without a pose
@@ -68,7 +68,7 @@ def test_what_is_unknown_is_hatched(tmp_path):
 
     draw_pictures(Marked(ring(2), 2), waving(2), tmp_path, "a title", SilentReporter())
     corners = {
-        name: frames_of(tmp_path / f"overlay_{name}.webm")[0][0, 138:170, 4:52].astype(float)
+        name: frames_of(tmp_path / f"overlay_{name}.webm")[0][0, 368:453, 11:139].astype(float)
         for name in ("cam_1", "cam_2")
     }
     assert corners["cam_1"].std() > 15 and corners["cam_1"].mean() > 95

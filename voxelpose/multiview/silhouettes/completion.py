@@ -183,8 +183,10 @@ class SilhouetteCompletion:
         explained = mask & self._footprint(hull, c)
         if not explained.any():
             return explained
-        labels = label_components(mask).labels
-        return _opened(np.isin(labels, np.unique(labels[explained])) & ~explained)
+        components = label_components(mask)
+        shows = np.zeros(len(components.sizes), np.bool_)
+        shows[components.labels[explained]] = True
+        return _opened(shows[components.labels] & ~explained)
 
     def _footprint(self, hull: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Pixels (h, w) of a camera into which voxels project, without gaps between them."""

@@ -34,10 +34,9 @@ class FloorShadows:
         self._rig, self._unknown = rig, unknown
         self._from_floor = [camera.projection @ lift for camera in rig]
         self._above_m = [float(camera.center_m[2]) - floor_m for camera in rig]
-        self._places: dict[int, list[NDArray[np.float64]]] = {}
 
     def possible(self, dark: Masks, person_m: NDArray[np.float64]) -> Masks:
-        """Pixels (h, w) bool of each camera that may be a shadow on the floor.
+        """Dark pixels (h, w) bool of each camera that may be a shadow on the floor.
 
         All other cameras that see that place of the floor see it dark, or hidden by the person;
         what none of them sees is near the person.
@@ -50,15 +49,19 @@ class FloorShadows:
         if self._unknown is not None:
             seen = zip(wide, self._unknown, strict=True)
             wide = [np.where(where, np.uint8(_UNSEEN), mask) for mask, where in seen]
-        return [self._possible(c, wide, person_m) for c in range(len(dark))]
+        return [self._possible(c, mask.copy(), wide, person_m) for c, mask in enumerate(dark)]
 
     def _possible(
-        self, c: int, wide: list[NDArray[np.uint8]], person_m: NDArray[np.float64]
+        self,
+        c: int,
+        allowed: NDArray[np.bool_],
+        wide: list[NDArray[np.uint8]],
+        person_m: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        width, height = self._rig.cameras[c].size
-        allowed, unseen = (np.ones((height, width), np.bool_) for _ in range(2))
+        """Of the pixels (h, w) bool of a camera that are dark, those that may be a shadow."""
+        unseen = np.ones_like(allowed)
         if abs(self._above_m[c]) < 1e-3:  # it sees the floor as a line
-            return ~allowed
+            return ~unseen
         to_floor = np.linalg.inv(self._from_floor[c])
         for other, mask in enumerate(wide):
             if other == c:
@@ -66,21 +69,20 @@ class FloorShadows:
             seen = cv2.warpPerspective(
                 mask,
                 self._from_floor[other] @ to_floor,
-                (width, height),
+                allowed.shape[::-1],
                 flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_CONSTANT,
                 borderValue=_UNSEEN,
             )
             allowed &= seen != 0
             unseen &= seen == _UNSEEN
-        if c not in self._places:
-            x, y = np.arange(width), np.arange(height)[:, None]
-            self._places[c] = [row[0] * x + row[1] * y + row[2] for row in to_floor]
-        floor_x, floor_y, scale = self._places[c]
+        y, x = np.nonzero(allowed)
+        floor_x, floor_y, scale = to_floor @ np.stack([x, y, np.ones_like(x)])
         # Compared without a division: the scale is negative above the horizon.
         across, along = floor_x - person_m[0] * scale, floor_y - person_m[1] * scale
         near = across**2 + along**2 < (FLOOR_SHADOWS.longest_m * scale) ** 2
-        return allowed & (scale > 0) & (near | ~unseen)
+        allowed[y, x] = (scale > 0) & (near | ~unseen[y, x])
+        return allowed
 
 
 def floor_under(observer: HullObserver, frames: Sequence[Masks]) -> float:

@@ -76,12 +76,17 @@ def stroke(
         cv2.polylines(image, [fixed], closed, colour, width, cv2.LINE_AA, _SHIFT)
 
 
-def dot(image: Image, point: NDArray[np.float64], radius: float, colour: Colour) -> None:
-    """Draws a filled circle around (2,) pixels in place."""
-    fixed = _fixed(point[None])
-    if len(fixed):
-        x, y = fixed[0, 0].tolist()
-        cv2.circle(image, (x, y), int(radius * 2**_SHIFT), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+def segments(image: Image, ends: NDArray[np.float64], colour: Colour, width: int = 1) -> None:
+    """Draws lines between pairs of pixels (S, 2, 2) in place, without those not finite."""
+    lines = _fixed(ends.reshape(-1, 4)).reshape(-1, 2, 2)
+    cv2.polylines(image, list(lines), False, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def dots(image: Image, points: NDArray[np.float64], radius: float, colour: Colour) -> None:
+    """Draws filled circles around pixels (N, 2) in place, without those not finite."""
+    size = int(radius * 2**_SHIFT)
+    for x, y in _fixed(points)[:, 0].tolist():
+        cv2.circle(image, (x, y), size, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
 
 def tint(
@@ -153,6 +158,6 @@ def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
 
 
 def _fixed(points: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Finite points (N, 1, 2) int32 in OpenCV's fixed point."""
-    good = points[np.isfinite(points).all(axis=1) & (np.abs(points) < 1e5).all(axis=1)]
+    """Finite rows of points (N, D) in OpenCV's fixed point, (M, 1, D) int32."""
+    good = points[(np.abs(points) < 1e5).all(axis=1)]
     return np.round(good * 2**_SHIFT).astype(np.int32)[:, None]

@@ -20,8 +20,9 @@ from voxelpose.view.images.canvas import (
     Colour,
     Image,
     colour_of,
-    dot,
+    dots,
     hatched,
+    segments,
     stroke,
     tint,
 )
@@ -108,6 +109,7 @@ class FigurePainter:
         self.size = self.ideal.size
         self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
         self._bones = skeleton_bones(model)
+        self._ends = bone_ends(self._bones)
 
     def resized(self, frame: Image) -> Image:
         """Copy of a recorded frame at the working size."""
@@ -153,13 +155,13 @@ class FigurePainter:
         self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64], line: int
     ) -> None:
         joints = self.pixels(skeleton_joints(self.model, rotation, origin))
-        for start, end, _ in self._bones:
-            stroke(image, joints[[start, end]], PAPER, line + 3)
-        for start, end, colour in self._bones:
-            stroke(image, joints[[start, end]], colour, line + 1)
-        for joint in {joint for start, end, _ in self._bones for joint in (start, end)}:
-            dot(image, joints[joint], line + 1.3, PAPER)
-            dot(image, joints[joint], line + 0.3, INK)
+        ends = joints[self._ends]
+        segments(image, ends, PAPER, line + 3)
+        for colour in _SIDES:
+            segments(image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1)
+        marked = joints[np.unique(self._ends)]
+        dots(image, marked, line + 1.3, PAPER)
+        dots(image, marked, line + 0.3, INK)
 
     def _outlines(
         self, mask: NDArray[np.bool_], corner: tuple[int, int]

@@ -27,7 +27,7 @@ from voxelpose.view.images.canvas import (
     RIGHT,
     WARNING,
     Image,
-    dot,
+    dots,
     has_sides,
     png,
     text_width,
@@ -39,7 +39,7 @@ from voxelpose.view.images.webm import WebmWriter
 _GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
 _LEGEND = 360
 _WIDEST, _HIGHEST = 1900, 2000
-_LONGEST_PX = 960
+_LEAST_PX, _MOST_PX = 640, 960  # longer side of a video
 _PAINTED_AHEAD = 2  # time steps
 
 
@@ -97,7 +97,7 @@ class ContactSheet:
         for label, colour in sides if has_sides(self.motion.model.names) else ():
             x -= text_width(label, 14)
             write_text(sheet, label, x, 42, 14, FAINT)
-            dot(sheet, np.array([x - 12.0, 37.0]), 5, colour)
+            dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
             x -= 36
         for line, view in enumerate(self.views):
             top = _HEAD + line * (height + _GAP)
@@ -260,7 +260,7 @@ class _Video:
     ) -> None:
         self.camera = camera
         # Small pictures are enlarged, so that lines stay thinner than limbs.
-        scale = min(1.5, _LONGEST_PX / max(camera.size))
+        scale = float(np.clip(1.0, _LEAST_PX / max(camera.size), _MOST_PX / max(camera.size)))
         self.painter = FigurePainter(motion.model, camera, scale, unknown)
         self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 

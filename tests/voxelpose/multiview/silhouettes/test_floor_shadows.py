@@ -27,8 +27,8 @@ def on_floor(c: int, place_m: tuple[float, float]) -> tuple[int, int]:
 
 
 def possible(dark_elsewhere: bool, person_m: tuple[float, float]) -> np.ndarray:
-    """What may be a shadow in the first camera, where the others see all dark, or all lit."""
-    dark = [np.full(camera.size[::-1], dark_elsewhere) for camera in RIG]
+    """What may be a shadow in the first camera, all dark, where the others are, or are all lit."""
+    dark = [np.full(camera.size[::-1], dark_elsewhere or not c) for c, camera in enumerate(RIG)]
     return SHADOWS.possible(dark, np.array(person_m))[0]
 
 
