@@ -186,11 +186,15 @@ class Camera:
 class Rig:
     """Cameras calibrated in one world, accessible by name.
 
+    Attributes:
+        notes: What its file holds and the rig does not, for messages.
+
     Raises:
         ValueError: No camera, or two of one name.
     """
 
     cameras: tuple[Camera, ...]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
