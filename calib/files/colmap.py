@@ -50,7 +50,7 @@ def read_colmap(source: Source) -> Rig:
                 f"{name} is missing: COLMAP's text model is {' and '.join(_FILES)}; `colmap"
                 " model_converter --output_type TXT` makes it of a binary one"
             )
-    lenses = {row[0]: row for row in _rows(folder / _FILES[0])}
+    lenses = {row[0]: row for row in _rows(folder / _FILES[0]) if row}
     # Every second line lists a picture's points, and may be empty.
     poses = _rows(folder / _FILES[1])[::2]
     if any(len(row) < 10 for row in poses):

@@ -241,7 +241,8 @@ def test_metashape_fisheyes_and_mistakes(tmp_path):
 
 def vicon(path: Path, more: str = "", radial="Vicon3Parameter 318 244 2e-8 1e-14 0") -> Path:
     cameras = '<Camera DEVICEID="9" TYPE="Vero2.2" SENSOR_SIZE="2048 1088"><KeyFrames><KeyFrame'
-    cameras += ' POSITION="0 0 0" ORIENTATION="0 0 0 1" FOCAL_LENGTH="1" PRINCIPAL_POINT="0 0"/></KeyFrames></Camera>'
+    cameras += ' POSITION="0 0 0" ORIENTATION="0 0 0 1"'
+    cameras += ' FOCAL_LENGTH="1" PRINCIPAL_POINT="0 0"/></KeyFrames></Camera>'
     for number, name in enumerate(NAMES):
         where = " ".join(map(str, 1000 * CENTRES[number]))
         turned = " ".join(map(str, TURNS[number].as_quat()))
@@ -260,7 +261,7 @@ def test_vicon_maps_distorted_pixels_to_ideal_ones(tmp_path):
     rig = read_rig(path)
     assert rig.names == NAMES
     assert rig.notes == (f"{path}: left out cameras for markers: 9 (Vero2.2)",)
-    assert read_rig(path, cameras=["9", "left"]).names == ("9", "left")
+    assert read_rig(path, cameras=["9", "left"]).names == ("9", *NAMES)
     pixels = np.array([[10.0, 20.0], [600, 30], [318, 244], [100, 400], [630, 470]])
     off = pixels - [318, 244]
     r = (off**2).sum(axis=1, keepdims=True)
