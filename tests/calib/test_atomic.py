@@ -191,6 +191,26 @@ def test_leftovers_of_killed_processes_are_removed_and_nothing_else(tmp_path):
     ]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows locks otherwise")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_a_file_system_without_locks_keeps_others_away_all_the_same(tmp_path, monkeypatch, number):
+    def none(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with claimed(tmp_path / "walk"):
+        with (
+            pytest.raises(InputError, match=r"another process is writing .*walk"),
+            claimed(tmp_path / "walk"),
+        ):
+            pass
+        with claimed(tmp_path / "other"):
+            pass
+    with claimed(tmp_path / "walk"):
+        pass
+    assert names(tmp_path) == []
+
+
 def test_a_name_that_is_too_long_is_one_line(tmp_path):
     with (
         pytest.raises(InputError, match=r"cannot be written: .*[Nn]ame too long"),
