@@ -239,7 +239,7 @@ def test_metashape_fisheyes_and_mistakes(tmp_path):
     assert "camera left: has a lens and no position" in refusal(path, unit="m")
 
 
-def vicon(path: Path, more: str = "", radial="Vicon3Parameter 318 244 2e-8 1e-14 0") -> Path:
+def vicon(path: Path, more: str = "", radial="Vicon3Parameter 318 244 8e-8 1e-14 0") -> Path:
     cameras = '<Camera DEVICEID="9" TYPE="Vero2.2" SENSOR_SIZE="2048 1088"><KeyFrames><KeyFrame'
     cameras += ' POSITION="0 0 0" ORIENTATION="0 0 0 1"'
     cameras += ' FOCAL_LENGTH="1" PRINCIPAL_POINT="0 0"/></KeyFrames></Camera>'
@@ -265,7 +265,7 @@ def test_vicon_maps_distorted_pixels_to_ideal_ones(tmp_path):
     pixels = np.array([[10.0, 20.0], [600, 30], [318, 244], [100, 400], [630, 470]])
     off = pixels - [318, 244]
     r = (off**2).sum(axis=1, keepdims=True)
-    ideal = [318, 244] + off * (1 + 2e-8 * r + 1e-14 * r**2)
+    ideal = [318, 244] + off * (1 + 8e-8 * r + 1e-14 * r**2)
     assert np.abs(ideal - pixels).max() > 1
     rays = np.column_stack([(ideal - [315, 242]) / 600, np.ones(len(pixels))])
     for number, camera in enumerate(rig):
