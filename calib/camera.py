@@ -230,8 +230,10 @@ class Rig:
         """Returns the rig of the named cameras, in that order.
 
         Raises:
-            InputError: A name is not in the rig.
+            InputError: A name is not in the rig, or there is none.
         """
+        if not names:
+            raise InputError(f"no camera is chosen: the rig has {', '.join(self.names)}")
         missing = [name for name in names if name not in self.names]
         if missing:
             raise InputError(
