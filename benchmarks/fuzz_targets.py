@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks import calibration_fuzz_targets as calibrations
 from benchmarks import library_fuzz_targets as libraries
 from benchmarks import rig_fuzz_targets as rigs
 from benchmarks.mutations import (
@@ -139,6 +140,29 @@ def _use_cameras(rig: Rig) -> None:
 def _rig_target(name: str, mutation: Mutation, **options) -> FuzzTarget:
     make = partial(_make_rig, name=name, **options)
     return FuzzTarget(make, {name: mutation}, partial(_use_rig, name=name))
+
+
+def _use_foreign(folder: Path, thorough: bool, name: str, unit: str = "m") -> None:
+    """Reads a calibration that may lack unit, size and positions."""
+    path = folder / name
+    if thorough:
+        command("calibrate", "convert", path, folder / "out.toml", "--overwrite", "--unit", unit)
+        return
+    for lenses in (True, False):
+        rig = read_rig(path, unit, (1280, 720), lenses=lenses)
+        _use_cameras(rig)
+    write_rig(rig, folder / "out.toml")
+
+
+def _use_lens(folder: Path, thorough: bool) -> None:
+    """Reads a lens without a position."""
+    _use_cameras(read_rig(folder / "rig.json", size=(1280, 720), lenses=True))
+
+
+def _foreign(
+    make: Callable[[Path], None], name: str, mutation: Mutation, unit: str = "m"
+) -> FuzzTarget:
+    return FuzzTarget(make, {name: mutation}, partial(_use_foreign, name=name, unit=unit))
 
 
 def _make_folder(folder: Path) -> None:
@@ -485,6 +509,16 @@ TARGETS: dict[str, FuzzTarget] = {
         {"easymocap/intri.yml": any_text, "easymocap/extri.yml": any_text},
         partial(_use_rig, name="easymocap"),
     ),
+    "colmap": FuzzTarget(
+        calibrations.write_colmap,
+        {"model/cameras.txt": any_text, "model/images.txt": any_text},
+        partial(_use_foreign, name="model"),
+    ),
+    "nerfstudio": _foreign(calibrations.write_nerfstudio, "rig.json", any_json),
+    "metashape": _foreign(calibrations.write_metashape, "rig.xml", any_text),
+    "vicon": _foreign(calibrations.write_vicon, "rig.xcp", any_text, "mm"),
+    "kinect": FuzzTarget(calibrations.write_kinect, {"rig.json": any_json}, _use_lens),
+    "opencap": _foreign(calibrations.write_opencap, "rig.json", any_json, "mm"),
     "points": FuzzTarget(_make_points, {"points.csv": any_table}, _use_points),
     "bvh": FuzzTarget(_make_bvh, {"clip.bvh": any_text}, partial(_use_clip, name="clip.bvh")),
     "exponential-map": FuzzTarget(

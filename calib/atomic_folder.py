@@ -6,12 +6,13 @@ import os
 import re
 import shutil
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
-from filelock import FileLock, Timeout
+from filelock import FileLock, SoftFileLock, Timeout
 
 from calib.atomic import (
     announce,
@@ -25,7 +26,9 @@ from calib.atomic import (
 from calib.errors import InputError
 
 _LEFTOVER = r"{name}\.(?P<kind>partial|old)-\d+-[0-9a-f]{{8}}"
-_LOCK = ".{name}.lock"
+_LOCK, _SOFT_LOCK = ".{name}.lock", ".{name}.softlock"
+# Network file systems without a lock service; None is of filelock's own refusal.
+_WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, None)
 _HERE = -100  # AT_FDCWD: paths from the working folder
 _EXCHANGE = 2  # RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
 
@@ -34,18 +37,26 @@ _EXCHANGE = 2  # RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
 def claimed(path: Path) -> Iterator[None]:
     """Holds the right to write a file or folder, which one process at a time has.
 
-    A lock beside it, `.NAME.lock`, which ends with the process however that ends.
+    A lock beside it, `.NAME.lock`, which ends with the process however that ends; where the file
+    system has no locks, a file `.NAME.softlock`, which a killed process may leave.
 
     Raises:
         InputError: another process is writing it, or the lock cannot be made.
     """
     lock = FileLock(path.with_name(_LOCK.format(name=path.name)), timeout=0)
+    soft = SoftFileLock(path.with_name(_SOFT_LOCK.format(name=path.name)), timeout=0)
+    remedy = "wait for its end, or choose another name"
     try:
-        lock.acquire()
+        try:
+            with warnings.catch_warnings(action="ignore"):  # filelock's own soft lock
+                lock.acquire()
+        except (OSError, NotImplementedError) as error:
+            if isinstance(error, Timeout) or getattr(error, "errno", None) not in _WITHOUT_LOCKS:
+                raise
+            remedy += f"; if it was killed, remove {soft.lock_file}"
+            soft.acquire()
     except Timeout:
-        raise InputError(
-            f"another process is writing {path}: wait for its end, or choose another name"
-        ) from None
+        raise InputError(f"another process is writing {path}: {remedy}") from None
     except OSError as error:
         raise unwritable(path, error) from error
     try:
@@ -54,6 +65,7 @@ def claimed(path: Path) -> Iterator[None]:
         with suppress(OSError):  # before it is released: a lock without a name counts for nobody
             Path(lock.lock_file).unlink()
         lock.release()
+        soft.release()
         with suppress(OSError):  # where a file in use cannot be removed
             if os.name == "nt":
                 Path(lock.lock_file).unlink()

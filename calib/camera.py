@@ -186,11 +186,15 @@ class Camera:
 class Rig:
     """Cameras calibrated in one world, accessible by name.
 
+    Attributes:
+        notes: What its file holds and the rig does not, for messages.
+
     Raises:
         ValueError: No camera, or two of one name.
     """
 
     cameras: tuple[Camera, ...]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
@@ -226,8 +230,10 @@ class Rig:
         """Returns the rig of the named cameras, in that order.
 
         Raises:
-            InputError: A name is not in the rig.
+            InputError: A name is not in the rig, or there is none.
         """
+        if not names:
+            raise InputError(f"no camera is chosen: the rig has {', '.join(self.names)}")
         missing = [name for name in names if name not in self.names]
         if missing:
             raise InputError(

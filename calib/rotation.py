@@ -17,6 +17,11 @@ def rodrigues_from_matrix(rotation: ArrayLike) -> FloatArray:
     return Rotation.from_matrix(rotation).as_rotvec()
 
 
+def matrix_from_quaternion(wxyz: ArrayLike) -> FloatArray:
+    """Rotation matrix (3, 3) of a quaternion (4,) w, x, y, z of any length but 0."""
+    return Rotation.from_quat(np.roll(np.asarray(wxyz, dtype=np.float64), -1)).as_matrix()
+
+
 def nearest_rotation(matrix: ArrayLike) -> FloatArray:
     """Rotation (3, 3) nearest to a matrix (3, 3) in the least-squares sense, by SVD."""
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=np.float64))

@@ -3,14 +3,33 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 # Waiting threads sleep: spinning ones would occupy the cores that video decoding needs.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import cv2
 import numba
+from numba.core.caching import FunctionCache
 
 from calib.errors import InputError
+from calib.private_folder import private_folder
+
+
+def _cache_folder() -> tuple[Path, bool]:
+    """Folder of the compiled kernels, and whether it is a temporary one, where neither
+    NUMBA_CACHE_DIR nor the installation nor the user's cache folder can be written.
+    """
+    try:
+        return Path(FunctionCache(_cache_folder).cache_path).parent, False
+    except RuntimeError:  # numba finds no place
+        folder = str(private_folder() / "compiled")
+        os.environ["NUMBA_CACHE_DIR"] = folder  # for processes that this one begins
+        numba.config.CACHE_DIR = folder  # type: ignore[attr-defined]
+        return Path(folder), True
+
+
+CACHE, CACHE_IS_TEMPORARY = _cache_folder()
 
 # error_model "numpy": no division checks. nogil: kernels may run in parallel with video decoding.
 # fastmath stays off, so that results are the same on every machine of one architecture and for

@@ -7,12 +7,15 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
+from multiprocessing.context import SpawnContext, SpawnProcess
+from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
 from calib.errors import InputError
@@ -20,6 +23,29 @@ from silhouette_core.jit import set_threads
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+
+class _ProcessWithoutMain(SpawnProcess):
+    """Process that does not run the main script again, which may have no `if __name__ ==
+    "__main__"` and would begin processes without end: what processes do here is in modules.
+    """
+
+    def start(self) -> None:
+        """Begins the process."""
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Spawn(SpawnContext):
+    Process = _ProcessWithoutMain
+
+
+SPAWN = _Spawn()
+"""How processes begin: spawned, since threads of numba and OpenCV do not survive a fork."""
 
 
 class WorkerEndedError(InputError):
@@ -186,11 +212,9 @@ def open_workers(
     elif processes == 1 and not apart:
         yield OwnProcess()
     else:
-        # Spawned, not forked: threads of numba and OpenCV do not survive a fork.
-        context = multiprocessing.get_context("spawn")
         prepare = None if processes == 1 else _one_thread
         others = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(processes, context, prepare) as pool:
+        with ProcessPoolExecutor(processes, SPAWN, prepare) as pool:
             try:
                 yield Processes(pool, ahead * processes)
             except WorkerEndedError:

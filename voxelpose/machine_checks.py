@@ -127,18 +127,16 @@ def _compiled() -> _Finding:
 
 
 def _cache() -> _Finding:
-    import silhouette_core
+    from silhouette_core import jit
 
-    folders = [os.environ.get("NUMBA_CACHE_DIR", ""), str(Path(silhouette_core.__file__).parent)]
-    for folder in filter(None, folders):
-        parents = (Path(folder), *Path(folder).parents)
-        if os.access(next(parent for parent in parents if parent.exists()), os.W_OK):
-            return "works", folder, ""
+    if not jit.CACHE_IS_TEMPORARY:
+        return "works", str(jit.CACHE), ""
     remedy = (
-        "set NUMBA_CACHE_DIR to a folder that you may write to; otherwise every command compiles"
-        " again, for about a minute"
+        "set NUMBA_CACHE_DIR to a lasting folder that you may write to; otherwise the program is"
+        " compiled again, for about a minute, whenever temporary files were removed"
     )
-    return "limited", f"{folders[-1]} cannot be written", remedy
+    found = f"{jit.CACHE}: neither the installation nor the home folder can be written"
+    return "limited", found, remedy
 
 
 def _video() -> _Finding:

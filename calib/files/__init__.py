@@ -5,7 +5,8 @@ that does not state its unit is refused unless the caller states it.
 """
 
 import os
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,11 +15,17 @@ from calib.camera import Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
+from calib.files.colmap import is_colmap, read_colmap
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
+from calib.files.kinect import read_kinect
+from calib.files.metashape import read_metashape
+from calib.files.nerfstudio import read_nerfstudio
+from calib.files.opencap import is_opencap, read_opencap
 from calib.files.opencv import read_opencv, read_opencv_folder, write_opencv
 from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys
+from calib.files.vicon import read_vicon
 
 
 class RigFormat(NamedTuple):
@@ -26,12 +33,12 @@ class RigFormat(NamedTuple):
 
     Attributes:
         read: Reads a file or folder of this format.
-        write: Writes a rig, in metres.
+        write: Writes a rig, in metres; None where the format is only read.
         suffixes: Suffixes by which `write_rig` chooses this format.
     """
 
     read: Callable[[Source], Rig]
-    write: Callable[..., None]
+    write: Callable[..., None] | None = None
     suffixes: tuple[str, ...] = ()
 
 
@@ -42,27 +49,43 @@ RIG_FORMATS = {
     "qualisys": RigFormat(read_qualisys, write_qualisys, (".txt",)),
     "easymocap": RigFormat(read_easymocap, write_easymocap, ("",)),
     "projections": RigFormat(read_projections, write_projections),
+    "colmap": RigFormat(read_colmap),
+    "nerfstudio": RigFormat(read_nerfstudio),
+    "metashape": RigFormat(read_metashape),
+    "vicon": RigFormat(read_vicon),
+    "kinect": RigFormat(read_kinect),
+    "opencap": RigFormat(read_opencap),
 }
+WRITTEN = tuple(name for name, form in RIG_FORMATS.items() if form.write is not None)
+"""Names of the formats that are written."""
 _BY_SUFFIX = {suffix: name for name, form in RIG_FORMATS.items() for suffix in form.suffixes}
 
 
 def read_rig(
-    path: str | os.PathLike[str], unit: str | None = None, size: tuple[int, int] | None = None
+    path: str | os.PathLike[str],
+    unit: str | None = None,
+    size: tuple[int, int] | None = None,
+    cameras: Sequence[str] | None = None,
+    lenses: bool = False,
 ) -> Rig:
     """Reads a calibration of any known format, in metres.
 
     Args:
         path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
-            matrices, Qualisys .qca.txt), or a folder (EasyMocap's intri.yml and extri.yml, or one
-            OpenCV file per camera).
+            matrices, nerfstudio's, OpenCap's and Kinect's JSON, Qualisys .qca.txt, Vicon .xcp,
+            Metashape's XML), or a folder (EasyMocap's intri.yml and extri.yml, COLMAP's text model,
+            or one OpenCV file per camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
+        cameras: Names of the cameras that are wanted; None for all. Others may be left out of the
+            rig, and are where they have a lens and no position.
+        lenses: Whether lenses alone are wanted: a camera without a position stands in the origin.
 
     Raises:
         InputError: The file is missing, of no known format, incomplete or wrong; the message is
             one line with the mistake and its remedy.
     """
-    source = Source(Path(path), unit, size)
+    source = Source(Path(path), unit, size, cameras, lenses)
     return _reader(source)(source)
 
 
@@ -91,20 +114,23 @@ def write_rig(
                 f"{target}: no calibration format has the suffix {target.suffix!r}: use"
                 f" {', '.join(filter(None, _BY_SUFFIX))}"
             )
-    if style not in RIG_FORMATS:
-        raise InputError(f"no calibration format {style!r}: choose one of {', '.join(RIG_FORMATS)}")
+    write = RIG_FORMATS[style].write if style in RIG_FORMATS else None
+    if write is None:
+        raise InputError(f"no calibration format {style!r}: choose one of {', '.join(WRITTEN)}")
     options = {"notes": notes} if notes and style == "anipose" else {}
     if style == "easymocap":  # a folder, whose files it replaces itself
         write_easymocap(rig, target)
         return
     with replacing(target) as partial:
-        RIG_FORMATS[style].write(rig, partial, **options)
+        write(rig, partial, **options)
 
 
 def _reader(source: Source) -> Callable[[Source], Rig]:
     """Returns the reader that fits the content."""
     if is_easymocap(source.path):
         return read_easymocap
+    if is_colmap(source.path):
+        return read_colmap
     if source.path.is_dir():
         return read_opencv_folder
     if not source.path.exists():
@@ -114,7 +140,9 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv
     if start.startswith("<"):
-        return read_qualisys
+        root = re.search(r"<(?![?!])([\w.-]*)", start)
+        readers = {"document": read_metashape, "Cameras": read_vicon}
+        return readers.get(root[1] if root else "", read_qualisys)
     if start[:1] in ("{", "["):
         try:
             content = parse_json(text, source.path)
@@ -122,7 +150,23 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
             if start.startswith("{"):
                 raise
         else:
-            if isinstance(content, list) or "projections" in content:
-                return read_projections
-            return read_json if "cameras" in content else read_opencv
+            return _reader_of_json(content)
     return read_anipose
+
+
+def _reader_of_json(content: Any) -> Callable[[Source], Rig]:
+    """Returns the reader that fits the content of JSON."""
+    if isinstance(content, list):
+        return read_projections
+    readers = {
+        "projections": read_projections,
+        "cameras": read_json,
+        "frames": read_nerfstudio,
+        "CalibrationInformation": read_kinect,
+    }
+    for key, reader in readers.items():
+        if key in content:
+            return reader
+    if isinstance(content.get("intrinsic_matrix"), list) and {"width", "height"} <= content.keys():
+        return read_kinect
+    return read_opencap if is_opencap(content) else read_opencv

@@ -7,7 +7,8 @@ translation, optionally fisheye; then `[metadata]`. The variants that are read:
   omit `fisheye` if false;
 - Pose2Sim names tables after cameras and writes sizes as floats;
 - Caliscope has `[cameras.N]` or `[cam_N]` with `port` or `cam_id` in place of `name`, the rotation
-  as a 3x3 matrix, `ignore = true` for excluded cameras, and tables of its own.
+  as a 3x3 matrix, none and no translation for a camera that is not located yet, `ignore = true`
+  for excluded cameras, and tables of its own.
 
 None of them states a unit; ours is `[metadata] unit = "m"`. Tables without any camera key, and
 unknown keys, are ignored. On writing, tables are named after cameras and rotations are
@@ -52,7 +53,9 @@ def read_anipose(source: Source) -> Rig:
         return source.rig([])
     metadata = content.get("metadata")
     metadata = metadata if isinstance(metadata, dict) else {}
-    metres = source.metres_per_unit(metadata.get("unit", metadata.get("units")), _REMEDY)
+    stated = metadata.get("unit", metadata.get("units"))
+    lengths = stated or any("translation" in table for table in cameras.values())
+    metres = source.metres_per_unit(stated, _REMEDY) if lengths else 1
     return source.rig(
         [
             source.camera(str(table.get("name", key)), table, metres)

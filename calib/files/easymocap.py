@@ -8,6 +8,7 @@ given by the caller.
 
 import re
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def read_easymocap(source: Source) -> Rig:
         InputError: A file is missing, or a camera in it is incomplete or wrong.
     """
     folder = source.path if source.path.is_dir() else source.path.parent
-    folder_source = Source(folder, source.unit, source.size)
+    folder_source = replace(source, path=folder)
     missing = [name for name in _FILES if not (folder / name).is_file()]
     if missing:
         raise folder_source.error(

@@ -1,15 +1,15 @@
 """Common parts of the calibration formats: units, validated numbers, and error messages."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
 from calib.errors import InputError
-from calib.rotation import matrix_from_rodrigues, nearest_rotation
+from calib.rotation import matrix_from_quaternion, matrix_from_rodrigues, nearest_rotation
 
 METRES = {"m": 1, "cm": 1 / 100, "mm": 1 / 1000}
 _REMEDY = "mend the file or calibrate this camera again"
@@ -19,6 +19,7 @@ _FARTHEST_M = 100_000
 _LONGEST_SIDE_PX = 30_000
 _LARGEST_IMAGE_PX = 100_000_000
 _LONGEST_NAME = 200
+_PICTURES = frozenset(".jpg .jpeg .png .tif .tiff .bmp .webp .mp4 .mov .avi .mkv".split())
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,16 @@ class Source:
     Attributes:
         unit: Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None.
         size: Image (width, height), px, as given by the caller, or None.
+        cameras: Names of the cameras that are wanted; None for all. One that is not may lack its
+            position.
+        lenses: Whether lenses alone are wanted: positions and the unit may be missing.
     """
 
     path: Path
     unit: str | None = None
     size: tuple[int, int] | None = None
+    cameras: Sequence[str] | None = None
+    lenses: bool = False
 
     def error(self, message: str, camera: str | None = None) -> InputError:
         """Error with a message of one line that names the file and the camera."""
@@ -49,6 +55,8 @@ class Source:
             InputError: No unit is given, it is unknown, or the file and the caller differ.
         """
         unit = self.unit if stated is None else stated
+        if unit is None and self.lenses:
+            return 1
         if unit is None:
             raise self.error(
                 f"in which unit are its lengths? {remedy} or pass --unit m|cm|mm (Pose2Sim writes"
@@ -96,8 +104,8 @@ class Source:
             )
         return array.reshape(-1 if shape is None else shape)
 
-    def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera:
-        """Camera from raw values.
+    def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera | None:
+        """Camera from raw values; None where it has no position and is not wanted.
 
         Args:
             values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation`
@@ -107,6 +115,10 @@ class Source:
         Raises:
             InputError: A value is missing or wrong.
         """
+        if values.get("rotation") is None and values.get("translation") is None:
+            if not self.lenses:
+                return self._unposed(name)
+            values = {**values, "rotation": np.eye(3), "translation": np.zeros(3)}
         size = self.image_size(name, values.get("size"))
         matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
         shortest_px = min(matrix[0, 0], matrix[1, 1])
@@ -140,6 +152,53 @@ class Source:
         except ValueError as error:
             raise self.error(f"{str(error)[:300]}: {_REMEDY}") from None
 
+    def _unposed(self, name: str) -> None:
+        """Refuses a camera without a position, unless it is left out."""
+        if self.cameras is None or name in self.cameras:
+            raise self.error(
+                "has a lens and no position: `voxelpose calibrate extrinsics --intrinsics"
+                f" {self.path}` finds positions; or leave it out with --cameras",
+                name,
+            )
+
+    def lens(
+        self,
+        camera: str,
+        values: Mapping[str, object],
+        fisheye: bool = False,
+        first_pixel: float = 0.0,
+    ) -> dict[str, Any]:
+        """Matrix and distortion of a lens whose numbers have names, as `camera` takes them.
+
+        Args:
+            values: `fx`, `fy`, `cx`, `cy`, px, or one focal length `f`; optionally `skew`, px, and
+                OpenCV's terms `k1`, `p1` ...
+            first_pixel: Where the centre of the first pixel lies, px: 0.5 where the image begins
+                at its corner.
+
+        Raises:
+            InputError: A number is missing or none.
+        """
+        terms = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
+        more = () if fisheye else ("k4", "k5", "k6")
+        number = {
+            key: self.numbers(camera, key, values.get(key, missing), (1,))[0]
+            for keys, missing in ((("cx", "cy"), None), (("skew", *terms, *more), 0))
+            for key in keys
+        }
+        fx, fy = (
+            self.numbers(camera, key, values.get(key, values.get("f")), (1,))[0]
+            for key in ("fx", "fy")
+        )
+        centre = number["cx"] - first_pixel, number["cy"] - first_pixel
+        if any(number[key] for key in more):
+            terms += more
+        return {
+            "matrix": [[fx, number["skew"], centre[0]], [0, fy, centre[1]], [0, 0, 1]],
+            "distortions": [number[key] for key in terms],
+            "fisheye": fisheye,
+        }
+
     def rotation(self, camera: str, value: object) -> FloatArray:
         """Rotation (3, 3) from a Rodrigues vector (3 numbers, rad) or from a rounded matrix."""
         numbers = self.numbers(camera, "rotation", value)
@@ -167,6 +226,13 @@ class Source:
         # An exact rotation is kept as it is, to preserve its last digits.
         return rotation if error > 1e-12 else given
 
+    def quaternion(self, camera: str, wxyz: object) -> FloatArray:
+        """Rotation (3, 3) from a quaternion w, x, y, z, rounded or of another length."""
+        numbers = self.numbers(camera, "quaternion", wxyz, (4,))
+        if not numbers.any():
+            raise self.error(f"quaternion 0 0 0 0 is no rotation: {_REMEDY}", camera)
+        return matrix_from_quaternion(numbers)
+
     def image_size(self, camera: str, value: object) -> tuple[int, int]:
         """Image (width, height), from the file or else from the caller."""
         if value is None:
@@ -186,8 +252,13 @@ class Source:
             )
         return int(width), int(height)
 
-    def rig(self, cameras: list[Camera]) -> Rig:
+    def rig(self, found: Sequence[Camera | None], notes: Sequence[str] = ()) -> Rig:
         """Rig of the cameras; an error if there is none or two share a name."""
+        cameras = [camera for camera in found if camera is not None]
+        if found and not cameras:
+            raise self.error(
+                f"none of {', '.join(self.cameras or ())} is in it with a position: choose others"
+            )
         if not cameras:
             raise self.error(
                 "no camera in it: expected at least one with matrix, distortions, rotation and"
@@ -197,7 +268,7 @@ class Source:
             if not name.strip() or len(name) > _LONGEST_NAME or not name.isprintable():
                 raise self.error(f"{brief(name)} is no camera's name: rename it")
         try:
-            return Rig(tuple(cameras))
+            return Rig(tuple(cameras), tuple(notes))
         except ValueError as error:
             raise self.error(f"{error}: give every camera its own name") from None
 
@@ -213,6 +284,38 @@ def camera_values(camera: Camera) -> dict[str, Any]:
         "translation": camera.translation.tolist(),
         "fisheye": camera.fisheye,
     }
+
+
+def names_of_pictures(pictures: Sequence[str]) -> list[str]:
+    """Names of cameras by their pictures: the file names without endings, or where those repeat
+    (cam_1/0001.png, cam_2/0001.png) the folders'.
+    """
+    paths = [PureWindowsPath(picture) for picture in pictures]
+    names = [path.stem if path.suffix.lower() in _PICTURES else path.name for path in paths]
+    return names if len(set(names)) == len(names) else [path.parent.name for path in paths]
+
+
+def video_cameras(
+    source: Source, kinds: Mapping[str, str], filming: Collection[str], unused: Collection[str]
+) -> tuple[list[str], list[str]]:
+    """Names of the cameras to read, of a system with cameras for markers: those that film, all
+    where none does, and any that is asked for by name.
+
+    Args:
+        kinds: Model by the name of every calibrated camera.
+        filming: Those that film.
+        unused: Cameras that are not calibrated or not in use.
+
+    Returns:
+        The names, and notes that list those left out.
+    """
+    asked = set(source.cameras or ())
+    names = [name for name in kinds if name in filming or name in asked or not filming]
+    markers = [f"{name} ({kind})" for name, kind in kinds.items() if name not in names]
+    left = ((markers, "cameras for markers"), (sorted(unused), "cameras that are not calibrated"))
+    return names, [
+        f"{source.path}: left out {what}: {', '.join(which)}" for which, what in left if which
+    ]
 
 
 def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:

@@ -16,6 +16,7 @@ the world into the camera.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,7 @@ def read_opencv_folder(source: Source) -> Rig:
     Raises:
         InputError: No calibration in it, or a camera is incomplete or wrong.
     """
-    cameras: list[Camera] = []
+    cameras: list[Camera | None] = []
     try:
         entries = sorted(source.path.iterdir())
     except OSError as error:
@@ -85,7 +86,7 @@ def read_opencv_folder(source: Source) -> Rig:
     for entry in entries:
         files = [entry] if entry.is_file() else sorted(entry.glob("*")) if entry.is_dir() else []
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
-        inner = [Source(file, source.unit, source.size) for file in files]
+        inner = [replace(source, path=file) for file in files]
         stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
         holding = [(one, content) for one, content in stored if "matrix" in _named(content)]
         if entry.is_dir() and len(holding) > 1:
@@ -160,7 +161,7 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
     return source.metres_per_unit(units[0] if units else None, _REMEDY)
 
 
-def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera:
+def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera | None:
     """Camera from its map."""
     values = _named(content)
     if "size" not in values and {"width", "height"} <= values.keys():

@@ -11,7 +11,8 @@ What QTM writes, and how it is converted:
   by 64; a TOML that comes from there has next to no distortion.)
 - `viewrotation` rotates only QTM's own display and is ignored.
 
-Marker cameras are left out where there are video cameras. The unit is always mm.
+Marker cameras are left out where there are cameras that film by their model: Video, Hybrid,
+colour, an Oqus with a c (210c). The unit is always mm.
 """
 
 import re
@@ -23,9 +24,10 @@ import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
-from calib.files.fields import Source, five_distortion_numbers
+from calib.files.fields import Source, five_distortion_numbers, video_cameras
 
 _SUBPIXELS = 64
+_FILMING = re.compile(r"video|hybrid|colou?r|\dc\b", re.IGNORECASE)
 _FLIP = np.diag([1, -1, -1])
 _DISTORTION = (
     "radialDistortion1",
@@ -43,16 +45,25 @@ def read_qualisys(source: Source) -> Rig:
         InputError: The file is no QTM calibration, or a camera in it is incomplete or wrong.
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    stated = root.attrib and root.find(".//fov_video") is not None
+    if not stated and root.find(".//intrinsic") is not None:
+        raise source.error(
+            "looks like Theia's: no qtm-version, or no <fov_video>; its transforms differ from"
+            " QTM's, and how it counts pixels is not known here: export from QTM or Nexus"
+        )
     metres = source.metres_per_unit("mm", "QTM writes mm")
-    active = [camera for camera in root.iter("camera") if camera.get("active", "1") != "0"]
-    video = [
-        camera
-        for camera in active
-        if "video" in camera.get("model", "").lower() or camera.get("model") == "none"
-    ]
-    return source.rig(
-        [_camera(source, index, element, metres) for index, element in enumerate(video or active)]
-    )
+    found = {
+        element.get("serial") or f"cam_{number}": element
+        for number, element in enumerate(root.iter("camera"), start=1)
+    }
+    kinds = {
+        name: element.get("model", "")
+        for name, element in found.items()
+        if element.get("active", "1") != "0" and element.get("calibrated", "true") != "false"
+    }
+    filming = [name for name, kind in kinds.items() if _FILMING.search(kind) or kind == "none"]
+    names, notes = video_cameras(source, kinds, filming, found.keys() - kinds.keys())
+    return source.rig([_camera(source, name, found[name], metres) for name in names], notes)
 
 
 def write_qualisys(rig: Rig, path: Path) -> None:
@@ -100,9 +111,10 @@ def write_qualisys(rig: Rig, path: Path) -> None:
     path.write_bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")
 
 
-def _camera(source: Source, index: int, element: ElementTree.Element, metres: float) -> Camera:
+def _camera(
+    source: Source, name: str, element: ElementTree.Element, metres: float
+) -> Camera | None:
     """Camera from its element."""
-    name = element.get("serial") or f"cam_{index + 1}"
 
     def numbers(tag: str, keys: Iterable[str], missing: str | None = None) -> FloatArray:
         child = element.find(tag)

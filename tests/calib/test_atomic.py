@@ -11,7 +11,7 @@ from calib import atomic, atomic_folder
 from calib.atomic import replacing, write_whole, written_paths
 from calib.atomic_folder import FolderWriter, claimed, remove_leftovers
 from calib.errors import InputError
-from calib.files import RIG_FORMATS, write_rig
+from calib.files import RIG_FORMATS, WRITTEN, write_rig
 from tests.calib.rigs import PINHOLE, some_rig
 
 GONE = "2147483000"  # no process has this number
@@ -66,7 +66,7 @@ def test_of_two_files_neither_is_replaced_unless_both_are_complete(tmp_path):
     assert names(tmp_path) == ["a"]
 
 
-@pytest.mark.parametrize("style", RIG_FORMATS)
+@pytest.mark.parametrize("style", WRITTEN)
 def test_no_calibration_is_lost_to_a_full_disk(tmp_path, monkeypatch, style):
     path = tmp_path / f"rig{(RIG_FORMATS[style].suffixes or ('.json',))[0]}"
     write_rig(some_rig(PINHOLE), path, style)
@@ -189,6 +189,26 @@ def test_leftovers_of_killed_processes_are_removed_and_nothing_else(tmp_path):
         f"busy.partial-{GONE}-0123abcd",
         "walk.partial-of-mine",
     ]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows locks otherwise")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_a_file_system_without_locks_keeps_others_away_all_the_same(tmp_path, monkeypatch, number):
+    def none(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with claimed(tmp_path / "walk"):
+        with (
+            pytest.raises(InputError, match=r"another process is writing .*walk"),
+            claimed(tmp_path / "walk"),
+        ):
+            pass
+        with claimed(tmp_path / "other"):
+            pass
+    with claimed(tmp_path / "walk"):
+        pass
+    assert names(tmp_path) == []
 
 
 def test_a_name_that_is_too_long_is_one_line(tmp_path):

@@ -215,6 +215,8 @@ def test_rig_finds_and_selects_by_name():
     assert rig.select(["c", "a"]).names == ("c", "a")
     with pytest.raises(InputError, match="no calibration for d: the rig has a, b, c"):
         rig.select(["a", "d"])
+    with pytest.raises(InputError, match="no camera is chosen: the rig has a, b, c"):
+        rig.select([])
     with pytest.raises(KeyError, match="no camera 'd' among a, b, c"):
         rig["d"]
     with pytest.raises(ValueError, match="more than once: a"):

@@ -2,8 +2,11 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import Future
+from pathlib import Path
 
 import pytest
 
@@ -89,3 +92,25 @@ def test_no_process_that_misses_the_pools_signal_is_waited_for(tmp_path):
         started = time.monotonic()
         list(workers.run(run, [(ended_once_busy, flag), (deaf, flag)]))
     assert time.monotonic() - started < 45  # the other one sleeps for a minute
+
+
+SCRIPT = """
+from silhouette_core.workers import open_workers
+print("begun", flush=True)
+with open_workers(2) as workers:
+    print(sorted(workers.run(abs, [-1, -2, -3])))
+"""
+
+
+def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
+    (tmp_path / "plain.py").write_text(SCRIPT)
+    root = Path(__file__).resolve().parents[2]
+    ended = subprocess.run(
+        [sys.executable, tmp_path / "plain.py"],
+        env=os.environ | {"PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert ended.stdout == "begun\n[(0, 1), (1, 2), (2, 3)]\n", ended.stderr
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -85,6 +85,12 @@ def test_dancer8_is_the_body_that_was_published_with_it(shared, tmp_path):
     np.testing.assert_allclose(published.max(axis=0)[:2], vertices.max(axis=0)[:2], atol=0.02)
 
 
+def test_the_hull_of_walk4_can_be_printed(shared, tmp_path):
+    carve_recording(shared / "data" / "walk4", tmp_path / "hull.ply")
+    mesh = trimesh.load(tmp_path / "hull.ply")
+    assert mesh.is_watertight and mesh.is_volume
+
+
 def test_standing4_is_a_man_and_a_board(standing4):
     hull = carve_recording(
         standing4, settings=CarveSettings(voxel_size_m=0.02, rule=CarveRule(tolerance=0))

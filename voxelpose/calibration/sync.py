@@ -344,7 +344,7 @@ def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
     """Offsets from the speed of a carried board."""
     lenses, path = settings.lenses, calibration_path(films.folder)
     if lenses is None and path is not None:
-        lenses = read_rig(path, settings.unit)
+        lenses = read_rig(path, settings.unit, lenses=True)
     if settings.board is None or lenses is None:
         raise InputError(
             "how fast a board moves is seen through known lenses: give --intrinsics, as written by"

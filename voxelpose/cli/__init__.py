@@ -17,6 +17,7 @@ from typing import Any
 
 from calib.atomic import written_paths
 from calib.errors import InputError, check_name
+from calib.private_folder import private_folder
 from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {
@@ -116,6 +117,9 @@ def run(arguments: Sequence[str]) -> int:
             )
         for word in (*rest, Path.cwd()):
             check_name(word)
+        if not os.access(os.path.expanduser("~"), os.W_OK):  # noqa: PTH111, pathlib's raises
+            # matplotlib would make a folder of its own, and say so, every time.
+            os.environ.setdefault("MPLCONFIGDIR", str(private_folder()))
         return _parse(name, rest).run()
     except InputError as error:
         print(f"voxelpose: {message(error)}", file=sys.stderr)

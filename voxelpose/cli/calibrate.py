@@ -107,8 +107,9 @@ class CalibrateConvert:
     help: ClassVar[str] = """Converts a calibration into another format; lengths become metres.
 
 Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
-OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; JSON of cameras or of 3x4 matrices. The
-suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none (EasyMocap).
+OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
+nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4 matrices.
+The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none (EasyMocap).
 
   voxelpose calibrate convert Calib.qca.txt calibration.toml
   voxelpose calibrate convert freemocap.toml calibration.toml --unit mm
@@ -130,6 +131,7 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
     """What becomes z: an axis of IN (-z, y ...), what is up for the cameras, or in --result."""
     result: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
     """Result of a fit with IN, for --up person: up and the floor as found there."""
+    cameras: Cameras = None
     picture: OptionalFile = None
     """PNG to be written: the cameras from above and from the side."""
     overwrite: OverwriteFile = False
@@ -142,7 +144,11 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
 
         refuse_existing([self.out, self.picture], self.overwrite)
         size = self.size and two_numbers(self.size, "--size", "width and height, as in 1920x1080")
-        rig = read_rig(self.source, self.unit, size or None)
+        names = camera_names(self.cameras)
+        rig = read_rig(self.source, self.unit, size or None, names)
+        left_out = rig.notes
+        if names is not None:
+            rig = rig.select(names)
         notes = read_notes(self.source)
         frame = self._upright_frame(rig)
         if frame is not None:
@@ -150,6 +156,8 @@ suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), non
             notes["up"] = "z"
         write_rig(rig, self.out, self.to, notes)
         print(f"{self.out}: {len(rig)} cameras ({', '.join(rig.names)}), in metres")
+        for note in left_out:
+            print(f"note: {note}")
         if frame is not None:
             floor = f", the floor at {frame.floor_m:.2f} m along it" if frame.floor_m else ""
             print(f"z is now up, which was {axis_name(frame.up)}{floor}")

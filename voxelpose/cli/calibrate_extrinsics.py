@@ -53,7 +53,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
     ] = None
     """Folder with a video (or an image) of the board per camera."""
     intrinsics: Annotated[Path, arg(metavar="FILE")]
-    """Calibration of the lenses."""
+    """Calibration of the lenses; positions in it do not count, and may be missing."""
     out: Annotated[Path, arg(metavar="OUT")]
     """Calibration to be written; .toml preserves most."""
     board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
@@ -86,7 +86,8 @@ Next to OUT, an image of the cameras and a report in JSON are written.
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
             refuse_existing([self.out, picture, report], self.overwrite)
-            extrinsics = self._extrinsics(read_rig(self.intrinsics, self.unit), progress)
+            lenses = read_rig(self.intrinsics, self.unit, lenses=True)
+            extrinsics = self._extrinsics(lenses, progress)
         from calib.upright import axis_name, other_up
 
         grounded = self.points is not None or self.floor is not None

@@ -116,7 +116,9 @@ match in time.
                 self.unit,
                 None if self.by == "auto" else self.by,
                 board,
-                None if self.intrinsics is None else read_rig(self.intrinsics, self.unit),
+                None
+                if self.intrinsics is None
+                else read_rig(self.intrinsics, self.unit, lenses=True),
             )
             sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
         print_sync(sync)

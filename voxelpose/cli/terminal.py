@@ -4,15 +4,11 @@ a terminal, plain lines elsewhere.
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import time
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
-
-import silhouette_core
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -145,12 +141,18 @@ class Progress:
 
     def note_compilation(self) -> None:
         """Notes that the first run compiles, where the compilation cache is empty."""
-        cache = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(silhouette_core.__file__).parent)
-        if next(cache.rglob("*.nbi"), None) is None:
+        from silhouette_core import jit
+
+        if next(jit.CACHE.rglob("*.nbi"), None) is None:
             self.note(
                 "first run on this machine: the program is compiled, once; later runs are much"
                 " faster"
             )
+            if jit.CACHE_IS_TEMPORARY:
+                self.note(
+                    f"it is kept in {jit.CACHE}, since neither the installation nor the home"
+                    " folder can be written: NUMBA_CACHE_DIR names a folder that lasts"
+                )
 
     def where(self) -> str:
         """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,6 +28,7 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.tuning import MEASURING
+from silhouette_core.workers import SPAWN
 from voxelpose.live.live_frame import Hypotheses, PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
 from voxelpose.live.remote_object import RemoteObject, begin_process
@@ -142,7 +142,7 @@ class FollowedBody:
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        self._executor = ProcessPoolExecutor(1, get_context("spawn"), begin_process)
+        self._executor = ProcessPoolExecutor(1, SPAWN, begin_process)
         self._follower = PoseFollower(self._pinholes, settings, self._executor)
         self._hull_s = -np.inf
         self._hull: NDArray[np.float32] | None = None

@@ -5,13 +5,13 @@ import signal
 import threading
 import traceback
 from collections.abc import Callable
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.util import Finalize
 from typing import Any
 
 from silhouette_core.jit import set_threads
-from silhouette_core.workers import interrupts_put_off
+from silhouette_core.workers import SPAWN, interrupts_put_off
 
 _CLOSE_S = 10  # after which a process that does not end is killed
 
@@ -28,9 +28,8 @@ class RemoteObject:
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
         """Begins the process, and returns at once."""
-        context = get_context("spawn")
-        self._pipe, there = context.Pipe()
-        self._process = context.Process(target=_serve, args=(there, make, arguments))
+        self._pipe, there = SPAWN.Pipe()
+        self._process = SPAWN.Process(target=_serve, args=(there, make, arguments))
         with interrupts_put_off():
             self._process.start()
         there.close()

@@ -108,15 +108,17 @@ class Recording:
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
             rig = Rig((default_camera(cameras[0], sizes.pop()),))
-            names = tuple(_paths(folder, None)[0])
+            names, notes = tuple(_paths(folder, None)[0]), ()
         elif calibration is None:
             raise _no_calibration(folder, tuple(readers))
         else:
-            rig = read_rig(calibration, unit=unit, size=sizes.pop() if len(sizes) == 1 else None)
-            names = rig.names
+            size = sizes.pop() if len(sizes) == 1 else None
+            rig = read_rig(calibration, unit, size, cameras)
+            names = tuple(dict.fromkeys((*rig.names, *_paths(folder, None)[0])))
+            notes = rig.notes
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes = tuple(
+        notes += tuple(
             f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
             + (
                 "the recording ends with them"
@@ -167,7 +169,7 @@ class Recording:
         calibration = calibration_path(folder)
         if calibration is None:
             raise _no_calibration(folder)
-        rig = read_rig(calibration, unit=unit)
+        rig = read_rig(calibration, unit, cameras=cameras)
         for name in cameras or ():
             if name not in rig:
                 known = ", ".join(rig.names)

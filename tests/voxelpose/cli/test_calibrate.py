@@ -277,6 +277,22 @@ def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
     assert "camera cam_1's pictures are mirrored" in output
 
 
+def test_what_a_conversion_leaves_out_is_said(truth, tmp_path, capsys):
+    rig, out = tmp_path / "rig.qca.txt", str(tmp_path / "out.toml")
+    write_rig(truth, rig)
+    text = rig.read_text()
+    first, second = truth.names[:2]
+    mixed = text.replace(f'"none" serial="{first}"', f'"Miqus M3" serial="{first}"')
+    rig.write_text(mixed)
+    assert mixed != text and run(["calibrate", "convert", str(rig), out]) == 0
+    assert f"left out cameras for markers: {first} (Miqus M3)" in capsys.readouterr().out
+    assert first not in read_rig(out)
+    words = ["calibrate", "convert", str(rig), out, "--overwrite", "--cameras"]
+    assert run([*words, first]) == 0
+    assert read_rig(out).names == (first,)
+    assert f"no calibration for x: the rig has {second}" in failure(capsys, *words, "x")
+
+
 def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
     scene = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 1.8], (12, 3))
     lines = ["camera,point,x_px,y_px,x_m,y_m,z_m"]
@@ -286,13 +302,17 @@ def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
             lines.append(f"{camera.name},p{index},{pixel[0]},{pixel[1]},{measured}")
     points = tmp_path / "points.csv"
     points.write_text("\n".join(lines))
+    # As Caliscope writes lenses: no positions yet, and no unit.
+    kept = [line for line in lenses.read_text().splitlines() if "tion = " not in line]
+    alone = tmp_path / "lenses.toml"
+    alone.write_text("\n".join(line for line in kept if "unit" not in line))
     words = [
         "calibrate",
         "extrinsics",
         "--points",
         str(points),
         "--intrinsics",
-        str(lenses),
+        str(alone),
         "--out",
         str(tmp_path / "rig.json"),
     ]

@@ -383,3 +383,17 @@ def test_a_name_that_is_no_text_is_refused(folder: Path):
     video.rename(folder / "cam_\udcff.avi")
     with pytest.raises(InputError, match="is not UTF-8: rename it"):
         Recording.open(folder)
+
+
+def test_a_camera_without_a_position_is_named_or_left_out(folder: Path):
+    path = folder / "calibration.toml"
+    head, second = path.read_text().split("[cam_2]")
+    lens = "\n".join(line for line in second.splitlines() if "tion = " not in line)
+    path.write_text(f"{head}[cam_2]{lens}")
+    with pytest.raises(InputError, match=r"cam_2: has a lens and no position: .*--cameras"):
+        Recording.open(folder)
+    with pytest.raises(InputError, match="cam_2: has a lens and no position"):
+        Recording.open(folder, cameras=["cam_2"])
+    recording = Recording.open(folder, cameras=["cam_1"])
+    assert recording.rig.names == ("cam_1",)
+    assert recording.camera_names == ("cam_1", "cam_2")

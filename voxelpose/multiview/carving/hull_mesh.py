@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from calib.atomic import replacing
 from calib.checks import check_array
@@ -17,11 +19,13 @@ _RELAXATIONS = 5
 def surface(
     grid: VoxelGrid, occupancy: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Closed triangle mesh around the occupied voxels.
+    """Closed triangle mesh around the occupied voxels, a manifold: two triangles at every edge.
 
     There is one vertex for every eight neighbouring voxels that are neither all occupied nor all
-    empty. It is moved toward the mean of its neighbours, but not out of its cell, so that the mesh
-    is smooth, separates the same voxel centres, and keeps thin structures.
+    empty, or several where parts of the surface meet that do not belong together: voxels that touch
+    at an edge or a corner are apart, unless they are one piece all around it. A vertex is moved
+    toward the mean of its neighbours, but not out of its cell, so that the mesh is smooth,
+    separates the same voxel centres, and keeps thin structures.
 
     Args:
         occupancy: (nx, ny, nz) bool.
@@ -38,16 +42,12 @@ def surface(
     """
     check_array("occupancy", occupancy, grid.shape, np.bool_)
     padded = np.pad(occupancy, 1)
-    shape = tuple(n + 1 for n in grid.shape)
-    count = np.zeros(shape, dtype=np.uint8)
-    for i, j, k in np.ndindex(2, 2, 2):
-        count += padded[i : i + shape[0], j : j + shape[1], k : k + shape[2]]
-    mixed = (count > 0) & (count < 8)
-    number = np.full(shape, -1, dtype=np.int64)
-    number[mixed] = np.arange(np.count_nonzero(mixed))
-    cells = np.argwhere(mixed)
-    quads = np.concatenate([_quads(padded, number, axis) for axis in range(3)])
+    parts = [_faces(padded, axis) for axis in range(3)]
+    corners, inside, outside = (np.concatenate(part) for part in zip(*parts, strict=True))
+    quads = _joined(corners, inside, outside)
+    _, first = np.unique(quads, return_index=True)
     # A cell's centre is a corner of voxels.
+    cells = np.column_stack(np.unravel_index(corners.ravel()[first], padded.shape))
     vertices = grid.lattice + cells + _relaxed_shifts(quads, cells)
     return vertices * grid.voxel_size_m, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
@@ -79,24 +79,60 @@ def write_ply(
         shape.export(file, file_type="ply")
 
 
-def _quads(padded: NDArray[np.bool_], number: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Vertices (Q, 4) of the faces between neighbours along `axis` of which one is occupied."""
-    inside = np.moveaxis(padded, axis, 0)
-    outward, inward = inside[:-1] & ~inside[1:], ~inside[:-1] & inside[1:]
-    across, second, third = (axis, (axis + 1) % 3, (axis + 2) % 3)
-    quads = []
-    for steps, order in ((outward, [0, 1, 2, 3]), (inward, [0, 3, 2, 1])):
-        cell = np.empty((np.count_nonzero(steps), 3), dtype=np.int64)
-        others = [a for a in range(3) if a != axis]
-        cell[:, [across, *others]] = np.argwhere(steps)
-        around = []
-        for b, c in ((-1, -1), (0, -1), (0, 0), (-1, 0)):
-            corner = cell.copy()
-            corner[:, second] += b
-            corner[:, third] += c
-            around.append(number[tuple(corner.T)])
-        quads.append(np.stack(around, axis=1)[:, order])
-    return np.concatenate(quads)
+def _faces(
+    padded: NDArray[np.bool_], axis: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Faces between neighbours along `axis` of which one is occupied.
+
+    Returns:
+        Numbers of their corners (Q, 4), each that of the voxel above it, and of the voxels inside
+        and outside (Q,).
+    """
+    step, second, third = (
+        int(np.prod(padded.shape[a + 1 :])) for a in (axis, (axis + 1) % 3, (axis + 2) % 3)
+    )
+    number = np.moveaxis(np.arange(padded.size).reshape(padded.shape), axis, 0)[:-1]
+    within = np.moveaxis(padded, axis, 0)
+    outward = number[within[:-1] & ~within[1:]]
+    inward = number[~within[:-1] & within[1:]]
+    around = np.array([-second - third, -third, 0, -second])
+    corners = np.concatenate([outward[:, None] + around, inward[:, None] + around[[0, 3, 2, 1]]])
+    return (
+        corners,
+        np.concatenate([outward, inward + step]),
+        np.concatenate([outward + step, inward]),
+    )
+
+
+def _joined(
+    corners: NDArray[np.int64], inside: NDArray[np.int64], outside: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Vertices (Q, 4) of faces, each face joined with one other at each of its edges.
+
+    Of four faces at one edge, those of one occupied voxel are joined. Where such an edge would
+    still be one, since its two voxels are one piece around both ends, those of one empty voxel are:
+    the surface around an end is a curve on a sphere, which separates either the one or the other.
+    """
+    edge = _pairs(corners.ravel(), np.roll(corners, -1, axis=1).ravel())
+    start = np.arange(corners.size).reshape(-1, 4)
+    end = np.roll(start, -1, axis=1).ravel()
+    start, tie = start.ravel(), np.repeat(inside, 4)
+    vertex = start
+    for _ in range(2):
+        order = np.lexsort((tie, edge))
+        one, other = order[::2], order[1::2]
+        links = np.concatenate([start[one], end[one]]), np.concatenate([end[other], start[other]])
+        graph = coo_array((np.ones(len(links[0]), bool), links), shape=(corners.size,) * 2)
+        vertex = connected_components(graph, directed=False)[1].astype(np.int64)
+        pairs, count = np.unique(_pairs(vertex[start], vertex[end]), return_counts=True)
+        shared = np.isin(_pairs(vertex[start], vertex[end]), pairs[count > 2])
+        tie = np.where(shared, np.repeat(outside, 4), tie)
+    return vertex.reshape(-1, 4)
+
+
+def _pairs(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+    """One number for each pair of numbers, in either order."""
+    return np.minimum(one, other) * (1 + max(one.max(), other.max())) + np.maximum(one, other)
 
 
 def _relaxed_shifts(quads: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -39,6 +39,54 @@ def test_a_single_voxel_is_not_lost():
     assert trimesh.Trimesh(vertices, faces).is_watertight
 
 
+def faces_at_edges(faces: np.ndarray) -> set[int]:
+    """Numbers of faces that edges have."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return set(np.unique(edges, axis=0, return_counts=True)[1].tolist())
+
+
+# Of the four middle voxels of 2 x 2 x 3 two, diagonally: alone, on a floor, and between two.
+@pytest.mark.parametrize("layers", [(1,), (0, 1), (0, 1, 2)])
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_voxels_that_touch_at_an_edge_leave_two_faces_at_each(layers, exchanged, tmp_path):
+    grid = VoxelGrid(np.zeros(3), 0.1, (4, 4, 5))
+    occupancy = np.zeros(grid.shape, bool)
+    for layer in layers:
+        occupancy[1:3, 1:3, 1 + layer] = np.eye(2) if layer == 1 else 1
+    occupancy ^= exchanged  # the same about a hollow
+    assert faces_at_edges(surface(grid, occupancy)[1]) == {2}
+    write_ply(tmp_path / "hull.ply", grid, occupancy)
+    mesh = trimesh.load(tmp_path / "hull.ply")  # puts vertices at one place together
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    pieces = len(mesh.split(only_watertight=False))
+    assert pieces == 1 + exchanged + (layers == (1,)), "two voxels that touch are two pieces"
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7])
+def test_the_surface_of_any_voxels_is_a_manifold(share, tmp_path):
+    grid = VoxelGrid(np.zeros(3), 0.1, (14, 15, 16))
+    occupancy = np.random.default_rng(0).random(grid.shape) < share
+    vertices, faces = surface(grid, occupancy)
+    assert faces_at_edges(faces) == {2}
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    assert mesh.is_winding_consistent
+    # Around each vertex there is one ring of triangles.
+    rings = trimesh.graph.connected_components(
+        np.sort(_neighbouring_corners(faces), axis=1), nodes=np.arange(faces.size)
+    )
+    assert len(rings) == len(vertices) == len(np.unique(faces))
+
+
+def _neighbouring_corners(faces: np.ndarray) -> np.ndarray:
+    """Pairs of corners (3 f + i) of one vertex whose triangles share an edge."""
+    corner = np.arange(faces.size).reshape(-1, 3)
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    at = corner[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    order = np.lexsort(np.sort(ends, axis=1).T)
+    one, other = order[::2], order[1::2]
+    return np.concatenate([np.stack([at[one, i], at[other, 1 - i]], axis=1) for i in (0, 1)])
+
+
 def test_a_sphere_is_round():
     grid = VoxelGrid.from_bounds((-1, -1, -1), (1, 1, 1), 0.05)
     x, y, z = grid.axes()

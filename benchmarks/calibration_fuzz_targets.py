@@ -1,0 +1,79 @@
+"""Small calibrations of formats that are read and not written, for `benchmarks.fuzz_targets`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+_POSE = [[1, 0, 0, 0.5], [0, 0, -1, -3], [0, 1, 0, 1.2], [0, 0, 0, 1]]
+_XCP = """<?xml version="1.0"?>
+<Cameras>
+ <Camera DEVICEID="7" TYPE="Vero2.2" SENSOR_SIZE="2048 1088"/>
+ <Camera DEVICEID="21" TYPE="Vue_VIDEO" SENSOR_SIZE="320 240" PIXEL_ASPECT_RATIO="1">
+  <KeyFrames><KeyFrame FRAME="0" FOCAL_LENGTH="300" PRINCIPAL_POINT="159 120"
+   POSITION="100 -3000 1200" ORIENTATION="0.7 0.01 0.02 0.71"
+   VICON_RADIAL2="Vicon3Parameter 159 120 1e-8 1e-14 0"/></KeyFrames>
+ </Camera>
+</Cameras>
+"""
+_METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0"><chunk label="Chunk 1">
+ <sensors><sensor id="0" type="frame"><resolution width="320" height="240"/>
+  <calibration type="frame" class="adjusted"><resolution width="320" height="240"/>
+   <f>300</f><cx>1</cx><cy>-2</cy><b1>0.1</b1><b2>0.2</b2><k1>-0.1</k1><p1>0.001</p1>
+  </calibration></sensor></sensors>
+ <cameras><camera id="0" sensor_id="0" label="cam_0">
+  <transform>1 0 0 0.5 0 0 -1 -3 0 1 0 1.2 0 0 0 1</transform></camera></cameras>
+ <transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 1</translation>
+  <scale>2</scale></transform>
+</chunk></document>
+"""
+
+
+def write_vicon(folder: Path) -> None:
+    """Writes a rig of a marker camera and a video camera."""
+    (folder / "rig.xcp").write_text(_XCP)
+
+
+def write_metashape(folder: Path) -> None:
+    """Writes a chunk with a transform of its own."""
+    (folder / "rig.xml").write_text(_METASHAPE)
+
+
+def write_colmap(folder: Path) -> None:
+    """Writes a text model of two pictures."""
+    (folder / "model").mkdir()
+    lenses = "1 OPENCV 320 240 300 301 160 120 -0.1 0.01 0.001 0\n2 OPENCV_FISHEYE 320 240"
+    (folder / "model" / "cameras.txt").write_text(f"# cameras\n{lenses} 300 301 160 120 0 0 0 0\n")
+    poses = "1 0.7 0.7 0 0 0 1 3 1 cam_0.png\n1 2 -1\n2 0.5 0.5 0.5 0.5 0 1 4 2 cam_1.png\n\n"
+    (folder / "model" / "images.txt").write_text(f"# images\n{poses}")
+
+
+def write_nerfstudio(folder: Path) -> None:
+    """Writes two frames, one with a lens of its own."""
+    lens = {"fl_x": 300, "fl_y": 301, "cx": 160, "cy": 120, "w": 320, "h": 240, "k1": -0.1}
+    frames = [{"file_path": f"a/{name}.png", "transform_matrix": _POSE} for name in ("one", "two")]
+    frames[1] |= {"fl_x": 310, "camera_model": "OPENCV_FISHEYE"}
+    content = {"camera_model": "OPENCV", **lens, "frames": frames}
+    (folder / "rig.json").write_text(json.dumps(content))
+
+
+def write_kinect(folder: Path) -> None:
+    """Writes the colour camera of a device."""
+    numbers = [0.5, 0.5, 0.5, 0.65, 0.3, -2, 1.4, 0.2, -2, 1.3, 0, 0, 0.001, -0.001]
+    lens = {"ModelParameters": numbers, "ModelType": "CALIBRATION_LensDistortionModelBrownConrady"}
+    camera = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": lens}
+    content = {"CalibrationInformation": {"Cameras": [camera]}}
+    (folder / "rig.json").write_text(json.dumps(content))
+
+
+def write_opencap(folder: Path) -> None:
+    """Writes two cameras by name."""
+    camera = {
+        "intrinsicMat": [[300, 0, 160], [0, 301, 120], [0, 0, 1]],
+        "distortion": [[-0.1, 0.01, 0.001, 0.001, 0]],
+        "imageSize": [[240], [320]],
+        "rotation": [row[:3] for row in _POSE[:3]],
+        "translation": [[500], [-3000], [1200]],
+    }
+    (folder / "rig.json").write_text(json.dumps({"Cam0": camera, "Cam1": camera}))

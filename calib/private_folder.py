@@ -1,0 +1,42 @@
+"""A temporary folder that belongs to one user and that nobody else can write to."""
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+from calib.errors import InputError
+
+
+def private_folder() -> Path:
+    """The user's own folder among the temporary files, the same for all processes; it is for caches
+    where neither the installation nor the home folder can be written.
+
+    What lies there is run: where the name is taken by somebody else, or others may write to the
+    folder, this process gets a new one.
+
+    Raises:
+        InputError: There is no folder of temporary files that can be written.
+    """
+    user = getattr(os, "getuid", lambda: "user")()
+    try:
+        folder = Path(tempfile.gettempdir()) / f"voxelpose-{user}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        own = os.name == "nt" or (found.st_uid == user and not stat.S_IMODE(found.st_mode) & 0o077)
+        if stat.S_ISDIR(found.st_mode) and own and os.access(folder, os.W_OK):
+            return folder
+    except FileExistsError:  # no folder
+        pass
+    except OSError as error:
+        raise _nowhere(error) from error
+    try:
+        return Path(tempfile.mkdtemp(prefix="voxelpose-"))
+    except OSError as error:
+        raise _nowhere(error) from error
+
+
+def _nowhere(error: OSError) -> InputError:
+    return InputError(
+        f"no folder of temporary files can be written ({error.strerror or error}): set TMPDIR"
+    )
