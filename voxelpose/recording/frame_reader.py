@@ -28,6 +28,7 @@ _COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers 
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
 _LARGEST_BYTES = 8 * _MOST_PX
+_FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -82,6 +83,12 @@ class FrameReader:
             return cls(path, stills, (width, height), len(stills), None)
         size, count, fps, promised, shown_s = _probe(path)
         return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
+
+    @property
+    def nearly_whole(self) -> bool:
+        """Whether the file lacks hardly any of the frames that it promises."""
+        few = max(_FEW_FRAMES, _FEW_PERCENT * self.promised / 100)
+        return self.promised - self.frame_count <= few
 
     def __iter__(self) -> Iterator[Frame]:
         """Yields every frame, (H, W, 3) uint8, BGR."""

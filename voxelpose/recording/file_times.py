@@ -1,0 +1,195 @@
+"""When frames were taken as their files tell: presentation times of videos, numbers of images."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import InputError
+from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.timestamps import (
+    TIMESTAMPS,
+    Times,
+    even_numbers,
+    lost_between,
+    match_frames,
+    rates_differ,
+    read_timestamps,
+    spans_text,
+)
+
+_LISTED = 3  # ranges of missing images
+
+
+def recorded_times(
+    folder: Path,
+    readers: Mapping[str, FrameReader],
+    fps: float | None = None,
+    frames: tuple[int | None, int | None] | None = None,
+) -> tuple[dict[str, Times] | None, tuple[str, ...]]:
+    """Times of the frames, (frames,) float64, s, by camera, as timestamps.csv tells, or the files;
+    None where frame n was taken at one moment by all. And what is to be told.
+
+    Args:
+        folder: the recording folder.
+        readers: frame readers by camera name, none of them selected.
+        fps: frames per second, before timestamps.csv and what videos tell.
+        frames: the selected ones, as of `Recording.open`.
+
+    Raises:
+        InputError: the times are damaged, or the cameras did not stop together.
+    """
+    if fps is None and (folder / TIMESTAMPS).exists():
+        return read_timestamps(folder / TIMESTAMPS, readers)
+    found = times_in_files(readers, fps)
+    if found is not None:
+        if frames is None or frames[1] is None:
+            check_ends(folder, found)
+        return found.times, (found.note,)
+    aside = None if fps is None else times_in_files(readers)
+    return None, () if aside is None else (f"{aside.faults}: --fps sets them aside",)
+
+
+@dataclass(frozen=True, eq=False)
+class FileTimes:
+    """Times of the frames of cameras whose frames of one number were not all taken at once.
+
+    Attributes:
+        times: (frames,) float64, s, by camera name.
+        faults: what the cameras lost, or how they differ, and what tells so, in words.
+    """
+
+    times: dict[str, Times]
+    faults: str
+
+    @property
+    def note(self) -> str:
+        """What is to be told."""
+        used = "frames are paired by them" if len(self.times) > 1 else "frames keep their times"
+        return f"{self.faults}: {used}"
+
+
+def times_in_files(
+    readers: Mapping[str, FrameReader], fps: float | None = None
+) -> FileTimes | None:
+    """Times that the files tell, by which cameras lost frames, began late or film at a varying
+    rate; None where they tell no such thing, so that frame n is the same moment in all.
+
+    Args:
+        readers: frame readers by camera name, none of them selected.
+        fps: frames per second, before what videos tell.
+    """
+    rate = fps or next((reader.fps for reader in readers.values() if reader.fps), None)
+    if rate is None:
+        return None
+    stills = {name: image_numbers(reader.stills) for name, reader in readers.items()}
+    images = {name: numbers for name, numbers in stills.items() if numbers is not None}
+    counted, times = _common(images), dict[str, Times]()
+    for name, reader in readers.items():
+        times[name] = np.arange(reader.frame_count) / (fps or reader.fps or rate)
+        if name in counted:
+            times[name] = counted[name] / rate
+        elif fps is None and reader.shown_s is not None:
+            times[name] = reader.shown_s
+    faults = [words for name in times for words in _faults(name, times[name], images.get(name))]
+    faults += _apart(times, images) if len(times) > 1 else []
+    source = "numbers of the images" if images else "times in the files"
+    return FileTimes(times, f"by the {source}, {'; '.join(faults)}") if faults else None
+
+
+def check_ends(folder: Path, found: FileTimes) -> None:
+    """Refuses cameras that did not stop together: nothing tells that they started together.
+
+    Raises:
+        InputError: they did not.
+    """
+    ends = [float(taken[-1]) for taken in found.times.values()]
+    slowest = max(even_numbers(taken)[1] for taken in found.times.values())
+    if max(ends) - min(ends) <= 1.5 * slowest:
+        return
+    instants, _ = match_frames(found.times, folder)
+    raise InputError(
+        f"{folder}: cameras did not stop together ({spans_text(found.times)}): if their clocks"
+        f" agree, give --frames 0:{even_numbers(instants)[0][-1] + 1}, which pairs frames by time;"
+        f" if not, `voxelpose calibrate sync` finds by how much, and writes {TIMESTAMPS}"
+    )
+
+
+def image_numbers(stills: Sequence[Path]) -> NDArray[np.int64] | None:
+    """Numbers (n,) in the names of n images, increasing: of their groups of digits the one that
+    changes; None where none, or more than one, does.
+    """
+    groups = [re.findall(r"\d+", path.stem) for path in stills]
+    if not groups or len({len(words) for words in groups}) > 1:
+        return None
+    changing = [column for column in zip(*groups, strict=True) if len({*column}) > 1]
+    if (len(groups) > 1 and len(changing) != 1) or not groups[0]:
+        return None
+    words = changing[0] if changing else groups[0][-1:]
+    if max(map(len, words)) > 18:  # digits that an integer holds
+        return None
+    numbers = np.array([int(word) for word in words], np.int64)
+    return numbers if (np.diff(numbers) > 0).all() else None
+
+
+def _common(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
+    """Numbers of the cameras' images, counted in steps from a common begin.
+
+    Where all cover the same, each begins with its first: some count from 0, others from 1.
+    """
+    if not numbered:
+        return {}
+    steps = [np.median(np.diff(numbers)) for numbers in numbered.values() if len(numbers) > 1]
+    step = max(min(steps, default=1), 1)
+    same = len({int(numbers[-1] - numbers[0]) for numbers in numbered.values()}) == 1
+    first = min(int(numbers[0]) for numbers in numbered.values())
+    return {
+        name: (numbers - (numbers[0] if same else first)) / step
+        for name, numbers in numbered.items()
+    }
+
+
+def _faults(name: str, times: Times, images: NDArray[np.int64] | None) -> list[str]:
+    """What a camera lost by its own times, in words."""
+    if np.array_equal(even_numbers(times)[0], np.arange(len(times))):
+        return []
+    gaps = lost_between(times)
+    lost = int(gaps.sum())
+    if images is not None:
+        return [f"{name} lacks {lost} images ({_missing(images, gaps)})"]
+    if not lost or 10 * np.count_nonzero(gaps) > len(gaps):
+        slow, fast = 1 / np.quantile(np.diff(times), (0.95, 0.05))
+        return [f"{name} films {slow:.4g} to {fast:.4g} frames per second"]
+    return [f"{name} lost {lost} frame{'s' if lost > 1 else ''}"]
+
+
+def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:
+    """Numbers that are not among those of images, as text."""
+    step, gap = int(np.median(np.diff(images))), np.flatnonzero(gaps)
+    ends = [(int(images[k]) + step, int(images[k + 1]) - step) for k in gap.tolist()]
+    listed = [f"{a} to {b}" if b > a else f"{a}" for a, b in ends[:_LISTED]]
+    return ", ".join(listed) + (" and more" if len(ends) > _LISTED else "")
+
+
+def _apart(times: Mapping[str, Times], images: Mapping[str, NDArray[np.int64]]) -> list[str]:
+    """How far cameras are from filming frame n together, in words."""
+    periods = {name: even_numbers(taken)[1] for name, taken in times.items()}
+    half, earliest = min(periods.values()) / 2, min(float(taken[0]) for taken in times.values())
+    late = {name: float(taken[0]) - earliest for name, taken in times.items()}
+    words = [
+        f"{name} begins with image {images[name][0]}"
+        if name in images
+        else f"{name} begins {seconds:.3f} s later"
+        for name, seconds in late.items()
+        if seconds >= half
+    ]
+    rates = {name: 1 / period for name, period in periods.items()}
+    count = min(len(taken) for taken in times.values())
+    alike = len({len(taken) for taken in times.values()}) == 1 or rates_differ(rates.values())
+    if alike or count * (max(periods.values()) - min(periods.values())) < half:
+        return words
+    listed = ", ".join(f"{name} {rate:.6g}" for name, rate in rates.items())
+    return [*words, f"rates differ ({listed} frames per second)"]
