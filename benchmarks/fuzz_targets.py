@@ -292,7 +292,7 @@ def _use_timestamps(folder: Path, thorough: bool) -> None:
 
     path = folder / "timestamps.csv"
     reader = FrameReader(folder, (), (320, 240), 30, 25.0)
-    match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader}), path)
+    match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader})[0], path)
 
 
 def _make_image(folder: Path, name: str) -> None:

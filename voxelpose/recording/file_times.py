@@ -28,7 +28,7 @@ def recorded_times(
     folder: Path,
     readers: Mapping[str, FrameReader],
     fps: float | None = None,
-    frames: tuple[int | None, int | None] | None = None,
+    together: bool = False,
 ) -> tuple[dict[str, Times] | None, tuple[str, ...]]:
     """Times of the frames, (frames,) float64, s, by camera, as timestamps.csv tells, or the files;
     None where frame n was taken at one moment by all. And what is to be told.
@@ -37,7 +37,7 @@ def recorded_times(
         folder: the recording folder.
         readers: frame readers by camera name, none of them selected.
         fps: frames per second, before timestamps.csv and what videos tell.
-        frames: the selected ones, as of `Recording.open`.
+        together: whether cameras that did not stop together are refused.
 
     Raises:
         InputError: the times are damaged, or the cameras did not stop together.
@@ -46,8 +46,8 @@ def recorded_times(
         return read_timestamps(folder / TIMESTAMPS, readers)
     found = times_in_files(readers, fps)
     if found is not None:
-        if frames is None or frames[1] is None:
-            check_ends(folder, found)
+        if together:
+            _check_ends(folder, found.times)
         return found.times, (found.note,)
     aside = None if fps is None else times_in_files(readers)
     return None, () if aside is None else (f"{aside.faults}: --fps sets them aside",)
@@ -100,22 +100,25 @@ def times_in_files(
     return FileTimes(times, f"by the {source}, {'; '.join(faults)}") if faults else None
 
 
-def check_ends(folder: Path, found: FileTimes) -> None:
-    """Refuses cameras that did not stop together: nothing tells that they started together.
-
-    Raises:
-        InputError: they did not.
+def ends_apart(times: Mapping[str, Times]) -> str:
+    """That cameras did not stop together, in words, so that nothing tells that they started
+    together; "" where they did.
     """
-    ends = [float(taken[-1]) for taken in found.times.values()]
-    slowest = max(even_numbers(taken)[1] for taken in found.times.values())
-    if max(ends) - min(ends) <= 1.5 * slowest:
-        return
-    instants, _ = match_frames(found.times, folder)
-    raise InputError(
-        f"{folder}: cameras did not stop together ({spans_text(found.times)}): if their clocks"
-        f" agree, give --frames 0:{even_numbers(instants)[0][-1] + 1}, which pairs frames by time;"
-        f" if not, `voxelpose calibrate sync` finds by how much, and writes {TIMESTAMPS}"
-    )
+    ends = [float(taken[-1]) for taken in times.values()]
+    slowest = max(even_numbers(taken)[1] for taken in times.values())
+    together = max(ends) - min(ends) <= 1.5 * slowest
+    return "" if together else f"cameras did not stop together ({spans_text(times)})"
+
+
+def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
+    apart = ends_apart(times)
+    if apart:
+        numbers, _ = even_numbers(match_frames(times, folder)[0])
+        raise InputError(
+            f"{folder}: {apart}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
+            f" pairs frames by time; if not, `voxelpose calibrate sync` finds by how much, and"
+            f" writes {TIMESTAMPS}"
+        )
 
 
 def image_numbers(stills: Sequence[Path]) -> NDArray[np.int64] | None:

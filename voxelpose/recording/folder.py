@@ -125,7 +125,8 @@ class Recording:
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
-        timed, said = recorded_times(folder, readers, fps, frames)
+        whole = frames is None or frames[1] is None
+        timed, said = recorded_times(folder, readers, fps, together=whole)
         if timed is None:
             start, stop = _frame_range(readers, frames)
             rate, times_s = times_by_rate(folder, readers, fps)
