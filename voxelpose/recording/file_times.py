@@ -13,6 +13,7 @@ from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
     Times,
+    checked_rate,
     even_numbers,
     lost_between,
     match_frames,
@@ -40,9 +41,11 @@ def recorded_times(
         together: whether cameras that did not stop together are refused.
 
     Raises:
-        InputError: the times are damaged, or the cameras did not stop together.
+        InputError: the rate is impossible, the times are damaged, or cameras did not stop together.
     """
-    if fps is None and (folder / TIMESTAMPS).exists():
+    if fps is not None:
+        checked_rate(fps, "--fps", "correct it")
+    elif (folder / TIMESTAMPS).exists():
         return read_timestamps(folder / TIMESTAMPS, readers)
     found = times_in_files(readers, fps)
     if found is not None:
@@ -94,10 +97,13 @@ def times_in_files(
             times[name] = counted[name] / rate
         elif fps is None and reader.shown_s is not None:
             times[name] = reader.shown_s
-    faults = [words for name in times for words in _faults(name, times[name], images.get(name))]
-    faults += _apart(times, images) if len(times) > 1 else []
+    faults = [(_fault(taken, images.get(name)), name) for name, taken in times.items()]
+    faults += _late(times, images)
+    named = {words: [name for said, name in faults if said == words] for words, _ in faults}
+    said = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
+    said += _rates_apart(times)
     source = "numbers of the images" if images else "times in the files"
-    return FileTimes(times, f"by the {source}, {'; '.join(faults)}") if faults else None
+    return FileTimes(times, f"by the {source}, {'; '.join(said)}") if said else None
 
 
 def ends_apart(times: Mapping[str, Times]) -> str:
@@ -106,7 +112,8 @@ def ends_apart(times: Mapping[str, Times]) -> str:
     """
     ends = [float(taken[-1]) for taken in times.values()]
     slowest = max(even_numbers(taken)[1] for taken in times.values())
-    together = max(ends) - min(ends) <= 1.5 * slowest
+    counts = {len(taken) for taken in times.values()}  # a recorder may stop at a number of frames
+    together = max(ends) - min(ends) <= 1.5 * slowest or len(counts) == 1
     return "" if together else f"cameras did not stop together ({spans_text(times)})"
 
 
@@ -155,18 +162,19 @@ def _common(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
     }
 
 
-def _faults(name: str, times: Times, images: NDArray[np.int64] | None) -> list[str]:
-    """What a camera lost by its own times, in words."""
+def _fault(times: Times, images: NDArray[np.int64] | None) -> str:
+    """What a camera lost by its own times, in words; "" where nothing."""
     if np.array_equal(even_numbers(times)[0], np.arange(len(times))):
-        return []
+        return ""
     gaps = lost_between(times)
     lost = int(gaps.sum())
+    plural = "" if lost == 1 else "s"
     if images is not None:
-        return [f"{name} lacks {lost} images ({_missing(images, gaps)})"]
+        return f"lost {lost} image{plural} ({_missing(images, gaps)})"
     if not lost or 10 * np.count_nonzero(gaps) > len(gaps):
         slow, fast = 1 / np.quantile(np.diff(times), (0.95, 0.05))
-        return [f"{name} films {slow:.4g} to {fast:.4g} frames per second"]
-    return [f"{name} lost {lost} frame{'s' if lost > 1 else ''}"]
+        return f"filmed {slow:.4g} to {fast:.4g} frames per second"
+    return f"lost {lost} frame{plural}"
 
 
 def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:
@@ -177,22 +185,27 @@ def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:
     return ", ".join(listed) + (" and more" if len(ends) > _LISTED else "")
 
 
-def _apart(times: Mapping[str, Times], images: Mapping[str, NDArray[np.int64]]) -> list[str]:
-    """How far cameras are from filming frame n together, in words."""
-    periods = {name: even_numbers(taken)[1] for name, taken in times.items()}
-    half, earliest = min(periods.values()) / 2, min(float(taken[0]) for taken in times.values())
+def _late(
+    times: Mapping[str, Times], images: Mapping[str, NDArray[np.int64]]
+) -> list[tuple[str, str]]:
+    """By how much cameras began later than the first, in words, and their names."""
+    earliest = min(float(taken[0]) for taken in times.values())
+    half = min(even_numbers(taken)[1] for taken in times.values()) / 2
     late = {name: float(taken[0]) - earliest for name, taken in times.items()}
-    words = [
-        f"{name} begins with image {images[name][0]}"
-        if name in images
-        else f"{name} begins {seconds:.3f} s later"
-        for name, seconds in late.items()
-        if seconds >= half
+    return [
+        (f"began {f'with image {images[name][0]}' if name in images else f'{s:.3f} s later'}", name)
+        for name, s in late.items()
+        if s >= half
     ]
+
+
+def _rates_apart(times: Mapping[str, Times]) -> list[str]:
+    """That rates differ so little that the cameras' numbers of frames alone tell it, in words."""
+    periods = {name: even_numbers(taken)[1] for name, taken in times.items()}
+    counts = {len(taken) for taken in times.values()}
+    drift = min(counts) * (max(periods.values()) - min(periods.values()))
     rates = {name: 1 / period for name, period in periods.items()}
-    count = min(len(taken) for taken in times.values())
-    alike = len({len(taken) for taken in times.values()}) == 1 or rates_differ(rates.values())
-    if alike or count * (max(periods.values()) - min(periods.values())) < half:
-        return words
+    if len(counts) == 1 or rates_differ(rates.values()) or 2 * drift < min(periods.values()):
+        return []
     listed = ", ".join(f"{name} {rate:.6g}" for name, rate in rates.items())
-    return [*words, f"rates differ ({listed} frames per second)"]
+    return [f"rates differ ({listed} frames per second)"]

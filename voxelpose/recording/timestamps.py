@@ -204,7 +204,6 @@ def times_by_rate(
     """
     count = min(reader.frame_count for reader in readers.values())
     if fps is not None:
-        checked_rate(fps, "--fps", "correct it")
         return fps, np.arange(count) / fps
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
     if not rates:
