@@ -120,7 +120,9 @@ def ends_apart(times: Mapping[str, Times]) -> str:
 def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
     apart = ends_apart(times)
     if apart:
-        numbers, _ = even_numbers(match_frames(times, folder)[0])
+        instants, _ = match_frames(times, folder)
+        numbers, period = even_numbers(instants)
+        numbers += round((instants[0] - min(float(taken[0]) for taken in times.values())) / period)
         raise InputError(
             f"{folder}: {apart}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
             f" pairs frames by time; if not, `voxelpose calibrate sync` finds by how much, and"

@@ -132,12 +132,12 @@ class Recording:
             rate, times_s = times_by_rate(folder, readers, fps)
             numbers = np.arange(stop)
         else:
-            readers, numbers, rate, times_s = matched_by_time(folder, readers, timed)
-            wanted = _frame_range(readers, frames, int(numbers[-1]) + 1)
-            start, stop = np.searchsorted(numbers, wanted).tolist()
+            table, of = fps is None and (folder / TIMESTAMPS).exists(), (folder, readers, timed)
+            readers, numbers, rate, times_s = matched_by_time(*of, earliest=not table)
+            first, last = _frame_range(readers, frames, int(numbers[-1]) + 1)
+            start, stop = np.searchsorted(numbers, (first, last)).tolist()
             if start == stop:
-                raise InputError(f"{folder}: no camera but lost frames {wanted[0]}:{wanted[1]}")
-        subject = read_subject(folder / "subject.toml")
+                raise InputError(f"{folder}: a camera lost frames {first}:{last}: give others")
         return cls(
             folder,
             calibration,
@@ -147,7 +147,7 @@ class Recording:
             stop - start,
             rate,
             times_s[start:stop],
-            subject,
+            read_subject(folder / "subject.toml"),
             silhouettes_given,
             None if calibration is None else read_up(calibration),
             names,

@@ -233,7 +233,11 @@ def rates_differ(rates: Iterable[float]) -> bool:
 
 
 def matched_by_time(
-    path: Path, readers: Mapping[str, FrameReader], times: Mapping[str, Times]
+    path: Path,
+    readers: Mapping[str, FrameReader],
+    times: Mapping[str, Times],
+    *,
+    earliest: bool,
 ) -> tuple[dict[str, FrameReader], NDArray[np.int64], float, Times]:
     """Readers of the frames that match in time, their numbers on an even grid (M,) int64, frames
     per second, and times since the first, s.
@@ -242,6 +246,7 @@ def matched_by_time(
         path: source of the times, for messages.
         readers: frame readers by camera name.
         times: (frames,) s, by camera name.
+        earliest: whether the first is that of the camera that began first, not the first match.
 
     Raises:
         InputError: as of `match_frames`.
@@ -249,7 +254,9 @@ def matched_by_time(
     times_s, rows = match_frames(times, path)
     matched = {name: reader.select(rows[name].tolist()) for name, reader in readers.items()}
     numbers, period = even_numbers(times_s)
-    return matched, numbers, round(1 / period, 6), times_s - times_s[0]
+    begin_s = min(float(taken[0]) for taken in times.values()) if earliest else float(times_s[0])
+    numbers = numbers + round((times_s[0] - begin_s) / period)
+    return matched, numbers, round(1 / period, 6), times_s - begin_s
 
 
 def even_numbers(times: Times) -> tuple[NDArray[np.int64], float]:
