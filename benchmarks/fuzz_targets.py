@@ -316,7 +316,32 @@ def _use_timestamps(folder: Path, thorough: bool) -> None:
 
     path = folder / "timestamps.csv"
     reader = FrameReader(folder, (), (320, 240), 30, 25.0)
-    match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader}), path)
+    match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader})[0], path)
+
+
+def _make_video(folder: Path, name: str) -> None:
+    import imageio_ffmpeg
+
+    coded = ["-vf", "select='not(between(n,4,6))'", "-fps_mode", "passthrough", "-bf", "2"]
+    writer = imageio_ffmpeg.write_frames(
+        str(folder / name), (64, 48), fps=25, output_params=coded, macro_block_size=1
+    )
+    writer.send(None)
+    for grey in range(12):
+        writer.send(np.full((48, 64, 3), grey, np.uint8))
+    writer.close()
+
+
+def _use_video(folder: Path, thorough: bool, name: str) -> None:
+    from voxelpose.recording.ffmpeg import picture_times
+    from voxelpose.recording.timestamps import even_numbers
+
+    count, times_s = picture_times(folder / name)
+    if times_s is not None:
+        numbers, _ = even_numbers(times_s)
+        assert len(numbers) == count
+        assert np.isfinite(times_s).all()
+        assert (np.diff(numbers) > 0).all()
 
 
 def _make_image(folder: Path, name: str) -> None:
@@ -487,6 +512,12 @@ def _result(mutations: dict[str, Mutation], use: Callable[[Path, bool], None]) -
     return FuzzTarget(_make_result, {f"out/{name}": one for name, one in mutations.items()}, use)
 
 
+def _video(kind: str) -> FuzzTarget:
+    name = f"a.{kind}"
+    make, use = partial(_make_video, name=name), partial(_use_video, name=name)
+    return FuzzTarget(make, {name: any_bytes}, use)
+
+
 def _urdf(mesh: str) -> FuzzTarget:
     mutations = {"arm.urdf": any_text, f"part.{mesh}": any_bytes if mesh == "stl" else any_text}
     make = partial(rigs.write_urdf, mesh=mesh)
@@ -550,6 +581,9 @@ TARGETS: dict[str, FuzzTarget] = {
     "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
     "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
     "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
+    "times-mov": _video("mov"),
+    "times-mkv": _video("mkv"),
+    "times-avi": _video("avi"),
     **{
         name: FuzzTarget(
             partial(_make_image, name=f"a.{name}"),

@@ -259,7 +259,7 @@ def _settings_toml(recording: Recording, output: Output, settings: Settings, est
         tomlkit.comment("Settings of this result; the program chose those that are not listed.")
     )
     document["recording"] = _path_from(Path(output.folder).resolve(), recording.folder.resolve())
-    document["frames"] = [recording.first, recording.first + recording.frame_count]
+    document["frames"] = [int(recording.numbers[0]), int(recording.numbers[-1]) + 1]
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator
     given = asdict(settings)
@@ -285,7 +285,7 @@ def _summary(
 ) -> dict[str, object]:
     motion = estimate.motion
     posed = {int(frame) for frame in motion.frames[~motion.filled]}
-    first, count = recording.first, recording.frame_count
+    first, last = (int(recording.numbers[end]) for end in (0, -1))
     summary: dict[str, object] = {
         "voxelpose": __version__,
         "estimator": estimator,
@@ -296,9 +296,9 @@ def _summary(
         "floor_m": round(motion.floor_m, 4),
         "frames": {
             "first": first,
-            "last": first + count - 1,
+            "last": last,
             "with_pose": len(posed),
-            "lost": [frame for frame in range(first, first + count) if frame not in posed],
+            "lost": [frame for frame in range(first, last + 1) if frame not in posed],
         },
         "body": _body_table(motion.model),
         "quality": _quality(motion, recording.rig.names),

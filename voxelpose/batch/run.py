@@ -53,10 +53,8 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
     overlap = max(round(recording.fps / 2), 1)  # of either piece: they share a second
     pieces = []
     for number, (start, stop) in enumerate(pairwise(bounds.tolist())):
-        first, end = (
-            recording.first + k for k in (max(start - overlap, 0), min(stop + overlap, total))
-        )
-        settings = dict(job.settings) | {"frames": f"{first}:{end}"}
+        used = recording.numbers[max(start - overlap, 0) : stop + overlap]
+        settings = dict(job.settings) | {"frames": f"{used[0]}:{used[-1] + 1}"}
         if pieces and job.estimator == "multiview" and "body" not in settings:
             settings["body"] = str((out / PIECES / pieces[0].name).resolve())
         pieces.append(replace(job, name=f"{job.name}.{number:03d}", settings=settings))

@@ -122,7 +122,7 @@ def check_recording(
     return Check(
         recording.rig,
         tracks,
-        moments + recording.first,
+        recording.numbers[moments],
         times,
         checked,
         tuple(repairs),
@@ -147,7 +147,7 @@ def _outlines(
             unknown = silhouettes.unknown.get(name)
             outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
         if moment in shown:
-            checked_frames[moment + recording.first] = shown_now = {}
+            checked_frames[int(recording.numbers[moment])] = shown_now = {}
             for name, mask in masks.items():
                 small = cv2.resize(frames[name], mask.shape[::-1], interpolation=cv2.INTER_AREA)
                 shown_now[name] = CheckedFrame(np.asarray(small, np.uint8), mask)

@@ -12,9 +12,10 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import board_moments, check_lens_size
+from voxelpose.recording.file_times import ends_apart, recorded_times
 from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
-from voxelpose.recording.timestamps import TIMESTAMPS, rates_differ, read_timestamps
+from voxelpose.recording.timestamps import TIMESTAMPS, Times, rates_differ
 
 
 @dataclass(frozen=True)
@@ -41,18 +42,16 @@ def extrinsics_from_recording(
     Args:
         board: The board that was moved through the room.
         folder: A video, a folder of frames or a still per camera: synchronous, or with the times
-            of all frames in timestamps.csv.
+            of all frames in timestamps.csv or the videos.
 
     Raises:
         InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
     readers, lenses = _readers(folder, lenses, settings.cameras)
-    table = folder / TIMESTAMPS
-    if table.exists():
-        times = read_timestamps(table, readers)
-    else:
-        _check_rates(folder, readers, reporter)
-        times = None
+    times, told = recorded_times(folder, readers)
+    for note in told:
+        reporter.note(note)
+    _check_start(folder, readers, times, reporter)
     views, seen = board_moments(
         board, readers, times, settings.floor, settings.max_moments, reporter
     )
@@ -98,23 +97,33 @@ def _readers(
     return readers, lenses
 
 
-def _check_rates(folder: Path, readers: Mapping[str, FrameReader], reporter: Reporter) -> None:
-    """Refuses videos of different rates, and tells that videos differ in length."""
+def _check_start(
+    folder: Path,
+    readers: Mapping[str, FrameReader],
+    times: Mapping[str, Times] | None,
+    reporter: Reporter,
+) -> None:
+    """Refuses videos of different rates without times, and tells that they end apart."""
+    if (folder / TIMESTAMPS).exists():
+        return
     remedy = (
         f"`voxelpose calibrate sync {folder} --by board --out {folder / TIMESTAMPS}` (see its"
         " --help) finds the time of every frame"
     )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
-    if rates_differ(rates.values()):
+    counts = {name: reader.frame_count for name, reader in readers.items()}
+    apart = used = ""
+    if times is not None:
+        apart = ends_apart(times)
+    elif rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
-    counts = {name: reader.frame_count for name, reader in readers.items()}
-    if len(set(counts.values())) > 1:
+    elif len(set(counts.values())) > 1:
         listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-        reporter.note(
-            f"the videos differ in length ({listed} frames): taken to start together, the first"
-            f" {min(counts.values())} are used; if they do not, {remedy}"
-        )
+        apart = f"the videos differ in length ({listed} frames)"
+        used = f", the first {min(counts.values())} are used"
+    if apart:
+        reporter.note(f"{apart}: taken to start together{used}; if they do not, {remedy}")
 
 
 def extrinsics_notes(result: Extrinsics) -> dict[str, object]:

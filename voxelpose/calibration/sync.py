@@ -23,10 +23,11 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.board_views import BoardFinder, check_lens_size
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
+from voxelpose.recording.file_times import times_in_files
 from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import STEP_S, has_sound, onsets
-from voxelpose.recording.timestamps import Times, write_timestamps
+from voxelpose.recording.timestamps import Times, even_numbers, write_timestamps
 from voxelpose.tuning import SYNCHRONISATION
 
 _LEAST_VIEWS = 20
@@ -179,8 +180,8 @@ class Sync:
     """Synchronisation of a recording.
 
     Attributes:
-        times: times of every camera's frames by its own clock, s, from the files' rates and a
-            common start.
+        times: times of every camera's frames by its own clock, s, as the files tell, else from
+            their rates and a common start.
     """
 
     result: Synchronisation | SignalOffsets
@@ -238,6 +239,7 @@ class _Films:
     readers: dict[str, FrameReader]  #: frame readers by camera name.
     times: dict[str, Times]  #: (frames,) float64, s, by each camera's clock.
     fps: dict[str, float]  #: rates.
+    notes: tuple[str, ...]  #: what files tell of their frames' times.
 
     @classmethod
     def open(cls, folder: Path, settings: SyncSettings, cameras: Sequence[str] | None) -> _Films:
@@ -262,7 +264,15 @@ class _Films:
             if reader.frame_count < 3:
                 raise InputError(f"{reader.path} has {reader.frame_count} frames: film for longer")
         times = {name: np.arange(readers[name].frame_count) / fps[name] for name in names}
-        return cls(folder, calibration_path(folder) is not None, readers, times, fps)
+        notes = []
+        for name in names:
+            found = times_in_files({name: readers[name]}, (settings.rates or {}).get(name))
+            if found is not None:
+                times |= found.times
+                fps[name] = 1 / even_numbers(times[name])[1]
+                notes.append(found.note)
+        calibrated = calibration_path(folder) is not None
+        return cls(folder, calibrated, readers, times, fps, tuple(notes))
 
     @property
     def shortest_s(self) -> float:
@@ -319,7 +329,7 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
     most = min(films.max_offset_s(by, settings), 0.5 * shortest)
-    notes = []
+    notes = [*films.notes]
     if without_background:
         notes.append(
             f"no empty view of {', '.join(without_background)}: it was estimated from the"
@@ -355,7 +365,7 @@ def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
     reporter.stage("offsets")
     how = SignalSettings(films.max_offset_s("board", settings))
     result = offsets_from_signals(signals, how, settings.reference)
-    return Sync(result, "board", films.times, films.fps, ())
+    return Sync(result, "board", films.times, films.fps, films.notes)
 
 
 def _by_sound(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync:
@@ -383,7 +393,9 @@ def _by_sound(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
         "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
         " camera is nearer to it, or farther, than the reference; the table allows for one metre"
     )
-    return Sync(replace(result, offsets=tuple(lines)), "sound", films.times, films.fps, (note,))
+    return Sync(
+        replace(result, offsets=tuple(lines)), "sound", films.times, films.fps, (*films.notes, note)
+    )
 
 
 def _by_sound_if_common(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync | None:

@@ -97,11 +97,12 @@ class MultiViewEstimator:
             matching,
             *((0.0, True) if given is None else (CARVING.joined * given.extent_m, False)),
         )
-        work = TrackWork(settings, source.fps, matching, known, clock, reporter)
         with (
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
             ExitStack() as kept,
         ):
+            told = clock, reporter, prepared.numbers
+            work = TrackWork(settings, source.fps, matching, known, *told)
             tracker, facts = work.track(prepared, kept)
             at = prepared.numbers, prepared.times_s
             motion, ratio = _motion(tracker, settings, *at, clock, reporter)

@@ -1,7 +1,8 @@
 """Recording folder: videos, empty backgrounds, calibration and subject; see docs/recordings.md."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.notes import read_up
 from calib.upright import UprightFrame, up_from_cameras
+from voxelpose.recording.file_times import recorded_times
 from voxelpose.recording.frame_reader import (
     STILLS,
     VIDEOS,
@@ -24,7 +26,6 @@ from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
     matched_by_time,
-    read_timestamps,
     times_by_rate,
 )
 from voxelpose.recording.unknown_places import (
@@ -37,7 +38,6 @@ from voxelpose.recording.unknown_places import (
 )
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
-_FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
@@ -52,7 +52,7 @@ class Recording:
             `default_camera` is assumed.
         rig: the cameras in use, in the calibration's order.
         readers: frame readers by camera name.
-        first: number of the first frame in use.
+        first: where the first frame in use is among those of the readers.
         frame_count: number of frames in use.
         fps: frames per second.
         times_s: (frame_count,) float64, seconds since the recording's first frame.
@@ -62,6 +62,8 @@ class Recording:
             not stated.
         camera_names: all cameras of the recording, in use or not.
         notes: what is worth telling about its files.
+        numbers: (frame_count,) int64, numbers of the frames, increasing; those that a camera lost
+            are left out.
     """
 
     folder: Path
@@ -77,6 +79,7 @@ class Recording:
     up: NDArray[np.float64] | None = None
     camera_names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    numbers: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @classmethod
     def open(
@@ -120,21 +123,23 @@ class Recording:
         readers = {name: readers[name] for name in rig.names}
         notes += tuple(
             f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
-            + (
-                "the recording ends with them"
-                if _nearly_whole(reader)
-                else "it seems to be damaged"
-            )
+            + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
-        if fps is None and (folder / TIMESTAMPS).exists():
-            readers, rate, times_s = matched_by_time(folder / TIMESTAMPS, readers)
-            start, stop = _frame_range(readers, frames)
-        else:
+        whole = frames is None or frames[1] is None
+        timed, said = recorded_times(folder, readers, fps, together=whole)
+        if timed is None:
             start, stop = _frame_range(readers, frames)
             rate, times_s = times_by_rate(folder, readers, fps)
-        subject = read_subject(folder / "subject.toml")
+            numbers = np.arange(stop)
+        else:
+            table, of = fps is None and (folder / TIMESTAMPS).exists(), (folder, readers, timed)
+            readers, numbers, rate, times_s = matched_by_time(*of, earliest=not table)
+            first, last = _frame_range(readers, frames, int(numbers[-1]) + 1)
+            start, stop = np.searchsorted(numbers, (first, last)).tolist()
+            if start == stop:
+                raise InputError(f"{folder}: a camera lost frames {first}:{last}: give others")
         return cls(
             folder,
             calibration,
@@ -144,11 +149,12 @@ class Recording:
             stop - start,
             rate,
             times_s[start:stop],
-            subject,
+            read_subject(folder / "subject.toml"),
             silhouettes_given,
             None if calibration is None else read_up(calibration),
             names,
-            notes,
+            notes + said,
+            numbers[start:stop],
         )
 
     @classmethod
@@ -191,7 +197,7 @@ class Recording:
         """
         stop = self.first + self.frame_count
         for step, frames in enumerate(read_together(self.readers, self.first, stop)):
-            yield self.first + step, float(self.times_s[step]), frames
+            yield int(self.numbers[step]), float(self.times_s[step]), frames
 
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
         """Yields the frames of time steps in ascending order, counted from `first`: (H, W, 3) uint8
@@ -216,11 +222,12 @@ class Recording:
         return UprightFrame.from_up(up_from_cameras(self.rig) if self.up is None else self.up)
 
     def file_times(self) -> dict[str, NDArray[np.float64]]:
-        """Time of every frame of every camera's file, s, by timestamps.csv or rate, by camera."""
+        """Time of every frame of every camera's file, s, by timestamps.csv, the files or
+        rate, by camera.
+        """
         readers = {name: FrameReader.open(reader.path) for name, reader in self.readers.items()}
-        if (self.folder / TIMESTAMPS).exists():
-            return read_timestamps(self.folder / TIMESTAMPS, readers)
-        return {
+        times, _ = recorded_times(self.folder, readers)
+        return times or {
             name: np.arange(reader.frame_count) / (reader.fps or self.fps)
             for name, reader in readers.items()
         }
@@ -373,10 +380,11 @@ def open_readers(
             f"{folder} is not a recording: give a folder with a video per camera and"
             " calibration.toml"
         )
-    paths, silhouettes_given = _paths(folder, cameras)
+    paths, given = _paths(folder, cameras)
     for path in (folder.resolve(), *paths.values()):
         check_name(path)
-    return {name: FrameReader.open(path) for name, path in paths.items()}, silhouettes_given
+    with ThreadPoolExecutor() as pool:  # each reads its file once, without decoding
+        return dict(zip(paths, pool.map(FrameReader.open, paths.values()), strict=True)), given
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
@@ -461,25 +469,21 @@ def _select_cameras(
     return rig.select([name for name in rig.names if name in requested])
 
 
-def _nearly_whole(reader: FrameReader) -> bool:
-    """Whether a file lacks hardly any of the frames that it promises."""
-    return reader.promised - reader.frame_count <= max(
-        _FEW_FRAMES, _FEW_PERCENT * reader.promised / 100
-    )
-
-
 def _frame_range(
-    readers: Mapping[str, FrameReader], frames: tuple[int | None, int | None] | None
+    readers: Mapping[str, FrameReader],
+    frames: tuple[int | None, int | None] | None,
+    moments: int | None = None,
 ) -> tuple[int, int]:
-    counts = {name: reader.frame_count for name, reader in readers.items()}
+    """First frame and one past the last, of files in step, or of moments that are counted."""
+    counts = {name: moments or reader.frame_count for name, reader in readers.items()}
     shortest = min(counts.values())
     start, stop = frames or (None, None)
     first, last = start or 0, shortest if stop is None else stop
     meant = {
-        max(reader.frame_count, reader.promised if _nearly_whole(reader) else 0)
+        max(reader.frame_count, reader.promised if reader.nearly_whole else 0)
         for reader in readers.values()
     }
-    if stop is None and len(meant) > 1:
+    if stop is None and moments is None and len(meant) > 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise InputError(
             f"videos differ in length ({lengths} frames): if they start together, give --frames"

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from voxelpose.recording.ffmpeg import picture_times
 
 Frame = NDArray[np.uint8]
 STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split())
@@ -27,6 +28,7 @@ _COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers 
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
 _LARGEST_BYTES = 8 * _MOST_PX
+_FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -43,6 +45,8 @@ class FrameReader:
         numbers: selected frames of the file in ascending order, possibly repeated; None selects
             all.
         promised: number of frames that the file says it has; 0 where it says none.
+        shown_s: (frame_count,) float64, s, increasing, when a video shows its frames; None where it
+            does not tell, or some are selected.
     """
 
     path: Path
@@ -52,6 +56,7 @@ class FrameReader:
     fps: float | None
     numbers: tuple[int, ...] | None = None
     promised: int = 0
+    shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
 
     @classmethod
     def open(cls, path: Path) -> "FrameReader":
@@ -76,8 +81,14 @@ class FrameReader:
         if stills:
             height, width = read_still(stills[0]).shape[:2]
             return cls(path, stills, (width, height), len(stills), None)
-        size, count, fps, promised = _probe(path)
-        return cls(path, (), size, count, fps, promised=promised)
+        size, count, fps, promised, shown_s = _probe(path)
+        return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
+
+    @property
+    def nearly_whole(self) -> bool:
+        """Whether the file lacks hardly any of the frames that it promises."""
+        few = max(_FEW_FRAMES, _FEW_PERCENT * self.promised / 100)
+        return self.promised - self.frame_count <= few
 
     def __iter__(self) -> Iterator[Frame]:
         """Yields every frame, (H, W, 3) uint8, BGR."""
@@ -105,7 +116,8 @@ class FrameReader:
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
-        return replace(self, numbers=selected, frame_count=len(selected), promised=0)
+        count = len(selected)
+        return replace(self, numbers=selected, frame_count=count, promised=0, shown_s=None)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))
@@ -156,8 +168,12 @@ def read_together(
             yield step
 
 
-def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
-    """Returns size, number of frames, frames per second and promised frames of a video."""
+def _probe(
+    path: Path,
+) -> tuple[tuple[int, int], int, float | None, int, NDArray[np.float64] | None]:
+    """Returns size, number of frames, frames per second and promised frames of a video, and when it
+    shows its frames.
+    """
     capture = cv2.VideoCapture(str(path))
     try:
         good, frame = capture.read()
@@ -167,7 +183,7 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
                 " (H.264)"
             )
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        fps = float(capture.get(cv2.CAP_PROP_FPS))
+        fps: float | None = float(capture.get(cv2.CAP_PROP_FPS))
         # Some containers announce more frames than they hold; only then all frames are counted.
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
@@ -179,21 +195,12 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
                 count += 1
     finally:
         capture.release()
-    if path.suffix.lower() == ".avi":  # empty pieces in its middle count in its header
-        count = min(count, _pieces(path) or count)
+    pieces, shown_s = picture_times(path)
+    count = min(count, pieces or count)  # empty pieces count in a header, lost frames in others
     height, width = frame.shape[:2]
     promised = promised if path.suffix.lower() in _COUNTED else count
-    return (width, height), count, fps if np.isfinite(fps) and fps > 0 else None, promised
-
-
-def _pieces(path: Path) -> int:
-    """Number of coded frames in a video; 0 where FFmpeg cannot tell."""
-    import imageio_ffmpeg
-
-    try:
-        return imageio_ffmpeg.count_frames_and_secs(str(path))[0] or 0
-    except (RuntimeError, OSError):
-        return 0
+    fps = fps if np.isfinite(fps) and fps > 0 else None
+    return (width, height), count, fps, promised, shown_s if pieces == count else None
 
 
 def read_still(file: Path) -> Frame:

@@ -10,6 +10,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from calib.correlation import Signal
 from calib.errors import InputError
+from voxelpose.recording.ffmpeg import QUIET, finished, packets, program
 from voxelpose.tuning import SYNCHRONISATION
 
 STEP_S = 1 / 1000
@@ -18,13 +19,12 @@ _RATE_HZ = 16000
 _PER_STEP = round(_RATE_HZ * STEP_S)
 _CHUNK = 4 * _PER_STEP * 1000  # bytes
 _LOWEST_HZ = 300  # hum, wind and steps are below
-_FFMPEG_QUIET = ("-v", "quiet", "-nostdin")
 
 
 def has_sound(path: Path) -> bool:
     """Whether a file is a video with sound."""
     words = ("-hide_banner", "-nostdin", "-i", str(path.absolute()))
-    return path.is_file() and "Audio:" in _finished(*words).stderr
+    return path.is_file() and "Audio:" in finished(*words).stderr
 
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:
@@ -63,8 +63,8 @@ def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
     # Silence is put where the sound begins later than the pictures, or has gaps.
     filters = f"aresample={_RATE_HZ}:async=1:first_pts=0,highpass=f={_LOWEST_HZ}"
     words = ["-t", f"{seconds:.3f}", "-i", str(path.absolute()), "-map", "0:a:0", "-af", filters]
-    command = [*_FFMPEG_QUIET, *words, "-ac", "1", "-f", "f32le", "-"]
-    with subprocess.Popen([_ffmpeg(), *command], stdout=subprocess.PIPE) as process:
+    command = [*QUIET, *words, "-ac", "1", "-f", "f32le", "-"]
+    with subprocess.Popen([program(), *command], stdout=subprocess.PIPE) as process:
         while process.stdout and (chunk := process.stdout.read(_CHUNK)):
             samples = np.frombuffer(chunk[: len(chunk) // 4 * 4], "<f4").astype(np.float64)
             whole = samples[: len(samples) // _PER_STEP * _PER_STEP]
@@ -73,37 +73,5 @@ def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
 
 def _first_picture_s(path: Path) -> float:
     """Time of the first picture, s, in the file's time, in which the sound may begin before it."""
-    words = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy", "-frames:v", "1"]
-    finished = _finished(*_FFMPEG_QUIET, *words, "-f", "framecrc", "-")
-    unit, ticks = 0.0, 0.0
-    for line in finished.stdout.splitlines():
-        if line.startswith("#tb 0:"):
-            top, _, bottom = line.removeprefix("#tb 0:").partition("/")
-            unit = float(top) / float(bottom)
-        elif line.startswith("0,"):
-            ticks = float(line.split(",")[2])
-    return max(ticks * unit, 0.0)
-
-
-def _finished(*words: str) -> subprocess.CompletedProcess[str]:
-    """FFmpeg with these arguments, at its end."""
-    return subprocess.run(
-        [_ffmpeg(), *words], capture_output=True, check=False, encoding="utf-8", errors="replace"
-    )
-
-
-def _ffmpeg() -> str:
-    """Path of FFmpeg.
-
-    Raises:
-        InputError: there is none for this machine.
-    """
-    import imageio_ffmpeg
-
-    try:
-        return imageio_ffmpeg.get_ffmpeg_exe()
-    except RuntimeError as error:
-        raise InputError(
-            "reading sound needs FFmpeg, which the package imageio-ffmpeg has none of for this"
-            " machine: install it and set IMAGEIO_FFMPEG_EXE to its path"
-        ) from error
+    first_s = packets(path, "-frames:v", "1")[:1, 1]
+    return float(np.nan_to_num(first_s).max(initial=0.0))

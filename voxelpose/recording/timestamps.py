@@ -16,26 +16,41 @@ from voxelpose.recording.frame_reader import FrameReader
 TIMESTAMPS = "timestamps.csv"
 _LARGEST_BYTES = 500_000_000
 _LATEST_S = 10**11  # of any clock that counts seconds
+_PER_SECOND = {"s": 1, "ms": 1000, "us": 10**6, "ns": 10**9}
+_COLUMNS = {f"frame_time_{unit}": unit for unit in _PER_SECOND}
+_SLOWEST, _FASTEST = 1, 1000  # frames per second
+_LASTING = 30  # frames
+_UNIT_REMEDY = "name the unit in the header (frame_time_ms, _us, _ns), or correct the times"
 Times = NDArray[np.float64]
 """(frames,) float64, s."""
 
 
-def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str, Times]:
+def read_timestamps(
+    path: Path, readers: Mapping[str, FrameReader]
+) -> tuple[dict[str, Times], tuple[str, ...]]:
     """Reads timestamps.csv: cam_id,frame_time, one row per frame in the order of the frames, into
-    (frames,) float64, s, by camera name.
+    (frames,) float64, s, by camera name; and what is worth telling about it.
 
     Args:
-        path: the file; cam_id is the camera's name, or 1 for cam_1; frame_time is in seconds.
+        path: the file; cam_id is the camera's name, or 1 for cam_1; frame_time is in seconds, or in
+            the unit that the column's name states, as in frame_time_ms.
         readers: frame readers by name of the cameras whose times are read.
 
     Raises:
         InputError: the file is not such a table, or does not fit the videos.
     """
     listed: dict[str, array[float]] = {}
-    for number, row in enumerate(csv_rows(path, ("cam_id", "frame_time"), _LARGEST_BYTES), 2):
+    column = "frame_time"
+    rows = csv_rows(path, ("cam_id",), _LARGEST_BYTES, ("frame_time", *_COLUMNS))
+    for number, row in enumerate(rows, 2):
+        column = next((name for name in ("frame_time", *_COLUMNS) if name in row), column)
         try:
-            camera, time = row["cam_id"].strip(), float(row["frame_time"])
-        except (KeyError, ValueError):
+            camera, time = row["cam_id"].strip(), float(row[column])
+        except KeyError as error:
+            raise InputError(
+                f"{path} line {number}: no column {error.args[0]}: give cam_id,frame_time"
+            ) from None
+        except ValueError:
             raise InputError(
                 f"{path} line {number} is not cam_id,frame_time (seconds): correct the row, or"
                 " remove the file"
@@ -45,24 +60,77 @@ def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str,
     times: dict[str, Times] = {}
     for name, reader in readers.items():
         own = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
-        times[name] = np.concatenate([np.zeros(0), *own])
-        if len(times[name]) == reader.promised:
-            times[name] = times[name][: reader.frame_count]  # it lacks the last ones
-        if len(times[name]) != reader.frame_count:
-            raise InputError(
-                f"{path} has {len(times[name])} times for camera {name}, its video"
-                f" {reader.frame_count} frames: correct or remove it"
-            )
-        if len(times[name]) and not np.abs(times[name]).max() < _LATEST_S:
+        times[name] = _checked(path, name, reader, np.concatenate([np.zeros(0), *own]))
+    unit, notes = _COLUMNS.get(column, ""), ()
+    if not unit:
+        unit, notes = _unit_by_rate(path, readers, times)
+    times = {name: taken / _PER_SECOND[unit] for name, taken in times.items()}
+    for name, taken in times.items():
+        if len(taken) and not np.abs(taken).max() < _LATEST_S:
             raise InputError(
                 f"{path}: the times of camera {name} are not all numbers of seconds: correct or"
                 " remove it"
             )
-        if (np.diff(times[name]) <= 0).any():
-            raise InputError(
-                f"{path}: the times of camera {name} do not increase: correct or remove it"
-            )
+        if len(taken) > 1:
+            checked_rate(1 / _period(taken), f"{path}, camera {name}", _UNIT_REMEDY)
+    return times, notes
+
+
+def _checked(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
+    """The times of a camera's frames, in the table's unit."""
+    if len(times) == reader.promised:
+        times = times[: reader.frame_count]  # it lacks the last ones
+    if len(times) != reader.frame_count:
+        raise InputError(
+            f"{path} has {len(times)} times for camera {name}, its video"
+            f" {reader.frame_count} frames: correct or remove it"
+        )
+    if not np.isfinite(times).all():
+        raise InputError(
+            f"{path}: the times of camera {name} are not all numbers of seconds: correct or"
+            " remove it"
+        )
+    if (np.diff(times) <= 0).any():
+        raise InputError(
+            f"{path}: the times of camera {name} do not increase: correct or remove it"
+        )
     return times
+
+
+def _unit_by_rate(
+    path: Path, readers: Mapping[str, FrameReader], times: Mapping[str, Times]
+) -> tuple[str, tuple[str, ...]]:
+    """The unit of times that cannot be seconds: that with which all rates are the videos'; "s"
+    where there is none. And what is to be told.
+    """
+    steps = {name: _period(taken) for name, taken in times.items() if len(taken) > 1}
+    if all(possible_rate(1 / step) for step in steps.values()):
+        return "s", ()
+    known = [(step, rate) for name, step in steps.items() if (rate := readers[name].fps)]
+    for unit, per_second in _PER_SECOND.items():
+        if known and all(not rates_differ([per_second / step, rate]) for step, rate in known):
+            return unit, (
+                f"{path} is taken to count in {unit}: only so do its rates agree with the videos'",
+            )
+    return "s", ()
+
+
+def possible_rate(fps: float) -> bool:
+    """Whether cameras film so many frames per second."""
+    return _SLOWEST <= round(fps, 6) <= _FASTEST
+
+
+def checked_rate(fps: float, source: str, remedy: str) -> float:
+    """The rate, frames per second.
+
+    Raises:
+        InputError: no camera films so slowly, or so fast.
+    """
+    if possible_rate(fps):
+        return fps
+    raise InputError(
+        f"{source}: {fps:g} frames per second are outside {_SLOWEST} to {_FASTEST:,}: {remedy}"
+    )
 
 
 def write_timestamps(path: Path, times: Mapping[str, Times]) -> None:
@@ -96,10 +164,7 @@ def match_frames(
     Raises:
         InputError: there is no time at which all cameras have a frame.
     """
-    periods = {
-        name: float(np.median(np.diff(taken))) if len(taken) > 1 else 0.0
-        for name, taken in times.items()
-    }
+    periods = {name: _period(taken) for name, taken in times.items()}
     slowest = max(periods.values())
     # A frame matches within half a period of its own camera, or a quarter of the longest period.
     tolerance = np.array([0.5 * max(period, 0.5 * slowest) for period in periods.values()]) + 1e-6
@@ -117,12 +182,10 @@ def match_frames(
         if best is None or cost < best[0]:
             best = cost, instants[kept], {name: rows[kept] for name, rows in numbers.items()}
     if best is None:
-        spans = ", ".join(
-            f"{name} {taken[0]:.3f} to {taken[-1]:.3f} s"
-            for name, taken in times.items()
-            if len(taken)
+        raise InputError(
+            f"{path}: at no moment all cameras filmed ({spans_text(times)}): correct their times"
+            f" ({TIMESTAMPS})"
         )
-        raise InputError(f"{path}: at no moment all cameras filmed ({spans}): correct or remove it")
     return best[1:]
 
 
@@ -141,10 +204,6 @@ def times_by_rate(
     """
     count = min(reader.frame_count for reader in readers.values())
     if fps is not None:
-        if not (np.isfinite(fps) and fps > 0):
-            raise InputError(
-                f"{fps} frames per second are impossible: give --fps as a positive number"
-            )
         return fps, np.arange(count) / fps
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps is not None}
     if not rates:
@@ -162,6 +221,8 @@ def times_by_rate(
             " or give --fps (and --frames A:B) if frame n was taken at the same moment in all"
         )
     rate = float(np.median(list(rates.values())))
+    if count > 1:
+        checked_rate(rate, ", ".join(rates), "say how fast they filmed with --fps")
     return rate, np.arange(count) / rate
 
 
@@ -172,17 +233,74 @@ def rates_differ(rates: Iterable[float]) -> bool:
 
 
 def matched_by_time(
-    path: Path, readers: Mapping[str, FrameReader]
-) -> tuple[dict[str, FrameReader], float, Times]:
-    """Readers of the frames that match in time, frames per second, and times since the first, s.
+    path: Path,
+    readers: Mapping[str, FrameReader],
+    times: Mapping[str, Times],
+    *,
+    earliest: bool,
+) -> tuple[dict[str, FrameReader], NDArray[np.int64], float, Times]:
+    """Readers of the frames that match in time, their numbers on an even grid (M,) int64, frames
+    per second, and times since the first, s.
+
+    Args:
+        path: source of the times, for messages.
+        readers: frame readers by camera name.
+        times: (frames,) s, by camera name.
+        earliest: whether the first is that of the camera that began first, not the first match.
 
     Raises:
-        InputError: as of `read_timestamps` and `match_frames`.
+        InputError: as of `match_frames`.
     """
-    times_s, numbers = match_frames(read_timestamps(path, readers), path)
-    matched = {name: reader.select(numbers[name].tolist()) for name, reader in readers.items()}
-    rate = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
-    return matched, rate, times_s - times_s[0]
+    times_s, rows = match_frames(times, path)
+    matched = {name: reader.select(rows[name].tolist()) for name, reader in readers.items()}
+    numbers, period = even_numbers(times_s)
+    begin_s = min(float(taken[0]) for taken in times.values()) if earliest else float(times_s[0])
+    numbers = numbers + round((times_s[0] - begin_s) / period)
+    return matched, numbers, round(1 / period, 6), times_s - begin_s
+
+
+def even_numbers(times: Times) -> tuple[NDArray[np.int64], float]:
+    """Numbers (frames,) int64, from 0, of the moments of an even grid at which frames were taken,
+    and the time between two of those; a lost frame is a number that is left out.
+
+    Args:
+        times: (frames,), increasing.
+    """
+    order = np.arange(len(times), dtype=np.int64)
+    if len(times) < 2:
+        return order, 1.0
+    passed = times - times[0]
+    numbers = np.concatenate([[0], np.cumsum(1 + lost_between(times))])
+    period = float(passed[-1] / numbers[-1])
+    if (np.abs(passed - numbers * period) < 0.5 * period).all():
+        return numbers, period
+    # The rate drifts: numbers follow the clock, at the highest rate that lasts.
+    some = max(min(len(times) // 4, _LASTING), 1)
+    period = float(np.quantile(times[some:] - times[:-some], 0.1)) / some
+    numbers = np.rint(passed / period).astype(np.int64)
+    return np.maximum.accumulate(numbers - order) + order, period
+
+
+def lost_between(times: Times) -> NDArray[np.int64]:
+    """How many frames (frames - 1,) int64 were lost between each two, by their usual distance.
+
+    Args:
+        times: (frames,), increasing.
+    """
+    steps = np.diff(times)
+    return np.maximum(np.rint(steps / np.median(steps)).astype(np.int64) - 1, 0)
+
+
+def spans_text(times: Mapping[str, Times]) -> str:
+    """From when to when cameras filmed, for messages."""
+    return ", ".join(
+        f"{name} {taken[0]:.3f} to {taken[-1]:.3f} s" for name, taken in times.items() if len(taken)
+    )
+
+
+def _period(times: Times) -> float:
+    """Usual time between two frames; 0 of a single one."""
+    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
 def _nearest(times: Times, instants: Times) -> NDArray[np.int64]:

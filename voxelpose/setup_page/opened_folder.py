@@ -77,6 +77,7 @@ class OpenedFolder:
             given,
             read_up(calibration) if rig is not None and calibration is not None else None,
             cameras.names,
+            numbers=np.arange(count),
         )
         return cls(recording, rig is not None, fault)
 

@@ -94,13 +94,13 @@ class SetupSession:
         recording = self._recording
         with self._saving:
             places = self._places
-        empty = self._moments.empty()
+        empty, many = self._moments.empty(), recording.frame_count > 20_000
         return {
             "folder": str(self.folder),
             "name": self.folder.resolve().name,
             "moments": recording.frame_count,
-            "first": recording.first,
-            "times_s": None if recording.frame_count > 20_000 else recording.times_s.tolist(),
+            "numbers": None if many else recording.numbers.tolist(),
+            "times_s": None if many else recording.times_s.tolist(),
             "masks_only": recording.silhouettes_given,
             "cameras": [
                 {

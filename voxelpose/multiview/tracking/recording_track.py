@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.moments import even_moments
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -111,6 +112,7 @@ class TrackWork:
     known: BodyModel | None
     clock: StageClock
     reporter: Reporter
+    numbers: NDArray[np.int64] | None = None  #: of the frames; None: none is left out.
 
     def track(
         self, prepared: PreparedSilhouettes, kept: ExitStack
@@ -226,7 +228,7 @@ class TrackWork:
 
     def _tracker(self, body: BodyGeometry, observations: ObservationStore) -> PoseTracker:
         told = self.clock, self.reporter.advance
-        return PoseTracker(body, observations, self.fps, self.matching, *told)
+        return PoseTracker(body, observations, self.fps, self.matching, *told, self.numbers)
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
         work = self.clock, self.reporter

@@ -48,11 +48,15 @@ class PoseTracker:
         matching: MatchSettings,
         clock: Clock,
         advance: Callable[[], None],
+        numbers: np.ndarray | None = None,
     ):
-        """Starts without poses."""
+        """Starts without poses; `numbers` (T,) int64, increasing, tell how many frames are between
+        those observed, None: none.
+        """
         self.body = body
         self.observations = observations
         self.fps, self.matching = fps, matching
+        self._steps = np.arange(len(observations)) if numbers is None else numbers - numbers[0]
         self.poses: list[Pose | None] = [None] * len(observations)
         self.error = np.full(len(observations), np.inf)
         self._clock = clock
@@ -97,7 +101,7 @@ class PoseTracker:
     def _carry(self, track: BodyTrack | None, direction: int) -> None:
         """Tracks one way."""
         while track is not None:
-            t = round(track.time_s * self.fps) + direction
+            t = int(np.searchsorted(self._steps, round(track.time_s * self.fps))) + direction
             track = self._step(track, t)
             if track is None or track.fit.error >= TRACKING.better * self.error[t]:
                 return
@@ -191,6 +195,7 @@ class PoseTracker:
         """Frames after which the pose jumps: farther than people move, and than around it."""
         joints = self.joints_m()
         steps = np.linalg.norm(np.diff(joints - joints[:, :1], axis=0), axis=2).mean(axis=1)
+        steps = steps / np.diff(self._steps)
         both = np.flatnonzero(np.isfinite(steps))
         half = RECENT // 2
         around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
@@ -227,7 +232,6 @@ class PoseTracker:
     def polish(self) -> None:
         """Refines every pose again, with the middle of its neighbours as prior."""
         old, frames = list(self.poses), range(len(self.poses))
-        sigma = process_noise(self.body.model.tree, elapsed_steps(0.0, self._time_s(1)))
 
         def smoothed(t: int) -> PoseFit | None:
             with self._lock:
@@ -236,7 +240,10 @@ class PoseTracker:
             if pose is None or (frame := self.observe(t)) is None:
                 return None
             with self._clock("refinement"):
-                before, after = (old[k] if 0 <= k < len(old) else None for k in (t - 1, t + 1))
+                steps = self._steps_around(t)
+                before, after = (old[t - 1], old[t + 1]) if steps else (None, None)
+                passed = elapsed_steps(0.0, (steps or 1) / self.fps)
+                sigma = process_noise(self.body.model.tree, passed)
                 prior = PosePrior(neighbour_middle(before, pose, after), sigma)
                 return refine_fit(self.body, frame.observation, pose, prior, _SMOOTH)
 
@@ -247,5 +254,10 @@ class PoseTracker:
     def _keep(self, t: int, fit: PoseFit) -> None:
         self.poses[t], self.error[t] = fit.pose, fit.error
 
+    def _steps_around(self, t: int) -> int:
+        """How many frames before and after a frame its neighbours are; 0 where that differs."""
+        near = np.diff(self._steps[max(t - 1, 0) : t + 2])
+        return int(near[0]) if len(near) == 2 and near[0] == near[1] else 0
+
     def _time_s(self, t: int) -> float:
-        return t / self.fps
+        return float(self._steps[t]) / self.fps

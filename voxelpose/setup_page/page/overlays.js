@@ -42,9 +42,9 @@ export class Overlays {
 
   loadMoment() {
     const { app } = this;
-    const { times_s, first } = app.store.state;
+    const { times_s, numbers } = app.store.state;
     const time = times_s ? `  ·  ${times_s[app.moment].toFixed(2)} s` : "";
-    this.timeText(by("empty").checked ? "empty view" : `frame ${first + app.moment}${time}`);
+    this.timeText(by("empty").checked ? "empty view" : `frame ${numbers?.[app.moment] ?? app.moment}${time}`);
     by("loading").hidden = false;
     this.loadPictures();
     this.update();

@@ -74,7 +74,7 @@ def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Im
         write_text(sheet, words, _MARGIN, top + 26, 17, INK, bold=True)
         left, top = _MARGIN, top + _NAME
         for step, tile in zip(shown, tiles, strict=True):
-            write_text(sheet, f"frame {recording.first + step}", left, top - 8, 14, FAINT)
+            write_text(sheet, f"frame {recording.numbers[step]}", left, top - 8, 14, FAINT)
             sheet[top : top + height, left : left + width] = tile
             left += width + _GAP
         top += height

@@ -140,7 +140,7 @@ class ResultScenes:
             self.recording = _open_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
             self.fps = self.recording.fps
-            self.frames = np.arange(self.recording.frame_count)
+            self.frames = np.arange(self.recording.numbers[-1] + 1)
         self.estimator = str(settings.get("estimator", ""))
         options = settings.get("options", {})
         self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", CARVING.voxel_m))
@@ -236,6 +236,8 @@ class ResultScenes:
         camera_frames, row = self.camera_frames(frame), self.row(frame)
         if self.motion is not None and row is None:
             notes.append("no pose was found in this frame")
+        if self.recording is not None and frame not in self.recording.numbers:
+            notes.append("a camera lost this frame: the one before is shown")
         for one in camera_frames:
             if one.unknown is not None and one.unknown.any():
                 share = 100 * one.unknown.mean()

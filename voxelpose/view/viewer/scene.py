@@ -356,6 +356,7 @@ class CameraFrames:
         self._kind: BackgroundKind = kind
         self._views, self._segmenter = views, segmenter
         self._next, self._frames = 0, None
+        self._pictures: dict[str, Frame] = {}
 
     @cached_property
     def silhouettes(self) -> Silhouettes:
@@ -395,15 +396,19 @@ class CameraFrames:
         )
 
     def _read(self, frame: int) -> dict[str, Frame]:
-        if self._frames is None or not 0 <= frame - self._next <= _MOST_SKIPPED:
+        recording = self._recording
+        step = int(np.searchsorted(recording.numbers, frame, side="right")) - 1
+        if step == self._next - 1 and self._pictures:  # a lost frame shows the one before
+            return self._pictures
+        if self._frames is None or not 0 <= step - self._next <= _MOST_SKIPPED:
             self.close()
-            stop = self._recording.first + self._recording.frame_count
-            self._next, self._frames = frame, read_together(self._recording.readers, frame, stop)
-        pictures: dict[str, Frame] = {}
-        while self._next <= frame:
-            pictures = next(self._frames)
+            stop = recording.first + recording.frame_count
+            at = recording.first + max(step, 0), stop
+            self._next, self._frames = max(step, 0), read_together(recording.readers, *at)
+        while self._next <= step:
+            self._pictures = next(self._frames)
             self._next += 1
-        return pictures
+        return self._pictures
 
     def close(self) -> None:
         """Stops reading."""
