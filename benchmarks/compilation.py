@@ -1,10 +1,12 @@
 """What numba compiles for a command that has never run on this machine, and what that costs.
 
-Usage: `python -m benchmarks.compilation [COMMAND ...] [--pairs N]`; by default `fit` and `track` of
-the recording that `voxelpose demo` makes. Each command runs in a process of its own, first with
-nothing compiled, then again; N pairs in turn. Prints wall and processor time of both
+Usage: `python -m benchmarks.compilation [COMMAND ...] [--pairs N] [--write]`; by default `fit` and
+`track` of the recording that `voxelpose demo` makes. Each command runs in a process of its own,
+first with nothing compiled, then again; N pairs in turn. Prints wall and processor time of both
 runs, their ratio, and the functions that took longest, each without those that it calls, with the
-number of its signatures.
+number of its signatures. The list is of a run without the
+process that compiles beside a first run; the times are with it. With `--write`, kernels.toml of
+`voxelpose.warm_up` is written anew.
 """
 
 from __future__ import annotations
@@ -22,9 +24,13 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import tomlkit
 from numba.core import event
 
+from voxelpose.warm_up import FILE
+
 SHOWN = 20
+ESTIMATORS = {"fit": "multiview", "track": "monocular"}
 
 
 class CompileTimes(event.Listener):
@@ -32,10 +38,12 @@ class CompileTimes(event.Listener):
 
     Attributes:
         seconds: by the function's name and its signature.
+        called: kernels that are called from Python, in order, as in kernels.toml.
     """
 
     def __init__(self) -> None:
         self.seconds: dict[str, dict[str, float]] = defaultdict(dict)
+        self.called: list[str] = []
         self._open = threading.local()
 
     def on_start(self, event: event.Event) -> None:
@@ -52,6 +60,8 @@ class CompileTimes(event.Listener):
         code = data["dispatcher"].py_func
         name = f"{code.__module__.rpartition('.')[2]}.{code.__name__}"
         self.seconds[name][str(data["args"])] = elapsed - inner
+        if not self._stack:
+            self.called.append(f"{code.__module__}.{code.__name__}{tuple(data['args'])!r}")
 
     @property
     def _stack(self) -> list[list[float]]:
@@ -60,16 +70,16 @@ class CompileTimes(event.Listener):
         return self._open.stack
 
 
-def measured(words: list[str], cache: Path) -> dict[str, Any]:
+def measured(words: list[str], cache: Path, how: str = "--child") -> dict[str, Any]:
     """Wall and processor seconds of a command in a new process, and what it compiled."""
-    child = [sys.executable, "-m", "benchmarks.compilation", "--child", *words]
+    child = [sys.executable, "-m", "benchmarks.compilation", how, *words]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
     ran = subprocess.run(child, env=environment, capture_output=True, text=True, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    compiled = json.loads(ran.stdout.splitlines()[-1])
-    return {"wall": time.perf_counter() - started, "spent": spent, "compiled": compiled}
+    found = json.loads(ran.stdout.splitlines()[-1])
+    return {"wall": time.perf_counter() - started, "spent": spent, **found}
 
 
 def print_table(compiled: dict[str, dict[str, float]]) -> None:
@@ -85,34 +95,41 @@ def print_table(compiled: dict[str, dict[str, float]]) -> None:
     print(f"\nmore than one signature: {', '.join(several) or 'none'}")
 
 
-def compare(name: str, words: list[str], pairs: int) -> None:
-    """Prints the table of a command, and first and second runs in turn."""
+def compare(name: str, words: list[str], pairs: int) -> list[str]:
+    """Prints the table of a command, and first and second runs in turn; returns its kernels."""
     print(f"\n## {name}")
-    for pair in range(pairs):
+    with tempfile.TemporaryDirectory() as folder:
+        alone = measured(words, Path(folder), "--alone")
+    print_table(alone["compiled"])
+    for _ in range(pairs):
         with tempfile.TemporaryDirectory() as folder:
             first, second = (measured(words, Path(folder)) for _ in range(2))
-        if not pair:
-            print_table(first["compiled"])
         for kind in ("wall", "spent"):
             ratio = first[kind] / second[kind]
             print(f"{kind}: {first[kind]:.1f} s, again {second[kind]:.1f} s: {ratio:.2f} times")
         if second["compiled"]:
             print(f"compiled again: {', '.join(second['compiled'])}")
+    return alone["called"]
 
 
 def main() -> None:
     """Measures commands, or runs one in this process and prints what it compiled."""
-    if sys.argv[1:2] == ["--child"]:
+    if sys.argv[1:2] in (["--child"], ["--alone"]):
         from voxelpose.cli import run
+        from voxelpose.cli.terminal import Progress
+
+        if sys.argv[1] == "--alone":
+            Progress.note_compilation = lambda self, *estimators: None
 
         times = CompileTimes()
         event.register("numba:compile", times)
         run(sys.argv[2:])
-        print(json.dumps(times.seconds))
+        print(json.dumps({"compiled": times.seconds, "called": times.called}))
         return
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("commands", nargs="*", metavar="COMMAND")
     words.add_argument("--pairs", type=int, default=1)
+    words.add_argument("--write", action="store_true")
     given = words.parse_args()
     from voxelpose.demo.room import make_recording
 
@@ -120,8 +137,13 @@ def main() -> None:
         made = str(make_recording(Path(folder) / "recording", 60))
         out = ["--out", str(Path(folder) / "out"), "--overwrite"]
         cases = {"fit": ["fit", made, *out], "track": ["track", made, "--camera", "cam_2", *out]}
-        for name in given.commands or cases:
-            compare(name, cases[name], given.pairs)
+        found = {name: compare(name, cases[name], given.pairs) for name in given.commands or cases}
+    if given.write:
+        kernels = {
+            ESTIMATORS[name]: {"kernels": tomlkit.item(called).multiline(True)}
+            for name, called in found.items()
+        }
+        FILE.write_text(tomlkit.dumps(kernels), encoding="utf-8")
 
 
 if __name__ == "__main__":

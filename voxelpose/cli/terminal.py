@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -80,6 +81,7 @@ class Progress:
         """Prepares the progress bars."""
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
+        self._beside: subprocess.Popen[bytes] | None = None
         if sys.stderr.isatty():
             from rich.progress import (
                 BarColumn,
@@ -115,6 +117,9 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if self._beside is not None:
+            self._beside.terminate()
+            self._beside.wait()
         if error is None:
             self._finish()
         if self._bar is not None:
@@ -143,14 +148,20 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def note_compilation(self) -> None:
-        """Notes that the first run compiles, where the compilation cache is empty."""
+    def note_compilation(self, *estimators: str) -> None:
+        """Notes that the first run compiles, where the compilation cache is empty, and begins to
+        compile what estimators need in a process beside this one.
+        """
         cache = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(silhouette_core.__file__).parent)
         if next(cache.rglob("*.nbi"), None) is None:
             self.note(
                 "first run on this machine: the program is compiled, once; later runs are much"
                 " faster"
             )
+            if estimators:
+                from voxelpose.warm_up import compile_beside
+
+                self._beside = compile_beside(estimators)
 
     def where(self) -> str:
         """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""
