@@ -3,10 +3,10 @@
 Usage: `python -m benchmarks.compilation [COMMAND ...] [--pairs N] [--write]`; by default `fit` and
 `track` of the recording that `voxelpose demo` makes. Each command runs in a process of its own,
 first with nothing compiled, then again; N pairs in turn. Prints wall and processor time of both
-runs, their ratio, and the functions that took longest, each without those that it calls, with the
+runs, their ratio, and the functions that took most processor time, each without those that it calls, with the
 number of its signatures. The list is of a run without the
 process that compiles beside a first run; the times are with it. With `--write`, kernels.toml of
-`voxelpose.warm_up` is written anew.
+`voxelpose.compile_ahead` is written anew.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from typing import Any
 import tomlkit
 from numba.core import event
 
-from voxelpose.warm_up import FILE
+from voxelpose.compile_ahead import FILE
 
 SHOWN = 20
 ESTIMATORS = {"fit": "multiview", "track": "monocular"}
 
 
 class CompileTimes(event.Listener):
-    """Seconds of every compiled signature, without those of the functions that it calls.
+    """Processor time of every compiled signature, without those of the functions that it calls.
 
     Attributes:
         seconds: by the function's name and its signature.
@@ -48,12 +48,12 @@ class CompileTimes(event.Listener):
 
     def on_start(self, event: event.Event) -> None:
         """Begins a signature."""
-        self._stack.append([time.perf_counter(), 0.0])
+        self._stack.append([time.thread_time(), 0.0])
 
     def on_end(self, event: event.Event) -> None:
         """Ends it."""
         started, inner = self._stack.pop()
-        elapsed = time.perf_counter() - started
+        elapsed = time.thread_time() - started
         if self._stack:
             self._stack[-1][1] += elapsed
         data: dict[str, Any] = event.data
@@ -106,7 +106,10 @@ def compare(name: str, words: list[str], pairs: int) -> list[str]:
             first, second = (measured(words, Path(folder)) for _ in range(2))
         for kind in ("wall", "spent"):
             ratio = first[kind] / second[kind]
-            print(f"{kind}: {first[kind]:.1f} s, again {second[kind]:.1f} s: {ratio:.2f} times")
+            print(
+                f"{kind}: {first[kind]:.1f} s, again {second[kind]:.1f} s: {ratio:.2f} times",
+                flush=True,
+            )
         if second["compiled"]:
             print(f"compiled again: {', '.join(second['compiled'])}")
     return alone["called"]

@@ -159,7 +159,7 @@ class Progress:
                 " faster"
             )
             if estimators:
-                from voxelpose.warm_up import compile_beside
+                from voxelpose.compile_ahead import compile_beside
 
                 self._beside = compile_beside(estimators)
 

@@ -21,7 +21,7 @@ NUMBA_CACHE_DIR set to a folder that they share. It takes about a minute.
 
     def run(self) -> int:
         """Compiles; returns the exit code."""
-        from voxelpose.warm_up import compile_kernels, kernels
+        from voxelpose.compile_ahead import compile_kernels, kernels
 
         with Progress() as progress:
             wanted = kernels(("multiview", "monocular"))

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from silhouette_core.progress import SilentReporter
+from voxelpose.compile_ahead import compile_kernels, kernels
 from voxelpose.demo.room import make_recording
-from voxelpose.warm_up import compile_kernels, kernels
 
 ESTIMATORS = "multiview", "monocular"
 # Runs a command, and prints what was compiled or loaded, with its types.
