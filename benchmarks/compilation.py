@@ -3,9 +3,9 @@
 Usage: `python -m benchmarks.compilation [COMMAND ...] [--pairs N] [--write]`; by default `fit` and
 `track` of the recording that `voxelpose demo` makes. Each command runs in a process of its own,
 first with nothing compiled, then again; N pairs in turn. Prints wall and processor time of both
-runs, their ratio, and the functions that took most processor time, each without those that it calls, with the
-number of its signatures. The list is of a run without the
-process that compiles beside a first run; the times are with it. With `--write`, kernels.toml of
+runs, their ratio, and the functions that took most processor time, each without those that it
+calls, with the number of its signatures. The list is of a run without the process that compiles
+beside a first run; the times are with it. With `--write`, kernels.toml of
 `voxelpose.compile_ahead` is written anew.
 """
 
