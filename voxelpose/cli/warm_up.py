@@ -10,7 +10,7 @@ from voxelpose.cli.terminal import Progress
 class WarmUp:
     """Arguments of `voxelpose warm-up`."""
 
-    help: ClassVar[str] = """Compiles what fit, track and live need, so that first runs are fast.
+    help: ClassVar[str] = """Compiles what fit and track need, so that first runs are fast.
 
 For installers: once after an installation, as the user whose runs it is for, or with
 NUMBA_CACHE_DIR set to a folder that they share. It takes about a minute.
