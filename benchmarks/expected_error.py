@@ -2,24 +2,28 @@
 
 `python -m benchmarks.expected_error OUT RECORDING ...` fits each recording into OUT (those that are
 there are kept; the truth is read from truth.json) and prints what was said beside what was: a
-reliability table over the joints and one over the frames, and a line per recording. With `--fit`
-the weights of `voxelpose.multiview.quality.expected_error` are estimated anew from these
-recordings, printed, and judged on recordings left out (each seventh).
+reliability table over the joints and one over the frames, and a line per recording. With `--fit
+[near] [error] [right]`, these weights of `voxelpose.multiview.quality.expected_error` (by default
+all) are estimated anew from these recordings, written into its file with a statement of how, and
+judged on recordings left out (each seventh).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from calib.errors import InputError
+from silhouette_core.fitted_weights import write_weights
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview.quality.expected_error import (
     ADDED_MM,
+    FILE,
     NEAR_MM,
     RIGHT_MM,
     MotionEvidence,
@@ -31,6 +35,8 @@ from voxelpose.recording.truth import TRUTH, read_truth
 from voxelpose.reliability import verdict_of
 from voxelpose.results import Result
 
+_REGRESSIONS = ("near", "error", "right")
+_COMMAND = "python -m benchmarks.expected_error OUT RECORDING ... --fit"
 _FOLDS = 7
 _BINS = (0.0, 0.3, 0.6, 0.8, 0.88, 0.92, 0.96, 1.0 + 1e-9)
 
@@ -108,12 +114,17 @@ def reliability(title: str, said: np.ndarray, was: np.ndarray) -> None:
         print(f"| {' | '.join(row)} |")
 
 
+def recordings_used(recordings: Sequence[Path]) -> str:
+    """What a file of weights states as its data."""
+    return ", ".join(f"{recording.parent.name}/{recording.name}" for recording in recordings)
+
+
 def main() -> None:
     """Runs the fits and prints the tables."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("out", type=Path)
     words.add_argument("recordings", nargs="+", type=Path)
-    words.add_argument("--fit", action="store_true")
+    words.add_argument("--fit", nargs="*", choices=_REGRESSIONS)
     given = words.parse_args()
     results = [(recording, result_of(recording, given.out)) for recording in given.recordings]
     samples = [sample(recording, folder) for recording, folder in results if folder is not None]
@@ -123,17 +134,17 @@ def main() -> None:
         for name in ("joints", "frames", "error", "root", "said", "said_right", "said_mm")
     )
     near, right = (error < NEAR_MM).astype(float), (root < RIGHT_MM).astype(float)
-    if given.fit:
+    if given.fit is not None:
         rows = joints.reshape(-1, joints.shape[2])
         target = np.log(error + ADDED_MM).ravel()
         ridge = 0.1 * np.eye(rows.shape[1])
         fitted = {
-            "NEAR_WEIGHTS": logistic_regression(rows, near.ravel(), 1.0),
-            "ERROR_WEIGHTS": np.linalg.solve(rows.T @ rows + ridge, rows.T @ target),
-            "RIGHT_WEIGHTS": logistic_regression(frames, right, 0.3),
+            "near": logistic_regression(rows, near.ravel(), 1.0),
+            "error": np.linalg.solve(rows.T @ rows + ridge, rows.T @ target),
+            "right": logistic_regression(frames, right, 0.3),
         }
-        for name, weights in fitted.items():
-            print(f"{name} = {weights.round(3).tolist()}")
+        chosen = {name: fitted[name] for name in given.fit or _REGRESSIONS}
+        write_weights(FILE, chosen, recordings_used(given.recordings), _COMMAND)
         for fold in range(_FOLDS):
             left = owner % _FOLDS == fold
             used = ~np.repeat(left, 15)

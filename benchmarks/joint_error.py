@@ -4,7 +4,8 @@
 `benchmarks.unseen` does (results that are there are kept) and prints what was said beside what was:
 probabilities of joints to be within 30 mm, errors below the median that was said, and verdicts by
 the true error. With `--fit`, the weights of
-`silhouette_core.monocular.tracking.joint_error` are estimated from these recordings and printed.
+`silhouette_core.monocular.tracking.joint_error` are estimated from these recordings and written
+into its file, with a statement of how.
 """
 
 import argparse
@@ -14,11 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.expected_error import reliability
+from benchmarks.expected_error import recordings_used, reliability
 from benchmarks.unseen import track
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.fitted_weights import write_weights
 from silhouette_core.monocular.tracking.joint_error import (
     ADDED_MM,
+    FILE,
     NEAR_MM,
     error_evidence,
     hypothesis_spread,
@@ -29,6 +32,7 @@ from voxelpose.export.tables import read_joints
 from voxelpose.recording.truth import read_truth
 from voxelpose.reliability import verdict_of
 
+_COMMAND = "python -m benchmarks.joint_error LIB RECORDING ... --fit"
 EDGES = (0, 60, 100, 150, np.inf)
 
 
@@ -82,11 +86,15 @@ def main() -> None:
     samples = [sample(given.library, recording) for recording in given.recordings]
     joined = {name: np.concatenate([one[name] for one in samples]) for name in samples[0]}
     if given.fit:
+        fitted = {}
         for name in ("world", "pose"):
             wanted = np.log(joined[name] + ADDED_MM)
-            weights = np.linalg.lstsq(joined["inputs"], wanted, rcond=None)[0]
-            left = np.std(wanted - joined["inputs"] @ weights)
-            print(f"{name}: {' '.join(f'{weight:.3f}' for weight in weights)}; {left:.3f} is left")
+            fitted[name] = np.linalg.lstsq(joined["inputs"], wanted, rcond=None)[0]
+            left = np.std(wanted - joined["inputs"] @ fitted[name])
+            print(f"{name}: {left:.3f} is left")
+            if name == "world":
+                fitted["world_deviation"] = np.array([left])
+        write_weights(FILE, fitted, recordings_used(given.recordings), _COMMAND)
         return
     reliability("Joints within 30 mm", joined["near"], joined["world"] <= NEAR_MM)
     print(f"\nErrors below the median said: {(joined['world'] < joined['said_mm']).mean():.3f}")

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 # Waiting threads sleep: spinning ones would occupy the cores that video decoding needs.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -11,6 +12,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import cv2
 import numba
 from numba.core.caching import FunctionCache
+from numba.core.sigutils import normalize_signature
 
 from calib.errors import InputError
 from calib.private_folder import private_folder
@@ -35,8 +37,21 @@ CACHE, CACHE_IS_TEMPORARY = _cache_folder()
 # fastmath stays off, so that results are the same on every machine of one architecture and for
 # every number of threads.
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+# For what one thread does alone: threads within a kernel carry nothing where several things are
+# worked on side by side, and compiling takes half as long again.
 parallel_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 prange = numba.prange
+
+
+def compile_for(function: Any, types: str) -> None:
+    """Compiles a kernel for arguments of types, or loads what is compiled.
+
+    Args:
+        function: the kernel.
+        types: as numba writes them, such as "(Array(float64, 2, 'C', False, aligned=True), int64)".
+    """
+    # Text would be another key of the cache than the types of a call.
+    function.compile(normalize_signature(types)[0])
 
 
 def check_threads(threads: int | None) -> None:

@@ -55,7 +55,7 @@ def test_names_in_the_papers_map_exist():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_exist(page):
     shown = re.findall(
-        r"^(?:\.venv/bin/)?voxelpose (\w+)|`voxelpose (\w+)",
+        r"^(?:\.venv/bin/)?voxelpose ([\w-]+)|`voxelpose ([\w-]+)",
         page.read_text(encoding="utf-8"),
         re.MULTILINE,
     )

@@ -120,7 +120,8 @@ def _checked(
     """Checks the arguments of both renderers and converts them to the kernels' types."""
     check_array("faces", faces, ("F", 3), np.integer)
     check_array("face_part", face_part, (*face_part.shape[:-1], len(faces)), np.integer)
-    pinhole = np.ascontiguousarray(float_array("matrix", matrix, (3, 3)))
+    # A copy: numba compiles anew for arrays that may not be written to.
+    pinhole = np.array(float_array("matrix", matrix, (3, 3)), order="C")
     if len(faces) and (faces.min() < 0 or faces.max() >= vertices):
         raise ValueError(
             f"faces must index {vertices} vertices, got {faces.min()} to {faces.max()}"

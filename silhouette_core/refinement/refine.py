@@ -309,12 +309,13 @@ def _correspondences(
         matched,
         gap,
     )
-    cameras = len(observation.outside_px)
-    away, toward = np.empty((count, cameras, points)), np.empty((count, cameras, points, 3))
+    away, toward = [], []
     for c, outside in enumerate(observation.outside_px):
         placement = views.intrinsics[c], views.rotation[c], views.translation_m[c]
-        measure_outside(posed.points, *placement, outside, away[:, c], toward[:, c])
-    return matched, gap, away, toward
+        away.append(np.empty((count, points)))
+        toward.append(np.empty((count, points, 3)))
+        measure_outside(posed.points, *placement, outside, away[c], toward[c])
+    return matched, gap, np.stack(away, axis=1), np.stack(toward, axis=1)
 
 
 def residuals(

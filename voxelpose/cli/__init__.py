@@ -36,6 +36,7 @@ COMMANDS = {
     "report": "write a page about a result: joint angles, quality, advice",
     "evaluate": "score a result against known joint positions",
     "settings": "show the settings that voxelpose.toml files give, and where from",
+    "warm-up": "compile everything once, for installers",
     "doctor": "check what works on this machine, with remedies for the rest",
 }
 _HELP = """usage: voxelpose [-h] [--version] COMMAND ...
@@ -146,7 +147,7 @@ def _parse(name: str, words: list[str]):
     from voxelpose.cli.options import load_command, parse_with_settings, settings_notes
 
     section = name
-    module = importlib.import_module(f"voxelpose.cli.{name}")
+    module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
     if hasattr(module, "SUBCOMMANDS"):
         word, words = _subcommand(name, module.SUBCOMMANDS, words)
         section = f"{name}.{word}"

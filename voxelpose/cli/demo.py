@@ -58,7 +58,7 @@ browser shows what `voxelpose live` finds.
         if self.live:
             return self._run_live()
         with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
-            progress.note_compilation()
+            progress.note_compilation("multiview", *(["monocular"] if self.track else []))
             progress.stage("making a recording")
             from silhouette_core.estimator import Settings
             from silhouette_core.motion.body_source import load_body, resolved_body

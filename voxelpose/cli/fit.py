@@ -80,7 +80,7 @@ class EstimationArguments:
     ) -> int:
         """Estimates the motion, writes the result, prints a summary; returns the exit code."""
         with Progress() as progress:
-            progress.note_compilation()
+            progress.note_compilation(estimator)
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from silhouette_core.image.segmenter import resolved_segmenter

@@ -141,7 +141,7 @@ Ctrl-C ends the session.
         """Runs the session; returns the exit code."""
         self._check()
         with Progress() as progress:
-            progress.note_compilation()
+            progress.note_compilation("multiview")
             progress.stage("opening")
             from silhouette_core.estimator import Settings
             from voxelpose.live.camera_source import CameraSource

@@ -152,7 +152,7 @@ class FolderSetting(NamedTuple):
 def load_command(section: str) -> Any:
     """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
     name, _, word = section.partition(".")
-    module = importlib.import_module(f"voxelpose.cli.{name}")
+    module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
     if hasattr(module, "SUBCOMMANDS"):
         return module.SUBCOMMANDS[word]
     return getattr(module, getattr(module, "COMMAND", name.capitalize()))
@@ -268,7 +268,7 @@ def _sections(file: Path) -> dict[str, dict[str, Any]]:
     _check_sections(content, COMMANDS, file)
     sections = {}
     for name, table in content.items():
-        module = importlib.import_module(f"voxelpose.cli.{name}")
+        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
         if not hasattr(module, "SUBCOMMANDS"):
             sections[name] = table
             continue

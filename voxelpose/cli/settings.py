@@ -81,7 +81,8 @@ def _all_sections() -> list[str]:
 
     sections = []
     for name in COMMANDS:
-        words = getattr(importlib.import_module(f"voxelpose.cli.{name}"), "SUBCOMMANDS", None)
+        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
+        words = getattr(module, "SUBCOMMANDS", None)
         sections += [name] if words is None else [f"{name}.{word}" for word in words]
     return sections
 

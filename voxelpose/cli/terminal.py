@@ -5,6 +5,7 @@ a terminal, plain lines elsewhere.
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import time
 from types import TracebackType
@@ -76,6 +77,7 @@ class Progress:
         """Prepares the progress bars."""
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
+        self._beside: subprocess.Popen[bytes] | None = None
         if sys.stderr.isatty():
             from rich.progress import (
                 BarColumn,
@@ -111,6 +113,9 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if self._beside is not None:
+            self._beside.terminate()
+            self._beside.wait()
         if error is None:
             self._finish()
         if self._bar is not None:
@@ -139,8 +144,10 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def note_compilation(self) -> None:
-        """Notes that the first run compiles, where the compilation cache is empty."""
+    def note_compilation(self, *estimators: str) -> None:
+        """Notes that the first run compiles, where the compilation cache is empty, and begins to
+        compile what estimators need in a process beside this one.
+        """
         from silhouette_core import jit
 
         if next(jit.CACHE.rglob("*.nbi"), None) is None:
@@ -153,6 +160,10 @@ class Progress:
                     f"it is kept in {jit.CACHE}, since neither the installation nor the home"
                     " folder can be written: NUMBA_CACHE_DIR names a folder that lasts"
                 )
+            if estimators:
+                from voxelpose.compile_ahead import compile_beside
+
+                self._beside = compile_beside(estimators)
 
     def where(self) -> str:
         """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""

@@ -6,17 +6,17 @@ Source: Okada and Stenger, section 5.1; the median is ours. Called by
 
 import numpy as np
 
-from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
-@parallel_kernel
+@kernel
 def paper_mask(
     frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
 ):
     """Fills mask (H, W) bool: improbable normalised colour, or a clearly different colour."""
     height, width = mask.shape
     limit = raw_threshold * raw_threshold
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             squares = np.float32(0.0)
             difference = np.float32(0.0)
@@ -36,14 +36,14 @@ def paper_mask(
             mask[row, column] = log_likelihood < log_threshold or difference > limit
 
 
-@parallel_kernel
+@kernel
 def median_and_deviation(stack, median, deviation):
     """Fills median and deviation (H, W, 3) float32: the lower median over time of a stack of frames
     (T, H, W, 3) uint8, and the lower median of the distances from it.
     """
     count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
     half = (count + 1) // 2
-    for row in prange(height):
+    for row in range(height):
         histogram = np.zeros(256, np.int32)
         for column in range(width):
             for channel in range(3):

@@ -8,10 +8,10 @@ as in Background Cut (Sun et al., 2006). Called by `silhouette_core.image.cut`. 
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
-@parallel_kernel
+@kernel
 def contrast(frame, mean, known, out):
     """Fills out (2, H, W) float32: difference of each pixel's colour from that of its right and of
     its lower neighbour, summed over the channels, less that of the background where it is known.
@@ -19,7 +19,7 @@ def contrast(frame, mean, known, out):
     Frame (H, W, 3) uint8, mean (H, W, 3) float32, known (H, W) bool.
     """
     height, width = known.shape
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             for side in range(2):
                 y, x = row + side, column + 1 - side

@@ -6,10 +6,10 @@ Called by `silhouette_core.image.empty_scene`. Reference: `tests.oracles.image`.
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
-@parallel_kernel
+@kernel
 def colour_modes(samples, radius, mean, share, shown):
     """Fills the modes of each pixel's colour over time: the sample with most others closer than the
     radius and the mean of these, again of what they leave, and so on.
@@ -19,7 +19,7 @@ def colour_modes(samples, radius, mean, share, shown):
     Distances are summed over the channels.
     """
     count, pixels, modes = samples.shape[0], samples.shape[1], mean.shape[1]
-    for pixel in prange(pixels):
+    for pixel in range(pixels):
         near = np.zeros((count, count), np.bool_)
         left = np.ones(count, np.bool_)
         for a in range(count):
@@ -49,7 +49,7 @@ def colour_modes(samples, radius, mean, share, shown):
             shown[pixel, mode] = members
 
 
-@parallel_kernel
+@kernel
 def step_costs(mean, share, radius, least, still, border, right, down):
     """Fills the costs of labels of neighbours: numbers of their modes, or K where the background
     was never seen.
@@ -61,7 +61,7 @@ def step_costs(mean, share, radius, least, still, border, right, down):
     motion does. Of others it costs the fraction `still`. Seen beside never seen costs `border`.
     """
     height, width, modes = share.shape
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             for side in range(2):
                 y, x = row + side, column + 1 - side

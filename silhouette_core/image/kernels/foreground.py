@@ -6,7 +6,7 @@ Source: own, see `silhouette_core.image.foreground`, which calls them. Reference
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 from silhouette_core.tuning import COLOURS
 
 # How often a pixel of the background is lit as it was, over the constant of the density of three
@@ -40,11 +40,11 @@ def _split(frame, mean, scales, gain, row, column):
     return residual_0, residual_1, residual_2, ratio
 
 
-@parallel_kernel
+@kernel
 def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
     """Fills out (H', W') float32: length of the pooled residual at every step-th pixel."""
     height, width = frame.shape[1], frame.shape[2]
-    for k in prange(out.shape[0]):
+    for k in range(out.shape[0]):
         for j in range(out.shape[1]):
             sum_0 = sum_1 = sum_2 = np.float32(0.0)
             count = 0
@@ -66,7 +66,7 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
             out[k, j] = np.sqrt(sum_0 * sum_0 + sum_1 * sum_1 + sum_2 * sum_2) / count
 
 
-@parallel_kernel
+@kernel
 def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
     """Fills the evidence to be pooled, and the pixels that need no pooling.
 
@@ -77,7 +77,7 @@ def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_li
     height, width = strong.shape
     gains = gain[0], gain[1], gain[2]
     limit = clip * clip
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             residual_0, residual_1, residual_2, ratio = _split(
                 frame, mean, scales, gains, row, column
@@ -105,12 +105,12 @@ def _chroma_square(pooled, row, column):
     return part_0 * part_0 + part_1 * part_1 + part_2 * part_2
 
 
-@parallel_kernel
+@kernel
 def decide(pooled, strong, chroma_limit, beyond_limit, mask):
     """Fills mask (H, W) bool: strong, or pooled evidence (4, H, W) int16 over its limit."""
     height, width = mask.shape
     chroma_square, beyond = np.int32(chroma_limit * chroma_limit), np.int32(beyond_limit)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             chromatic = _chroma_square(pooled, row, column) > chroma_square
             mask[row, column] = (
@@ -118,23 +118,23 @@ def decide(pooled, strong, chroma_limit, beyond_limit, mask):
             )
 
 
-@parallel_kernel
+@kernel
 def doubt(pooled, bright, chroma_limit, bright_limit, mask):
     """Fills mask (H, W) bool: pooled chroma or brightness (H, W) float32 over a limit."""
     height, width = mask.shape
     chroma_square = np.int32(chroma_limit * chroma_limit)
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             chromatic = _chroma_square(pooled, row, column) > chroma_square
             mask[row, column] = chromatic | (abs(bright[row, column]) > bright_limit)
 
 
-@parallel_kernel
+@kernel
 def brightness(frame, mean, scales, gain, out):
     """Fills out (H, W) float32: signed difference along the background's colour, in noise."""
     height, width = out.shape
     gains = gain[0], gain[1], gain[2]
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             _, _, _, ratio = _split(frame, mean, scales, gains, row, column)
             out[row, column] = (ratio - np.float32(1.0)) * scales[2, row, column]
@@ -187,11 +187,11 @@ def log_fractions(counts, out):
                 out[blue, green, red] = np.log((out[blue, green, red] + floor) / whole)
 
 
-@parallel_kernel
+@kernel
 def look_up(frame, table, shift, out):
     """Fills out (H, W) float32: the entry of the table (n, n, n) for each pixel's colour."""
     height, width = out.shape
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             out[row, column] = table[
                 frame[row, column, 0] >> shift,
@@ -200,7 +200,7 @@ def look_up(frame, table, shift, out):
             ]
 
 
-@parallel_kernel
+@kernel
 def log_odds(
     frame,
     mean,
@@ -226,7 +226,7 @@ def log_odds(
     (H, W) but guessed. Frame and mean are (3, H, W), see `_split`.
     """
     _, height, width = frame.shape
-    for row in prange(height):
+    for row in range(height):
         for column in range(width):
             colour = (
                 frame[0, row, column] >> shift,
@@ -323,7 +323,7 @@ def _sharpen_row(row, images, lights, regions, reach, least_contrast, mask):
             mask[row, column] = fraction > np.float32(0.5) * contrast
 
 
-@parallel_kernel
+@kernel
 def sharpen(
     planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
 ):
@@ -335,6 +335,6 @@ def sharpen(
     """
     images, lights = (planes, mean), (least_light, greatest_light)
     regions = band, inside, outside
-    for row in prange(mask.shape[0]):
-        # prange counts in uint64, which would be compiled as well.
+    for row in range(mask.shape[0]):
+        # range counts in uint64, which would be compiled as well.
         _sharpen_row(np.int64(row), images, lights, regions, reach, least_contrast, mask)

@@ -217,7 +217,7 @@ def descend(
             several threads.
         settings: settings of the training.
         rng: random numbers, on which alone and on the samples the result depends.
-        reporter: informed of every step.
+        reporter: informed of every step, and of the mean loss of each tenth of them.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -228,6 +228,7 @@ def descend(
     second = [np.zeros_like(array) for array in parameters]
     streams = rng.spawn(_PARTS)
     losses: list[float] = []
+    tenth = max(1, settings.steps // 10)
     for step in range(settings.steps):
         done = step / settings.steps
         share = (
@@ -258,4 +259,7 @@ def descend(
             )
         losses.append(float(np.mean([loss for loss, _ in parts])))
         reporter.advance()
-    return float(np.mean(losses[-max(1, settings.steps // 10) :]))
+        if len(losses) % tenth == 0:
+            mean = np.mean(losses[-tenth:])
+            reporter.note(f"after {len(losses)} of {settings.steps} steps the loss is {mean:.2f}")
+    return float(np.mean(losses[-tenth:]))

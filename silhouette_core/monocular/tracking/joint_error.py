@@ -10,8 +10,8 @@ joints from the likeliest one's,
 is what the frame itself says of its error (the Bayes risk of the likeliest hypothesis). Linear
 regression of the logarithm of the error on it, on its mean over the joints, on the share of their
 union that body and silhouette do not have in common, and on whether the joint is occluded gives the
-median error, and the deviation of what is left a log-normal distribution about it. The numbers are
-the result of `python -m benchmarks.joint_error` over recordings drawn at random (docs/results.md).
+median error, and the deviation of what is left a log-normal distribution about it. The
+weights stand in joint_error.toml, which `python -m benchmarks.joint_error ... --fit` writes.
 
 Source: textbook (linear regression); the evidence is this project's.
 """
@@ -19,10 +19,13 @@ Source: textbook (linear regression); the evidence is this project's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
+
+from silhouette_core.fitted_weights import fitted_weights
 
 NEAR_MM = 30
 """Error for which the probability of a joint is stated."""
@@ -30,25 +33,9 @@ ADDED_MM = 3
 """Added to errors before their logarithm is taken."""
 _SPREAD_MM, _LEAST_APART = 10, 1 / 50
 
-# Constants of the 15 joints, then the weights of: log of a joint's spread, log of the joints' mean
-# spread, log of the share of the outlines that differs, occlusion of the joint.
-WORLD_WEIGHTS = np.array(
-    (
-        "4.249 4.231 4.106 4.13 4.206 4.135 4.144 4.136 4.141 4.127 4.226 4.417 4.164 4.244 4.448 "
-        "0.311 0.182 0.583 0.09"
-    ).split(),
-    float,
-)
-WORLD_DEVIATION = 779 / 1000
-"""Of what the weights leave of the logarithm of the errors."""
-# The same for errors relative to the pelvis.
-POSE_WEIGHTS = np.array(
-    (
-        "0.643 2.366 3.47 3.577 2.333 3.448 3.54 3.407 3.708 3.325 3.558 3.79 3.418 3.642 3.909 "
-        "0.375 0.136 0.382 0.096"
-    ).split(),
-    float,
-)
+FILE = Path(__file__).with_suffix(".toml")
+"""Weights of `error_evidence`, written by the benchmark: of errors in the world, and of those
+relative to the pelvis; what the former leave of the logarithm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +96,9 @@ def joint_errors(
         occluded: (T, 15), whether the joint's part is.
     """
     inputs = error_evidence(spread_m, outline_agreement, occluded)
-    world, pose = inputs @ WORLD_WEIGHTS, inputs @ POSE_WEIGHTS
-    near = ndtr((np.log(NEAR_MM + ADDED_MM) - world) / WORLD_DEVIATION)
+    weights = fitted_weights(FILE)
+    world, pose = inputs @ weights["world"], inputs @ weights["pose"]
+    near = ndtr((np.log(NEAR_MM + ADDED_MM) - world) / weights["world_deviation"])
     return JointErrors(
         np.maximum(np.exp(world) - ADDED_MM, 0.0),
         near,

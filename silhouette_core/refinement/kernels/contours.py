@@ -8,7 +8,7 @@ tangent planes and the choice of the rim are ours. Reference:
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 _CHUNK = 256  # contour points that are matched together
 _BINS = 128
@@ -107,7 +107,7 @@ def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matc
             gap[i] = x[index] * n[0] + y[index] * n[1] + z[index] * n[2]
 
 
-@parallel_kernel
+@kernel
 def match_contours(camera, center, ray, normal, points, point_normals, reach, matched, gap):
     """Fills matched (K, N): the point of each of K posed surfaces that should touch each contour
     point's tangent plane.
@@ -119,7 +119,7 @@ def match_contours(camera, center, ray, normal, points, point_normals, reach, ma
     """
     count = camera.shape[0]
     chunks = (count + _CHUNK - 1) // _CHUNK
-    for task in prange(points.shape[0] * chunks):
+    for task in range(points.shape[0] * chunks):
         k, first = task // chunks, task % chunks * _CHUNK
         last = min(first + _CHUNK, count)
         _match_chunk(

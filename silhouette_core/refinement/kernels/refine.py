@@ -7,7 +7,7 @@ bodies of Featherstone, "Rigid body dynamics algorithms" (2008). Reference:
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
 @kernel
@@ -41,13 +41,13 @@ def _measure_one(points, intrinsics, rotation, translation, outside, gap, direct
         gap[v] = distance * z / fx
 
 
-@parallel_kernel
+@kernel
 def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
     """Fills gap (K, V): distance of each point of K surfaces (K, V, 3) outside one camera's
     silhouette, in metres at the point's depth (0 inside the silhouette and outside the image), and
     direction (K, V, 3), the world direction in which it grows, where it is not 0.
     """
-    for k in prange(points.shape[0]):
+    for k in range(points.shape[0]):
         _measure_one(points[k], intrinsics, rotation, translation, outside, gap[k], direction[k])
 
 
@@ -86,7 +86,7 @@ def pose_surface(
                 normals[v, i] /= length
 
 
-@parallel_kernel
+@kernel
 def pose_surfaces(
     rest,
     rest_normals,
@@ -99,7 +99,7 @@ def pose_surfaces(
     normals,
 ):
     """Fills points and normals (K, V, 3) of K poses, each as `pose_surface` does."""
-    for k in prange(points.shape[0]):
+    for k in range(points.shape[0]):
         pose_surface(
             rest,
             rest_normals,
@@ -378,7 +378,7 @@ def _add_terms(contour, outside, weights, outside_m, body, placed, matrix, gradi
             matrix[b, a] = matrix[a, b]
 
 
-@parallel_kernel
+@kernel
 def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
     """Adds J^T W J to matrix (K, n, n) and J^T W r to gradient (K, n) of K poses: contours as
     `match_contours` matched them, then points as `measure_outside` found them outside.
@@ -395,7 +395,7 @@ def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, mat
     matched, gap, normal = contour
     away, toward = outside
     rotations, origins, axes = placed
-    for k in prange(matched.shape[0]):
+    for k in range(matched.shape[0]):
         if weights[k, 1] != 0.0:
             own, beyond = (matched[k], gap[k], normal), (away[k], toward[k])
             at = rotations[k], origins[k], axes[k]

@@ -7,7 +7,7 @@ Taylor (1989); rotations by Rodrigues' formula. Reference:
 
 import numpy as np
 
-from silhouette_core.jit import kernel, parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
 @kernel
@@ -174,7 +174,7 @@ def _add_landmarks(body, placed, prior, pelvis, freedom, matrix, gradient):
     _add_weighed(rows[0], pelvis[1], 1.0, error, columns, weighed, matrix, gradient)
 
 
-@parallel_kernel
+@kernel
 def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
     """Adds priors of the L landmarks of K poses to matrix (K, n, n) and gradient (K, n).
 
@@ -186,7 +186,7 @@ def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
     """
     rotations, origins, axes = placed
     given, relative, precision, pelvis, pelvis_precision = prior
-    for k in prange(given.shape[0]):
+    for k in range(given.shape[0]):
         if given[k]:
             at, own = (rotations[k], origins[k], axes[k]), (relative[k], precision[k])
             mean = pelvis[k], pelvis_precision[k]
@@ -248,14 +248,14 @@ def _bounded_step(matrix, gradient, free, low, high, step):
         count = left
 
 
-@parallel_kernel
+@kernel
 def bounded_steps(matrix, gradient, free, low, high, steps):
     """Fills steps (K, n), which minimise the quadratics of matrix (K, n, n) and gradient (K, n)
     within bounds low and high (K, n); only the unknowns `free` move.
 
     Unknowns are fixed at the bounds that they violate, until none does.
     """
-    for k in prange(matrix.shape[0]):
+    for k in range(matrix.shape[0]):
         _bounded_step(matrix[k], gradient[k], free, low[k], high[k], steps[k])
 
 

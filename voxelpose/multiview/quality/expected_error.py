@@ -11,8 +11,8 @@ log(error + 3 mm) the median error:
 
     P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
 
-with a constant :math:`w_j` for every joint. The numbers are the result of `python -m
-benchmarks.expected_error` over recordings drawn at random (docs/results.md).
+with a constant :math:`w_j` for every joint. The weights stand in expected_error.toml, which
+`python -m benchmarks.expected_error ... --fit` writes.
 
 Source: textbook (logistic regression); the evidence is this project's.
 """
@@ -20,10 +20,12 @@ Source: textbook (logistic regression); the evidence is this project's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from silhouette_core.body.sizes import IS_CLOTHING
+from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
@@ -46,23 +48,9 @@ ADDED_MM = 3
 # standard deviation over a centimetre, log of the mean share, log of the median one, log of the
 # half-turn ratio, share of the body outside the hull, share of the angles at their limits,
 # thickness of the clothes in per cent of the stature, log of the number of cameras over four.
-NEAR_WEIGHTS = np.array(
-    (
-        "-7.308 -6.331 -5.296 -4.688 -6.505 -4.917 -4.24 -5.257 -3.992 -5.033 -4.589 -3.869 "
-        "-5.226 -4.952 -4.025 -1.893 -3.872 -0.568 -1.014 -0.12 -3.352 -10.114 -0.361 -1.823"
-    ).split(),
-    float,
-)
-ERROR_WEIGHTS = np.array(
-    (
-        "5.08 4.881 4.661 4.426 4.865 4.585 4.372 4.587 4.304 4.478 4.354 4.321 "
-        "4.493 4.394 4.336 0.393 0.833 -0.177 0.449 -0.092 1.192 9.316 0.049 0.545"
-    ).split(),
-    float,
-)
-# A constant, then the weights of the same without those of the joint. Too few of the
-# recordings that the others come from are wrong: these are of earlier ones, without the last three.
-RIGHT_WEIGHTS = np.array("-5.861 -4.304 0.639 1.898 -6.853 0 0 0".split(), float)
+# Of right frames: a constant, then the same without those of the joint.
+FILE = Path(__file__).with_suffix(".toml")
+"""Weights of these regressors, written by the benchmark."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,10 +187,11 @@ class MotionEvidence:
 def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
     """Errors by regression on the evidence of T frames."""
     joints, frames = regressors(evidence)
+    weights = fitted_weights(FILE)
     return ExpectedErrors(
-        np.maximum(np.exp(joints @ ERROR_WEIGHTS) - ADDED_MM, 1.0),
-        logistic(joints @ NEAR_WEIGHTS),
-        logistic(frames @ RIGHT_WEIGHTS),
+        np.maximum(np.exp(joints @ weights["error"]) - ADDED_MM, 1.0),
+        logistic(joints @ weights["near"]),
+        logistic(frames @ weights["right"]),
     )
 
 

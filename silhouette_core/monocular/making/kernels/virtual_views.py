@@ -5,10 +5,10 @@ Source: own. Reference: `tests.oracles.making`.
 
 import numpy as np
 
-from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.jit import kernel
 
 
-@parallel_kernel
+@kernel
 def spoil_silhouettes(masks, edges, discs):
     """Changes silhouettes masks (N, H, W) uint8, 0 or 1, in place.
 
@@ -17,7 +17,7 @@ def spoil_silhouettes(masks, edges, discs):
     x, y and radius, px, are then erased in turn, or made foreground where the radius is negative.
     """
     height, width = masks.shape[1], masks.shape[2]
-    for n in prange(len(masks)):
+    for n in range(len(masks)):
         if edges[n] != 0:
             label = np.uint8(edges[n] > 0)
             before = masks[n].copy()
@@ -38,7 +38,7 @@ def spoil_silhouettes(masks, edges, discs):
                         masks[n, y, x] = label
 
 
-@parallel_kernel
+@kernel
 def centre_coverage(masks, grids, corners):
     """Fills grids (N, h, w) uint8 from silhouettes masks (N, H, W) uint8, 0 or 1.
 
@@ -47,7 +47,7 @@ def centre_coverage(masks, grids, corners):
     pixel (x, y). An empty silhouette is taken at the middle of the image.
     """
     rows, columns = grids.shape[1], grids.shape[2]
-    for n in prange(len(masks)):
+    for n in range(len(masks)):
         height, width = masks.shape[1], masks.shape[2]
         count, sum_x, sum_y = 0, 0, 0
         for y in range(height):

@@ -9,7 +9,7 @@ from math import lgamma
 
 import numpy as np
 
-from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.jit import kernel, parallel_kernel, prange
 from silhouette_core.monocular.tuning import MIXTURE
 from silhouette_core.tuning import REFINEMENT
 
@@ -20,7 +20,7 @@ _LOG_1 = lgamma((FREEDOM + 1) / 2) - lgamma(FREEDOM / 2) - np.log(FREEDOM * np.p
 _LOG_2 = lgamma((FREEDOM + 2) / 2) - lgamma(FREEDOM / 2) - np.log(FREEDOM * np.pi)
 
 
-@parallel_kernel
+@kernel
 def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, likelihoods):
     """Fills gradients (N, O) of -log p with respect to a network's outputs (N, O), and likelihoods
     (N,), log p.
@@ -35,7 +35,7 @@ def mixture_gradients(outputs, joints, offsets, mean, modes, share, gradients, l
     first_sigma = modes * count * 3
     first_logit = modes * count * 5
     first_offset = modes * (count * 5 + 1)
-    for n in prange(len(outputs)):
+    for n in range(len(outputs)):
         density, pi, part = np.empty(modes), np.empty(modes), np.empty(modes)
         # By mode and joint: error, precisions, and squared errors in deviations.
         terms = np.empty((modes, count, 7))

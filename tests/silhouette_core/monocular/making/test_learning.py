@@ -1,6 +1,7 @@
 """The proposal learns poses from rendered motion, the same for any number of threads."""
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -35,13 +36,16 @@ TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS
 
 class Stages(SilentReporter):
     def __init__(self):
-        self.totals, self.counts = {}, {}
+        self.totals, self.counts, self.notes = {}, {}, []
 
     def stage(self, name, total=None):
         self.totals[name], self.counts[name], self.now = total, 0, name
 
     def advance(self, steps=1):
         self.counts[self.now] += steps
+
+    def note(self, text):
+        self.notes.append(text)
 
 
 def errors_of(proposal):
@@ -104,6 +108,13 @@ def test_every_step_is_reported():
     assert stages.totals["learning the encoders"] == stages.totals["learning the proposal"] == 3
     first, others = (stages.totals[f"filming the {which} takes"] for which in ("first", "other"))
     assert first >= TINY.pictures and 0 < others < TINY.frames
+
+
+def test_the_loss_is_told_as_learning_goes_on():
+    motion, stages = swaying(frames=200), Stages()
+    learn_proposal([motion], motion.model, TINY, stages)
+    assert len(stages.notes) == 2 * 3
+    assert re.fullmatch(r"after 3 of 3 steps the loss is -?\d+\.\d\d", stages.notes[-1])
 
 
 _HASH = """

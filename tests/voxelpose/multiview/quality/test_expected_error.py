@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.sizes import IS_CLOTHING
+from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.motion import Motion
 from silhouette_core.refinement.surface import Surface
@@ -21,9 +22,7 @@ from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
 from voxelpose.multiview.quality.expected_error import (
-    ERROR_WEIGHTS,
-    NEAR_WEIGHTS,
-    RIGHT_WEIGHTS,
+    FILE,
     MotionEvidence,
     expected_errors,
     frame_evidence,
@@ -116,8 +115,10 @@ def test_frames_without_evidence_say_nothing():
     nothing = expected_errors(evidence(np.nan, np.nan, np.nan))
     assert np.isnan(nothing.right_probability).all() and np.isnan(nothing.median_mm).all()
     rows, frames = regressors(evidence(0.1, 0.05, 0.0, frames=2))
-    assert rows.shape == (2, 15, len(NEAR_WEIGHTS)) and frames.shape == (2, len(RIGHT_WEIGHTS))
-    assert len(ERROR_WEIGHTS) == len(NEAR_WEIGHTS)
+    weights = fitted_weights(FILE)
+    assert rows.shape == (2, 15, len(weights["near"]))
+    assert frames.shape == (2, len(weights["right"]))
+    assert len(weights["error"]) == len(weights["near"])
 
 
 def test_a_motion_tells_how_thick_its_clothes_are_and_how_far_its_joints_are_bent():
@@ -158,6 +159,8 @@ def test_expected_errors_are_the_regression():
     )
     joints, frames = regressors(given)
     found = expected_errors(given)
-    np.testing.assert_allclose(np.log(found.median_mm + 3.0), joints @ ERROR_WEIGHTS, atol=0.05)
+    weights = fitted_weights(FILE)
+    expected = joints @ weights["error"]
+    np.testing.assert_allclose(np.log(found.median_mm + 3.0), expected, atol=0.05)
     odds = found.right_probability / (1 - found.right_probability)
-    np.testing.assert_allclose(np.log(odds), frames @ RIGHT_WEIGHTS, atol=1e-6)
+    np.testing.assert_allclose(np.log(odds), frames @ weights["right"], atol=1e-6)

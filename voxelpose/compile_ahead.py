@@ -1,0 +1,61 @@
+"""Compilation of kernels before they are needed: for installers, and beside a first run.
+
+kernels.toml names what the estimators compile, in the order in which they need it; `python -m
+benchmarks.compilation --write` writes it. numba keeps what is compiled in its cache.
+"""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from silhouette_core.jit import compile_for
+from silhouette_core.progress import Reporter
+
+FILE = Path(__file__).with_name("kernels.toml")
+
+
+def kernels(estimators: Iterable[str], last_first: bool = False) -> list[tuple[str, str, str]]:
+    """Module, function and numba's signature of all that estimators compile, each once.
+
+    Args:
+        estimators: names; of one that is not in the file, nothing is known.
+        last_first: whether those of each estimator are turned round.
+    """
+    tables = tomllib.loads(FILE.read_text(encoding="utf-8"))
+    order = -1 if last_first else 1
+    lines = [
+        line for name in estimators for line in tables.get(name, {}).get("kernels", [])[::order]
+    ]
+    found = []
+    for line in dict.fromkeys(lines):
+        path, bracket, types = line.partition("(")
+        found.append((*path.rsplit(".", 1), bracket + types))
+    return found
+
+
+def compile_kernels(wanted: Sequence[tuple[str, str, str]], reporter: Reporter) -> None:
+    """Compiles kernels, see `kernels`, or loads those that are compiled."""
+    reporter.stage("compiling", len(wanted))
+    for module, function, types in wanted:
+        compile_for(getattr(importlib.import_module(module), function), types)
+        reporter.advance()
+
+
+def compile_beside(estimators: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Begins a process that compiles what estimators need, the last of it first, so that it meets
+    this one in the middle. Whoever begins it ends it.
+    """
+    words = [sys.executable, "-m", __name__, *estimators]
+    silent = subprocess.DEVNULL
+    return subprocess.Popen(words, stdin=silent, stdout=silent, stderr=silent)
+
+
+if __name__ == "__main__":
+    from silhouette_core.progress import SilentReporter
+
+    compile_kernels(kernels(sys.argv[1:], last_first=True), SilentReporter())
