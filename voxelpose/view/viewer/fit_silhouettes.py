@@ -111,7 +111,7 @@ class FitSilhouettes:
         if scenes.motion is not None and recording is not None:
             self._evidence = BodyEvidence(
                 scenes.motion.model,
-                [scenes.pose(int(frame)) for frame in scenes.frames],
+                [scenes.pose(number) for number in recording.numbers.tolist()],
                 scenes.views.rig,
                 recording.rig,
                 list(self.late.values()),

@@ -94,7 +94,7 @@ class SilhouettePage:
             "name": self._scenes.name,
             "folder": self._scenes.title,
             "moments": recording.frame_count,
-            "first": recording.first,
+            "numbers": recording.numbers.tolist(),
             "fps": recording.fps,
             "masks_only": recording.silhouettes_given,
             "paper": self._scenes.background == "paper",

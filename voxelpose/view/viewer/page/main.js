@@ -17,8 +17,8 @@ class App {
     this.large = null;
     this.names = stageNames({ masks: state.masks_only, paper: state.paper, fitted: state.fitted });
     this.stage = this.names.at(-1);
-    const asked = Number(new URLSearchParams(location.search).get("frame") ?? NaN) - state.first;
-    this.moment = asked >= 0 && asked < state.moments ? asked : Math.floor(state.moments / 2);
+    const asked = state.numbers.indexOf(Number(new URLSearchParams(location.search).get("frame") ?? NaN));
+    this.moment = asked >= 0 ? asked : Math.floor(state.moments / 2);
     this.pointer = new Pointer(this);
     this.stages = new Stages(this.views, () => ({ moment: this.moment }), (text) => (by("note").textContent = text));
     this.loadPictures = latest(60, (current) => this.pictures(current), (error) => this.notice(error.message));
@@ -78,10 +78,10 @@ class App {
   }
 
   seek(moment) {
-    const { first, fps, moments } = this.state;
+    const { numbers, fps, moments } = this.state;
     this.moment = Math.min(Math.max(moment, 0), moments - 1);
     by("moment").value = this.moment;
-    by("moment_text").textContent = `frame ${first + this.moment}  ·  ${((first + this.moment) / fps).toFixed(2)} s`;
+    by("moment_text").textContent = `frame ${numbers[this.moment]}  ·  ${(numbers[this.moment] / fps).toFixed(2)} s`;
     by("loading").hidden = false;
     this.loadPictures();
     this.update();
