@@ -20,6 +20,7 @@ from voxelpose.recording.frame_reader import (
     read_together,
     size_text,
 )
+from voxelpose.recording.mask_labels import open_masks
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
@@ -86,10 +87,11 @@ class Recording:
         cameras: Sequence[str] | None = None,
         unit: str | None = None,
         fps: float | None = None,
+        label: str | None = None,
     ) -> "Recording":
         """Opens a recording folder and checks that its files fit each other.
 
-        Only the first frame of every video is decoded.
+        Only the first frame of every video is decoded, and some of masks.
 
         Args:
             frames: first frame and one past the last, either None as in a Python slice; None
@@ -98,12 +100,13 @@ class Recording:
             unit: unit of the calibration's lengths, where the file does not state it.
             fps: frames per second; needed for folders of images without timestamps.csv, and takes
                 precedence over both the videos' rates and timestamps.csv.
+            label: of the person in masks/, see `open_masks`; None: found.
 
         Raises:
             InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
-        readers, silhouettes_given = open_readers(folder, cameras)
+        readers, silhouettes_given, told = open_readers(folder, cameras, label)
         calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
@@ -116,7 +119,7 @@ class Recording:
             names = rig.names
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes = tuple(
+        notes = told + tuple(
             f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
             + (
                 "the recording ends with them"
@@ -246,7 +249,7 @@ class Recording:
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         """Returns the region of interest, (H, W) bool, of the cameras that have one in regions/.
 
-        White pixels of the file are those where the person may be.
+        What is opaque in a layer, else what is not black, is where the person may be.
 
         Raises:
             InputError: a file cannot be read or differs in size from the camera.
@@ -254,7 +257,7 @@ class Recording:
         regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
-                regions[name] = read_painting(path, self.rig[name], "draw it on a frame") > 127
+                regions[name] = read_painting(path, self.rig[name], "draw it on a frame")
         return regions
 
     def unknown(self) -> UnknownMasks:
@@ -358,10 +361,13 @@ def is_recording(folder: Path) -> bool:
 
 
 def open_readers(
-    folder: Path, cameras: Sequence[str] | None = None
-) -> tuple[dict[str, FrameReader], bool]:
-    """Readers of a recording's pictures by name, of all or some cameras, and whether they are
-    silhouettes.
+    folder: Path, cameras: Sequence[str] | None = None, label: str | None = None
+) -> tuple[Mapping[str, FrameReader], bool, tuple[str, ...]]:
+    """Readers of a recording's pictures by name, of all or some cameras, whether they are
+    silhouettes, and what is worth telling about these.
+
+    Args:
+        label: of the person, see `open_masks`.
 
     Raises:
         InputError: it is no folder, or there are no pictures, or some that cannot be read.
@@ -374,7 +380,10 @@ def open_readers(
     paths, silhouettes_given = _paths(folder, cameras)
     for path in (folder.resolve(), *paths.values()):
         check_name(path)
-    return {name: FrameReader.open(path) for name, path in paths.items()}, silhouettes_given
+    if silhouettes_given:
+        readers, notes = open_masks(paths, label)
+        return readers, True, notes
+    return {name: FrameReader.open(path) for name, path in paths.items()}, False, ()
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:

@@ -74,8 +74,7 @@ class FrameReader:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            height, width = read_still(stills[0]).shape[:2]
-            return cls(path, stills, (width, height), len(stills), None)
+            return cls(path, stills, cls._size_of(stills[0]), len(stills), None)
         size, count, fps, promised = _probe(path)
         return cls(path, (), size, count, fps, promised=promised)
 
@@ -90,9 +89,7 @@ class FrameReader:
             InputError: a frame is missing, unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
-        stills = (read_still(self.stills[number]) for number in numbers)
-        frames = stills if self.stills else self._video(numbers)
-        for number, frame in zip(numbers, frames, strict=True):
+        for number, frame in zip(numbers, self._pictures(numbers), strict=True):
             if frame.shape[1::-1] != self.size:
                 raise InputError(
                     f"{self.path}: frame {number} is {size_text(frame.shape[1::-1])} px, the first"
@@ -106,6 +103,17 @@ class FrameReader:
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
         return replace(self, numbers=selected, frame_count=len(selected), promised=0)
+
+    @staticmethod
+    def _size_of(still: Path) -> tuple[int, int]:
+        height, width = read_still(still).shape[:2]
+        return width, height
+
+    def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yields frames of the file by their numbers, whatever their size."""
+        if self.stills:
+            return (read_still(self.stills[number]) for number in numbers)
+        return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = cv2.VideoCapture(str(self.path))
@@ -202,17 +210,26 @@ def read_still(file: Path) -> Frame:
     Raises:
         InputError: the file is missing or is not an image.
     """
+    return _three_channels(read_image(file, cv2.IMREAD_COLOR))
+
+
+def read_image(file: Path, flags: int) -> np.ndarray:
+    """Reads an image file as OpenCV's `imdecode` does with these flags.
+
+    Raises:
+        InputError: the file is missing or is not an image.
+    """
     try:
         if file.stat().st_size > _LARGEST_BYTES:
             raise InputError(f"{file} is larger than any camera's image: convert it to PNG")
         # Not imread: it cannot open names with letters outside the code page on Windows.
         data = np.fromfile(file, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if _is_decodable(data, file) else None
+        image = cv2.imdecode(data, flags) if _is_decodable(data, file) else None
     except (OSError, cv2.error):
         image = None
     if image is None:
         raise InputError(f"{file} cannot be read as an image: convert it to PNG")
-    return _three_channels(image)
+    return image
 
 
 def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:

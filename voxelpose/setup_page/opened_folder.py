@@ -52,7 +52,7 @@ class OpenedFolder:
             return cls(Recording.open(folder, None, None, unit, fps), True, "")
         except InputError as error:
             fault = str(error)
-        readers, given = open_readers(folder)
+        readers, given, _ = open_readers(folder)
         calibration = calibration_path(folder)
         rig = _calibrated(calibration, readers, unit)
         if rig is not None and len(rig) == len(readers):
