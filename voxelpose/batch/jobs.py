@@ -16,7 +16,7 @@ from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.conditioning import Conditioning
-from voxelpose.recording.folder import Recording, frame_range, is_recording
+from voxelpose.recording.folder import Recording, frame_range, is_recording, only_camera
 
 Command = Literal["fit", "track"]
 
@@ -38,6 +38,7 @@ _SETTINGS = {
     "frames": (str, ""),
     "unit": (str, ""),
     "fps": (float, ""),
+    "label": (str, ""),
     "backend": (str, "backend"),
 }
 _OPTIONS = {
@@ -111,13 +112,14 @@ class Job:
         key = "camera" if self.command == "track" else "cameras"
         names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
         if self.command == "track" and not names:
-            names = [Recording.open(self.recording, unit=_text(given, "unit")).rig.names[0]]
+            names = [only_camera(self.recording)]
         return Recording.open(
             self.recording,
             frame_range(_text(given, "frames"), 'frames = "{}"'),
             names or None,
             _text(given, "unit"),
             float(given["fps"]) if "fps" in given else None,
+            _text(given, "label"),
         )
 
     def estimator_settings(self, threads: int | None) -> Settings:

@@ -63,6 +63,7 @@ class Recording:
             not stated.
         camera_names: all cameras of the recording, in use or not.
         notes: what is worth telling about its files.
+        label: of the person in masks/ as it was asked for.
     """
 
     folder: Path
@@ -78,6 +79,7 @@ class Recording:
     up: NDArray[np.float64] | None = None
     camera_names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    label: str | None = None
 
     @classmethod
     def open(
@@ -150,6 +152,7 @@ class Recording:
             None if calibration is None else read_up(calibration),
             names,
             notes,
+            label,
         )
 
     @classmethod

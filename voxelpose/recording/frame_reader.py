@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -54,7 +54,7 @@ class FrameReader:
     promised: int = 0
 
     @classmethod
-    def open(cls, path: Path) -> "FrameReader":
+    def open(cls, path: Path) -> Self:
         """Opens a video, an image or a folder of images.
 
         Raises:
@@ -97,7 +97,7 @@ class FrameReader:
                 )
             yield frame
 
-    def select(self, numbers: Sequence[int]) -> "FrameReader":
+    def select(self, numbers: Sequence[int]) -> Self:
         """Reader of frames with these numbers, in ascending order, perhaps repeated."""
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers

@@ -115,10 +115,11 @@ class _Look:
             )
         border, *others = levels.values[:, 0]
         if not self.form.coloured and len(others) < 2 and border > max([0, *others]):
+            white, black = (*self.names, "0")[:2]
             raise InputError(
-                f"{path} is {'opaque' if self.form.alpha else 'white'} all along its border: are"
-                f" person and background exchanged? If so give --label {self.names[-1:][0] if others else 0}, if the"
-                f" person is that near, --label {self.names[0]}"
+                f"{path} is {'opaque' if self.form.alpha else 'white'} along its border: are"
+                f" person and background exchanged? If so give --label {black}, if the person is"
+                f" that near, --label {white}"
             )
 
     def rule(self, chosen: Sequence[str]) -> MaskRule:
@@ -167,7 +168,9 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
     """Labels of the person by camera name, where there are several, and words about the choice."""
     several = [look for look in looks.values() if len(look.names) > 2 and not look.cut_out]
     names = list(dict.fromkeys(name for look in several for name in look.names[1:]))
-    if all(len(look.levels.values) == 1 and not look.levels.values.any() for look in looks.values()):
+    if all(
+        len(look.levels.values) == 1 and not look.levels.values.any() for look in looks.values()
+    ):
         folder = next(iter(looks.values())).reader.path.parent
         raise InputError(f"{folder} marks nobody: every pixel is 0; write the masks anew")
     if not names:

@@ -182,11 +182,11 @@ class MaskLevels:
         same = exact or np.count_nonzero(near >= 1) * _LEAST < near.size
         noise = 0.0 if same else apart
         edges = np.concatenate([_border(one) for one in distance])
-        plain = 2 * np.count_nonzero(near <= apart / 4) > near.size
+        plain = 2 * int(np.count_nonzero(near <= apart / 4)) > near.size
         return cls(
             values,
             exact,
-            plain and bool(2 * np.count_nonzero(edges <= apart) > edges.size),
+            plain and 2 * int(np.count_nonzero(edges <= apart)) > edges.size,
             exact or _is_compact(thin, indices, values, top / _SHADES),
             noise,
             indices,
@@ -203,9 +203,9 @@ def _is_compact(
     far = near = 0
     for plane, index in zip(planes, indices, strict=True):
         before = np.abs(plane - values[0]).max(axis=2) > 2 * apart
-        far += np.count_nonzero(before)
+        far += int(np.count_nonzero(before))
         off = np.abs(plane - values[index]).max(axis=2) <= 2 * apart
-        near += np.count_nonzero(before & off & (index > 0))
+        near += int(np.count_nonzero(before & off & (index > 0)))
     return 2 * near > far
 
 

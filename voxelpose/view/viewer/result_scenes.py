@@ -210,7 +210,9 @@ class ResultScenes:
             return
         try:
             names = list(result.rig.names)
-            recording = _open_recording(folder, (first, stop), names, unit, result.motion.fps)
+            recording = _open_recording(
+                folder, (first, stop), names, unit, result.motion.fps, result.settings.get("label")
+            )
             self.recording = replace(recording, rig=self.rig)
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
@@ -292,6 +294,7 @@ def _open_recording(
     cameras: list[str] | None,
     unit: str | None,
     fps: float | None,
+    label: str | None = None,
 ) -> Recording:
     """Opens a recording of which a fit may have known more than its files state.
 
@@ -303,7 +306,7 @@ def _open_recording(
     for tried_unit in (unit, "m") if unit is None and fps is not None else (unit,):
         for tried_fps in (None, fps or _DEFAULT_FPS):
             try:
-                recording = Recording.open(folder, frames, cameras, tried_unit, tried_fps)
+                recording = Recording.open(folder, frames, cameras, tried_unit, tried_fps, label)
             except InputError as error:
                 failure = error if tried_unit == unit else failure
                 continue
