@@ -20,6 +20,21 @@ _DEEPEST = 50
 _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
+def visible(folder: Path) -> list[Path]:
+    """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on
+    other systems' disks. None where there is no such folder.
+
+    Raises:
+        InputError: It cannot be listed.
+    """
+    try:
+        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise InputError(f"{folder} cannot be read: {error.strerror or error}") from None
+
+
 def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.documents import load_text, parse_toml
+from calib.documents import load_text, parse_toml, visible
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.conditioning import Conditioning
-from voxelpose.recording.folder import Recording, frame_range, is_recording, only_camera
+from voxelpose.recording.folder import Recording, frame_range, is_recording
 
 Command = Literal["fit", "track"]
 
@@ -112,7 +112,8 @@ class Job:
         key = "camera" if self.command == "track" else "cameras"
         names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
         if self.command == "track" and not names:
-            names = [only_camera(self.recording)]
+            unit, label = _text(given, "unit"), _text(given, "label")
+            names = [Recording.open(self.recording, unit=unit, label=label).rig.names[0]]
         return Recording.open(
             self.recording,
             frame_range(_text(given, "frames"), 'frames = "{}"'),
@@ -169,7 +170,7 @@ def jobs_of(
         elif is_recording(path):
             found.append(Job("", str(path), command, common))
         else:
-            inside = sorted(folder for folder in path.iterdir() if is_recording(folder))
+            inside = [folder for folder in visible(path) if is_recording(folder)]
             if not inside:
                 raise InputError(
                     f"{path} is no recording and holds none: give folders with a video per camera"

@@ -8,17 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
+from calib.documents import visible
 from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.notes import read_up
 from calib.upright import UprightFrame, up_from_cameras
+from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.frame_reader import (
-    STILLS,
     VIDEOS,
     Frame,
     FrameReader,
+    other_size,
     read_together,
-    size_text,
 )
 from voxelpose.recording.mask_labels import open_masks
 from voxelpose.recording.subject import Subject, read_subject
@@ -39,7 +40,6 @@ from voxelpose.recording.unknown_places import (
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
-_SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,11 +241,8 @@ class Recording:
             if camera.name in paths and not self.silhouettes_given:
                 reader = FrameReader.open(paths[camera.name])
                 if reader.size != camera.size:
-                    raise InputError(
-                        f"{paths[camera.name]} is {size_text(reader.size)} px, camera"
-                        f" {camera.name} {size_text(camera.size)}: record the background with the"
-                        " same settings, or remove it"
-                    )
+                    remedy = "record the background with the same settings, or remove it"
+                    raise other_size(paths[camera.name], reader.size, camera, remedy)
                 backgrounds[camera.name] = reader
         return backgrounds
 
@@ -277,42 +274,6 @@ class Recording:
             mask = painted_mask(drawn[name], self.rig[name].size)
             masks[name] = masks[name] | mask if name in masks else mask
         return {name: mask for name, mask in masks.items() if mask.any()}
-
-
-def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
-    """Returns the videos and folders of images in a folder, by camera name.
-
-    The camera name is the stem of the file or the name of the folder.
-
-    Args:
-        folder: the folder; one that does not exist is empty.
-        stills: whether single images count too.
-
-    Raises:
-        InputError: two files belong to one camera.
-    """
-    paths: dict[str, Path] = {}
-    if not folder.is_dir():
-        return paths
-    for path in sorted(folder.iterdir()):
-        suffix = path.suffix.lower()
-        if path.name.startswith(".") or path.name in _SUBFOLDERS:
-            continue
-        if path.is_dir():
-            if not any(file.suffix.lower() in STILLS for file in path.iterdir()):
-                continue
-            name = path.name
-        elif suffix in VIDEOS or (stills and suffix in STILLS):
-            name = path.stem
-        else:
-            continue
-        if name in paths:
-            raise InputError(
-                f"{folder} has both {paths[name].name} and {path.name} for camera {name}:"
-                " remove one"
-            )
-        paths[name] = path
-    return paths
 
 
 def only_camera(folder: Path) -> str:
@@ -359,7 +320,7 @@ def is_recording(folder: Path) -> bool:
     """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
     if not folder.is_dir():
         return False
-    files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in folder.iterdir())
+    files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in visible(folder))
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
@@ -399,6 +360,7 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         raise InputError(
             f"{folder} holds no video: put one per camera there, or a folder of frames, named as in"
             " the calibration (cam_1.mp4, or cam_1/0001.png ...)"
+            + (f"; {hint}" if (hint := not_read(folder)) else "")
         )
     if cameras is not None:
         filmed = ", ".join(paths)
@@ -439,7 +401,8 @@ def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
             f"one camera needs none, with `voxelpose track {folder} --camera {cameras[0]}`; for"
             " several begin with `voxelpose calibrate board` (docs/calibration.md)"
         )
-    return InputError(f"{folder} holds no calibration: {remedy}")
+    hint = not_read(folder)
+    return InputError(f"{folder} holds no calibration: {remedy}" + (f"; {hint}" if hint else ""))
 
 
 def _select_cameras(
@@ -448,26 +411,25 @@ def _select_cameras(
     """Returns the cameras to use, each with a calibration and a video of the calibrated size."""
     requested = list(rig.names) if cameras is None else list(cameras)
     filmed, calibrated = ", ".join(readers), ", ".join(rig.names)
-    for name in readers:
-        if name not in rig:
-            raise InputError(
-                f"camera {name} has no calibration: {calibration} knows {calibrated}; add it, or"
-                " choose with --cameras"
-            )
+    others = {name: reader.path for name, reader in readers.items() if name not in rig}
+    renamed = renaming(others, [name for name in rig.names if name not in readers])
+    for name in others:
+        remedy = renamed or "add it, or choose with --cameras"
+        raise InputError(
+            f"camera {name} has no calibration: {calibration} knows {calibrated}; {remedy}"
+        )
     for name in requested:
         if name not in rig:
             raise InputError(f"there is no camera {name}: {calibration} knows {calibrated}")
         if name not in readers:
+            hint = not_read(calibration.parent)
             raise InputError(
                 f"camera {name} of {calibration} has no video (found: {filmed}): add it, or choose"
-                " with --cameras"
+                " with --cameras" + (f" ({hint})" if hint else "")
             )
         if readers[name].size != rig[name].size:
-            raise InputError(
-                f"{readers[name].path} is {size_text(readers[name].size)} px, but camera {name}"
-                f" was calibrated at {size_text(rig[name].size)}: calibrate at the size of the"
-                " recording"
-            )
+            remedy = "calibrate at the size of the recording"
+            raise other_size(readers[name].path, readers[name].size, rig[name], remedy)
     return rig.select([name for name in rig.names if name in requested])
 
 

@@ -16,6 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.camera import Camera
+from calib.documents import visible
 from calib.errors import InputError
 
 Frame = NDArray[np.uint8]
@@ -64,7 +66,7 @@ class FrameReader:
             raise InputError(f"{path} is missing")
         stills = ()
         if path.is_dir():
-            images = (file for file in path.iterdir() if file.suffix.lower() in STILLS)
+            images = (file for file in visible(path) if file.suffix.lower() in STILLS)
             stills = tuple(sorted(images, key=natural_order))
             if not stills:
                 raise InputError(
@@ -116,7 +118,7 @@ class FrameReader:
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        capture = cv2.VideoCapture(str(self.path))
+        capture = cv2.VideoCapture(video_address(self.path))
         position, frame = 0, None
         try:
             for number in numbers:
@@ -166,7 +168,7 @@ def read_together(
 
 def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
     """Returns size, number of frames, frames per second and promised frames of a video."""
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(video_address(path))
     try:
         good, frame = capture.read()
         if not good or frame is None:
@@ -181,7 +183,7 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
         if count < 1 or (count > 1 and not capture.grab()):
             capture.release()
-            capture = cv2.VideoCapture(str(path))
+            capture = cv2.VideoCapture(video_address(path))
             count = 0
             while capture.grab():
                 count += 1
@@ -199,7 +201,7 @@ def _pieces(path: Path) -> int:
     import imageio_ffmpeg
 
     try:
-        return imageio_ffmpeg.count_frames_and_secs(str(path))[0] or 0
+        return imageio_ffmpeg.count_frames_and_secs(video_address(path))[0] or 0
     except (RuntimeError, OSError):
         return 0
 
@@ -291,6 +293,21 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
         for word in re.split(r"(\d+)", path.name)
         if word
     ]
+
+
+def video_address(path: Path) -> str:
+    """A video's path as FFmpeg takes it: a colon in a relative one would name a protocol."""
+    return str(path.absolute())
+
+
+def other_size(path: Path, size: tuple[int, int], camera: Camera, remedy: str) -> InputError:
+    """Error that names pictures (width, height) px of another size than their camera's."""
+    if size == camera.size[::-1]:
+        remedy = "is one of them in portrait? Turn it, as with ffmpeg -vf transpose=1"
+    return InputError(
+        f"{path} is {size_text(size)} px, but camera {camera.name} {size_text(camera.size)}:"
+        f" {remedy}"
+    )
 
 
 def size_text(size: tuple[int, ...]) -> str:

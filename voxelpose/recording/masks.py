@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.moments import even_moments
-from voxelpose.recording.frame_reader import Frame, FrameReader, read_image
+from voxelpose.recording.frame_reader import Frame, FrameReader, read_image, video_address
 from voxelpose.recording.mask_levels import Layers, MaskForm, MaskLevels, Plane, codes_of, nearest
 
 _SAMPLES = 12  # pictures of a sequence that are looked at beforehand
@@ -113,7 +113,7 @@ class MaskReader(FrameReader):
 
         width, height = self.size
         pictures = imageio_ffmpeg.read_frames(
-            str(self.path),
+            video_address(self.path),
             pix_fmt="rgba64le" if depth > 8 else "rgba",
             bits_per_pixel=4 * depth,
             input_params=words,
@@ -193,7 +193,7 @@ def _raw_words(path: Path) -> tuple[int, list[str]]:
     """Bits of a channel and words for FFmpeg, of a video that OpenCV does not read as it is; 0: it
     does.
     """
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(video_address(path))
     try:
         tags = [cv2.CAP_PROP_CODEC_PIXEL_FORMAT, cv2.CAP_PROP_FOURCC]
         pixels, codec = (int(capture.get(tag)).to_bytes(4, "little", signed=True) for tag in tags)

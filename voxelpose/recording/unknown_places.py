@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from calib.camera import Camera, Rig
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
-from voxelpose.recording.frame_reader import size_text
+from voxelpose.recording.frame_reader import other_size
 from voxelpose.recording.masks import painted
 
 RECORDING_FILE = "recording.toml"
@@ -56,10 +56,7 @@ def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.bool_]:
     """
     mask = painted(path)
     if mask.shape[::-1] != camera.size:
-        raise InputError(
-            f"{path} is {size_text(mask.shape[::-1])} px, camera {camera.name}"
-            f" {size_text(camera.size)}: {remedy}"
-        )
+        raise other_size(path, mask.shape[::-1], camera, remedy)
     return mask
 
 

@@ -210,8 +210,9 @@ class ResultScenes:
             return
         try:
             names = list(result.rig.names)
+            label = result.settings.get("label")
             recording = _open_recording(
-                folder, (first, stop), names, unit, result.motion.fps, result.settings.get("label")
+                folder, (first, stop), names, unit, result.motion.fps, str(label) if label else None
             )
             self.recording = replace(recording, rig=self.rig)
         except InputError as error:
