@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from calib.atomic import replacing
 from calib.camera import Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
@@ -43,6 +43,10 @@ RIG_FORMATS = {
     "easymocap": RigFormat(read_easymocap, write_easymocap, ("",)),
     "projections": RigFormat(read_projections, write_projections),
 }
+_READ = (
+    "write its cameras as aniposelib's TOML, OpenCV's YAML or XML, JSON, Qualisys' .qca.txt or"
+    " EasyMocap's folder (docs/calibration.md)"
+)
 _BY_SUFFIX = {suffix: name for name, form in RIG_FORMATS.items() for suffix in form.suffixes}
 
 
@@ -109,7 +113,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_opencv_folder
     if not source.path.exists():
         raise source.error("no such calibration file")
-    text = load_text(source.path, LARGEST_CALIBRATION)
+    text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv
@@ -125,4 +129,9 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
             if isinstance(content, list) or "projections" in content:
                 return read_projections
             return read_json if "cameras" in content else read_opencv
+    if source.path.suffix.lower() != ".toml":
+        try:
+            parse_toml(text, source.path)
+        except InputError:
+            raise source.error(f"is of no format that is known: {_READ}") from None
     return read_anipose

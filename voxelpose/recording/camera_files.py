@@ -10,9 +10,9 @@ from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 _RESULT = "summary.json"  # a folder that has it is a result
-_STREAMS = frozenset(".h264 .264 .avc .h265 .265 .hevc .mjpeg .mjpg .yuv .raw .av1 .obu".split())
-_OTHER_VIDEOS = frozenset(
-    ".mxf .flv .vob .asf .mod .tod .r3d .braw .insv .360 .lrv .dav .m2v .f4v .rmvb .gif".split()
+_UNREAD = frozenset(
+    ".h264 .264 .avc .h265 .265 .hevc .mjpeg .mjpg .yuv .raw .av1 .obu"
+    " .mxf .flv .vob .asf .mod .tod .r3d .braw .insv .360 .lrv .dav .m2v .f4v .rmvb .gif".split()
 )
 _OURS = frozenset({"subject.toml", "recording.toml", "voxelpose.toml"})
 _TELLING = re.compile("cam|calib|intri|extri", re.IGNORECASE)
@@ -75,11 +75,10 @@ def not_read(folder: Path) -> str:
                 found.append(f"{path.name}/ is empty")
             elif not is_image_folder(path):
                 found.append(f"{path.name}/ holds no images")
-        elif suffix in _STREAMS:
-            made = path.with_suffix(".mp4").name
-            found.append(f"{path.name} is a stream without times: ffmpeg -i {path.name} {made}")
-        elif suffix in _OTHER_VIDEOS:
-            found.append(f"{path.name} is no video that is read: convert it to .mp4")
+        elif suffix in _UNREAD:
+            found.append(
+                f"{path.name} is no video that is read: ffmpeg -i {path.name} {path.stem}.mp4"
+            )
     return "; ".join([*found[:_MOST], *_calibrations(folder)[:1]])
 
 

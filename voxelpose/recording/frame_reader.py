@@ -1,5 +1,6 @@
 """Frames of one camera, read in order from a video, a folder of images or a single image."""
 
+import os
 import re
 import struct
 import warnings
@@ -10,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import cv2
 import numpy as np
@@ -28,6 +29,9 @@ VIDEOS = frozenset(
 _COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers are estimates
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff\xd9"  # begin and end
+_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+_LAST_BYTES = 4096
 _LARGEST_BYTES = 8 * _MOST_PX
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
@@ -172,10 +176,8 @@ def _probe(path: Path) -> tuple[tuple[int, int], int, float | None, int]:
     try:
         good, frame = capture.read()
         if not good or frame is None:
-            raise InputError(
-                f"{path} cannot be read as a video: convert it, for example with ffmpeg to .mp4"
-                " (H.264)"
-            )
+            remedy = "convert it, for example with ffmpeg to .mp4 (H.264)"
+            raise InputError(f"{path} cannot be read as a video: {cut_off(path) or remedy}")
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         fps = float(capture.get(cv2.CAP_PROP_FPS))
         # Some containers announce more frames than they hold; only then all frames are counted.
@@ -230,7 +232,8 @@ def read_image(file: Path, flags: int) -> np.ndarray:
     except (OSError, cv2.error):
         image = None
     if image is None:
-        raise InputError(f"{file} cannot be read as an image: convert it to PNG")
+        remedy = cut_off(file) or "convert it to PNG"
+        raise InputError(f"{file} cannot be read as an image: {remedy}")
     return image
 
 
@@ -265,6 +268,51 @@ def _pillow() -> Any:
 
     warnings.filterwarnings("ignore", module=r"PIL\.")
     return Image
+
+
+def cut_off(file: Path) -> str:
+    """Words on a video or image that ends early, as one does that was copied in part; "" where that
+    cannot be seen.
+    """
+    try:
+        size = file.stat().st_size
+        with file.open("rb") as opened:
+            start = opened.read(12)
+            if start[4:8] in _BOXES:
+                whole = _has_its_boxes(opened, size)
+            elif start[:4] == b"RIFF":
+                whole = size >= 8 + int.from_bytes(start[4:8], "little")
+            elif start[:2] == _JPEG[:2]:
+                opened.seek(-min(size, _LAST_BYTES), os.SEEK_END)
+                whole = _JPEG[2:] in opened.read()
+            else:
+                whole = size > 0 and not (
+                    start.startswith(_PNG)
+                    and not _has_its_chunks(np.frombuffer(file.read_bytes(), np.uint8))
+                )
+    except OSError:
+        return ""
+    return (
+        ""
+        if whole
+        else "it is empty: copy it again"
+        if not size
+        else ("it ends early, or was not finished: copy it again")
+    )
+
+
+def _has_its_boxes(opened: BinaryIO, size: int) -> bool:
+    """Whether an MP4 holds its boxes to their ends, and among them its table of frames."""
+    position, kinds = 0, set()
+    while position + 8 <= size:
+        opened.seek(position)
+        header = opened.read(16)
+        length, kind = int.from_bytes(header[:4], "big"), header[4:8]
+        if length == 1:
+            length = int.from_bytes(header[8:16], "big")
+        kinds.add(kind)
+        position = size if length == 0 else position + max(length, 8)
+    return position <= size and b"moov" in kinds
 
 
 def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
@@ -305,8 +353,8 @@ def other_size(path: Path, size: tuple[int, int], camera: Camera, remedy: str) -
     if size == camera.size[::-1]:
         remedy = "is one of them in portrait? Turn it, as with ffmpeg -vf transpose=1"
     return InputError(
-        f"{path} is {size_text(size)} px, but camera {camera.name} {size_text(camera.size)}:"
-        f" {remedy}"
+        f"{path} is {size_text(size)} px, but camera {camera.name} was calibrated at"
+        f" {size_text(camera.size)}: {remedy}"
     )
 
 

@@ -37,7 +37,7 @@ def read_timestamps(path: Path, readers: Mapping[str, FrameReader]) -> dict[str,
             camera, time = row["cam_id"].strip(), float(row["frame_time"])
         except (KeyError, ValueError):
             raise InputError(
-                f"{path} line {number} is not cam_id,frame_time (seconds): correct the row, or"
+                f"{path} line {number} is not cam_id,frame_time (seconds, as 0.25): correct it, or"
                 " remove the file"
             ) from None
         if camera in readers or f"cam_{camera}" in readers:
