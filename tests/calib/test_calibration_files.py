@@ -458,9 +458,7 @@ def test_what_is_no_calibration_names_the_formats(tmp_path, name, content, words
 
 
 def test_a_missing_size_names_the_option(tmp_path):
-    (tmp_path / "a.json").write_text(
-        '{"projections": {"a": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]}}'
-    )
+    (tmp_path / "a.json").write_text("[[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]]")
     with pytest.raises(InputError, match="--size"):
         read_rig(tmp_path / "a.json", unit="m")
 

@@ -66,7 +66,7 @@ class _Look:
         if value is None:
             return None
         apart = np.abs(self.levels.values - value).max(axis=1)
-        least = 0.5 if self.levels.exact else float(self.levels.values.max()) / _NEAR
+        least = 0.5 if self.levels.exact else self.levels.top / _NEAR
         return self.names[int(apart.argmin())] if apart.min() <= least else None
 
     @property
@@ -168,9 +168,7 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
     """Labels of the person by camera name, where there are several, and words about the choice."""
     several = [look for look in looks.values() if len(look.names) > 2 and not look.cut_out]
     names = list(dict.fromkeys(name for look in several for name in look.names[1:]))
-    if all(
-        len(look.levels.values) == 1 and not look.levels.values.any() for look in looks.values()
-    ):
+    if not any(look.levels.top for look in looks.values()):
         folder = next(iter(looks.values())).reader.path.parent
         raise InputError(f"{folder} marks nobody: every pixel is 0; write the masks anew")
     if not names:
@@ -191,11 +189,11 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
     chosen = {n: moving for n, look in looks.items() if {*look.names[1:]} & {*names}}
     if not all(look.levels.exact for look in several):
         return chosen, ()
-    why = "the only one that moves" if len(moving) == 1 else "since they are in one piece"
-    return chosen, (
-        f"masks: of labels {', '.join(names)} {', '.join(moving)} "
-        f"{'is' if len(moving) == 1 else 'are'} taken for the person, {why}; --label chooses",
-    )
+    if len(moving) == 1:
+        words = f"of labels {', '.join(names)} only {moving[0]} moves and is taken for the person"
+    else:
+        words = f"labels {', '.join(moving)} are one piece and are taken for one person"
+    return chosen, (f"masks: {words}; --label chooses",)
 
 
 def _mostly(answers: Iterable[bool]) -> bool:

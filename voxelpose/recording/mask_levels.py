@@ -146,6 +146,7 @@ class MaskLevels:
         exact: whether there are no others, but for edges.
         bordered: whether the background is plain and fills most of the pictures' borders.
         compact: whether most of what is no background has one of these values.
+        top: the largest value.
         noise: largest difference, from the background, of what is background all the same.
         indices: (h, w) int16 for each picture, every so many pixels: which value is nearest.
     """
@@ -154,6 +155,7 @@ class MaskLevels:
     exact: bool
     bordered: bool
     compact: bool
+    top: float
     noise: float
     indices: list[NDArray[np.int16]]
 
@@ -188,6 +190,7 @@ class MaskLevels:
             exact,
             plain and 2 * int(np.count_nonzero(edges <= apart)) > edges.size,
             exact or _is_compact(thin, indices, values, top / _SHADES),
+            top,
             noise,
             indices,
         )
