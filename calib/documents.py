@@ -31,7 +31,7 @@ _BINARY = {
 _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
-def visible(folder: Path) -> list[Path]:
+def visible_entries(folder: Path) -> list[Path]:
     """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on
     other systems' disks. None where there is no such folder.
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.atomic_folder import FolderWriter  # noqa: F401
 from calib.camera import Camera, Rig  # noqa: F401
-from calib.documents import visible
+from calib.documents import visible_entries
 from calib.files import read_rig, write_rig  # noqa: F401
 from voxelpose import InputError, Recording  # noqa: F401
 from voxelpose.recording import mask_labels
@@ -224,10 +224,12 @@ def first_existing(folder: Path, *relative: str) -> Path:
 def find_frames(path: Path) -> Path | None:
     """Returns the video, image or folder of images at a path without suffix; None if none is."""
     if path.is_dir():
-        return path if any(file.suffix.lower() in STILLS for file in visible(path)) else None
+        return (
+            path if any(file.suffix.lower() in STILLS for file in visible_entries(path)) else None
+        )
     if path.is_file():
         return path if path.suffix.lower() in VIDEOS | STILLS else None
-    siblings = visible(path.parent)
+    siblings = visible_entries(path.parent)
     return next(
         (
             file

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from calib.camera import Camera, Rig
-from calib.documents import visible
+from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files.fields import Source
 from calib.files.file_storage import dump_storage, load_storage
@@ -79,8 +79,8 @@ def read_opencv_folder(source: Source) -> Rig:
         InputError: No calibration in it, or a camera is incomplete or wrong.
     """
     cameras: list[Camera] = []
-    for entry in visible(source.path):
-        files = [entry] if entry.is_file() else visible(entry)
+    for entry in visible_entries(source.path):
+        files = [entry] if entry.is_file() else visible_entries(entry)
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [Source(file, source.unit, source.size) for file in files]
         stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]

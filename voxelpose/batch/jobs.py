@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.documents import load_text, parse_toml, visible
+from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
@@ -170,7 +170,7 @@ def jobs_of(
         elif is_recording(path):
             found.append(Job("", str(path), command, common))
         else:
-            inside = [folder for folder in visible(path) if is_recording(folder)]
+            inside = [folder for folder in visible_entries(path) if is_recording(folder)]
             if not inside:
                 raise InputError(
                     f"{path} is no recording and holds none: give folders with a video per camera"

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from calib.documents import visible
+from calib.documents import visible_entries
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
@@ -32,7 +32,7 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
         InputError: two files belong to one camera.
     """
     paths: dict[str, Path] = {}
-    for path in visible(folder):
+    for path in visible_entries(folder):
         suffix = path.suffix.lower()
         if path.name in _SUBFOLDERS:
             continue
@@ -55,7 +55,7 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
 
 def is_image_folder(folder: Path) -> bool:
     """Whether a folder holds images of a camera, and is no result of ours."""
-    files = visible(folder)
+    files = visible_entries(folder)
     if any(file.name == _RESULT for file in files):
         return False
     return any(file.suffix.lower() in STILLS for file in files)
@@ -66,12 +66,12 @@ def not_read(folder: Path) -> str:
     there is no such thing.
     """
     found = []
-    for path in visible(folder):
+    for path in visible_entries(folder):
         suffix = path.suffix.lower()
         if path.is_dir() and path.name not in _SUBFOLDERS:
             if inside := [*map(str, pictures_by_camera(path))]:
                 found.append(f"{path.name}/ holds {_few(inside)}: move that up here")
-            elif path.name != "calibration" and not visible(path):
+            elif path.name != "calibration" and not visible_entries(path):
                 found.append(f"{path.name}/ is empty")
             elif not is_image_folder(path):
                 found.append(f"{path.name}/ holds no images")
@@ -87,7 +87,7 @@ def _calibrations(folder: Path) -> list[str]:
     return [
         f"{path.name} is not read by this name: if it is the calibration, name it"
         f" calibration{path.suffix}"
-        for path in visible(folder)
+        for path in visible_entries(folder)
         if path.suffix.lower() in (".toml", ".yml", ".yaml", ".json", ".xml", ".txt")
         and path.name not in _OURS
         and path.stem != "calibration"

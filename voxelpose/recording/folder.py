@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
-from calib.documents import visible
+from calib.documents import visible_entries
 from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.notes import read_up
@@ -320,7 +320,9 @@ def is_recording(folder: Path) -> bool:
     """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
     if not folder.is_dir():
         return False
-    files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in visible(folder))
+    files = any(
+        path.is_file() and path.suffix.lower() in VIDEOS for path in visible_entries(folder)
+    )
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from calib.documents import visible
+from calib.documents import visible_entries
 from calib.errors import InputError
 
 Frame = NDArray[np.uint8]
@@ -70,7 +70,7 @@ class FrameReader:
             raise InputError(f"{path} is missing")
         stills = ()
         if path.is_dir():
-            images = (file for file in visible(path) if file.suffix.lower() in STILLS)
+            images = (file for file in visible_entries(path) if file.suffix.lower() in STILLS)
             stills = tuple(sorted(images, key=natural_order))
             if not stills:
                 raise InputError(

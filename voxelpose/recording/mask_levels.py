@@ -173,7 +173,7 @@ class MaskLevels:
         flat = [_flat(plane, apart / 2) for plane in planes]
         found = _found(flat, apart, planes[0].shape[2])
         thin = [_thinned(plane) for plane in planes]
-        indices = [nearest(plane, found) for plane in thin]
+        indices = [nearest_value(plane, found) for plane in thin]
         border = np.concatenate([_border(one) for one in indices])
         background = int(np.bincount(border, minlength=len(found)).argmax())
         order = sorted(range(len(found)), key=lambda k: (k != background, *found[k]))
@@ -241,7 +241,7 @@ def _found(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.flo
     return np.array(found or [np.zeros(channels)])
 
 
-def nearest(plane: Plane, values: NDArray[np.float64]) -> NDArray[np.int16]:
+def nearest_value(plane: Plane, values: NDArray[np.float64]) -> NDArray[np.int16]:
     """Which of the values (L, C) is nearest to each pixel of a plane, (H, W)."""
     best = np.full(plane.shape[:2], np.inf, np.float32)
     index = np.zeros(plane.shape[:2], np.int16)

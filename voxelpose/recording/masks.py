@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from voxelpose.recording.frame_reader import Frame, FrameReader, read_image, video_address
-from voxelpose.recording.mask_levels import Layers, MaskForm, MaskLevels, Plane, codes_of, nearest
+from voxelpose.recording.mask_levels import (
+    Layers,
+    MaskForm,
+    MaskLevels,
+    Plane,
+    codes_of,
+    nearest_value,
+)
 
 _SAMPLES = 12  # pictures of a sequence that are looked at beforehand
 _TABLE = 65536
@@ -62,7 +69,9 @@ class MaskRule:
             return np.abs(plane - background).max(axis=2) > self.noise
         if plane.shape[2] > 1 and self.exact:
             return np.isin(codes_of(plane), codes_of(self.inside[None].astype(np.float32)))
-        return nearest(plane, np.concatenate([self.outside, self.inside])) >= len(self.outside)
+        return nearest_value(plane, np.concatenate([self.outside, self.inside])) >= len(
+            self.outside
+        )
 
 
 @dataclass(frozen=True)
