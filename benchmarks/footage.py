@@ -38,7 +38,8 @@ from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX, PersonFinder
-from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
+from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.frame_reader import VIDEOS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from benchmarks import calibration_fuzz_targets as calibrations
 from benchmarks import library_fuzz_targets as libraries
@@ -356,6 +357,33 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
         frame.mean()
 
 
+def _make_masks(folder: Path, name: str) -> None:
+    (folder / "masks" / "cam_0").mkdir(parents=True)
+    for number in range(3):
+        mask = np.zeros((48, 64), np.uint8)
+        mask[10:40, 8 * number + 8 : 8 * number + 24] = 1
+        alpha = np.dstack([mask * 90, mask * 7, mask * 200, mask * 255])
+        picture = {"rgba": alpha, "float": mask.astype(np.float32)}.get(name, mask)
+        suffix = ".tiff" if name == "float" else ".png"
+        coded = cv2.imencode(suffix, picture)[1].tobytes()
+        path = folder / "masks" / "cam_0" / f"{number}{suffix}"
+        path.write_bytes(coded)
+        if name == "palette":
+            image = Image.fromarray(mask, "P")
+            image.putpalette([0, 0, 0, 128, 0, 0])
+            image.save(path)
+
+
+def _use_masks(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.mask_labels import open_masks
+    from voxelpose.recording.masks import painted
+
+    (path,) = (folder / "masks").iterdir()
+    painted(sorted(path.iterdir())[1])
+    for frame in open_masks({"cam_0": path})[0]["cam_0"]:
+        frame.mean()
+
+
 def _make_hypotheses(folder: Path) -> None:
     from voxelpose.export.tables import write_hypotheses
 
@@ -591,6 +619,14 @@ TARGETS: dict[str, FuzzTarget] = {
             partial(_use_image, name=f"a.{name}"),
         )
         for name in ("png", "jpg", "bmp", "tiff", "webp")
+    },
+    **{
+        f"masks-{name}": FuzzTarget(
+            partial(_make_masks, name=name),
+            {f"masks/cam_0/1.{'tiff' if name == 'float' else 'png'}": any_bytes},
+            _use_masks,
+        )
+        for name in ("label", "rgba", "palette", "float")
     },
     "rig-bvh": FuzzTarget(
         rigs.write_bvh_rig,

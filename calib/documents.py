@@ -16,16 +16,45 @@ from calib.errors import InputError
 
 LARGEST_CALIBRATION = 10_000_000
 """Bytes of a calibration; a hundred cameras take a hundredth of it."""
+_OTHER_SEPARATORS = {";": "semicolon", "\t": "tab"}
+_COMMAS = "separate them by commas, and write numbers with a point, 412.5"
 _DEEPEST = 50
+_AS_UTF_8 = "give another file, or save it as UTF-8"
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+_BINARY = {
+    **{bytes([128, protocol]): "a pickle" for protocol in range(2, 6)},
+    b"MATLAB": "a MATLAB file",
+    b"\x89HDF": "an HDF5 file",
+    b"\x93NUMPY": "a NumPy array",
+    b"PK\3\4": "a ZIP file, as .npz and .xlsx are",
+}
 _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
-def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
+def visible_entries(folder: Path) -> list[Path]:
+    """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on
+    other systems' disks. None where there is no such folder.
+
+    Raises:
+        InputError: It cannot be listed.
+    """
+    try:
+        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise InputError(f"{folder} cannot be read: {error.strerror or error}") from None
+
+
+def load_text(
+    path: Path, largest_bytes: int, errors: str = "strict", remedy: str = _AS_UTF_8
+) -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
 
     Args:
         largest_bytes: Size beyond which the file is refused.
         errors: "replace" puts a mark in the place of bytes that are no text.
+        remedy: What to do about a file that is no text, for messages.
 
     Raises:
         InputError: The file cannot be read, is too large, or holds bytes that are no text.
@@ -37,12 +66,12 @@ def load_text(path: Path, largest_bytes: int, errors: str = "strict") -> str:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     if len(data) > largest_bytes:
         raise _too_large(path, largest_bytes)
+    _check_start(path, data, remedy)
     try:
         text = data.decode("utf-8-sig", errors)
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path} is not a text file (byte {error.start} is no UTF-8): give another file, or"
-            " save it as UTF-8"
+            f"{path} is not a text file (byte {error.start} is no UTF-8): {remedy}"
         ) from None
     return text.replace("\r\n", "\n")
 
@@ -97,6 +126,19 @@ def parse_xml(text: str, path: Path) -> ElementTree.Element:
         raise InputError(f"{path}: broken XML: {error}; mend it or make it again") from None
 
 
+def _check_start(path: Path, data: bytes, remedy: str) -> None:
+    """Checks that bytes do not begin like UTF-16, or like files of programs.
+
+    Raises:
+        InputError: They do.
+    """
+    if data[:2] in _UTF_16 or (len(data) > 3 and data[:4].count(0) == 2):  # with a mark or without
+        raise InputError(f"{path} is text in UTF-16: save it as UTF-8")
+    for start, kind in _BINARY.items():
+        if data.startswith(start):
+            raise InputError(f"{path} is {kind}, not text: {remedy}")
+
+
 def csv_rows(
     path: Path, columns: Sequence[str], largest_bytes: int, optional: Sequence[str] = ()
 ) -> Iterator[dict[str, str]]:
@@ -119,12 +161,21 @@ def csv_rows(
     try:
         if path.stat().st_size > largest_bytes:
             raise _too_large(path, largest_bytes)
+        with path.open("rb") as file:
+            _check_start(path, file.read(16), f"give CSV: {remedy}")
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
             header = reader.fieldnames or ()
             if missing := [name for name in columns if name not in header]:
+                for sign, name in _OTHER_SEPARATORS.items():
+                    if sum(sign in title for title in header) * 2 > len(header):
+                        remedy = f"columns are separated by {name}s: {_COMMAS}"
                 raise InputError(f"{path}: no column {', '.join(missing)}: {remedy}")
             for row in reader:
+                if any(row.get(None) or ()):  # type: ignore[call-overload]
+                    raise InputError(
+                        f"{path} line {reader.line_num} has more columns than the first: {_COMMAS}"
+                    )
                 yield {name: row[name] for name in names if row.get(name) is not None}
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None

@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.atomic_folder import FolderWriter  # noqa: F401
 from calib.camera import Camera, Rig  # noqa: F401
+from calib.documents import visible_entries
 from calib.files import read_rig, write_rig  # noqa: F401
 from voxelpose import InputError, Recording  # noqa: F401
-from voxelpose.recording.folder import pictures_by_camera  # noqa: F401
+from voxelpose.recording import mask_labels
+from voxelpose.recording.camera_files import pictures_by_camera  # noqa: F401
 from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader, natural_order  # noqa: F401
 from voxelpose.recording.timestamps import write_timestamps  # noqa: F401
 
@@ -45,9 +47,7 @@ class CameraView:
         frames: video or images; None where the data set has only masks.
         start: the file's frame that is frame 0 of the clip, where the files begin at different
             times. Frame 0 is the first time that all cameras recorded, so one camera has start 0.
-        masks: silhouettes of the same frames; a pixel is foreground where any channel exceeds
-            `mask_above`.
-        mask_above: threshold of the masks, 0 to 255.
+        masks: silhouettes of the same frames, white where the person is.
         background: frames of the empty scene.
     """
 
@@ -55,7 +55,6 @@ class CameraView:
     frames: FrameReader | None
     start: int = 0
     masks: FrameReader | None = None
-    mask_above: int = 127
     background: FrameReader | None = None
 
 
@@ -225,10 +224,12 @@ def first_existing(folder: Path, *relative: str) -> Path:
 def find_frames(path: Path) -> Path | None:
     """Returns the video, image or folder of images at a path without suffix; None if none is."""
     if path.is_dir():
-        return path if any(file.suffix.lower() in STILLS for file in path.iterdir()) else None
+        return (
+            path if any(file.suffix.lower() in STILLS for file in visible_entries(path)) else None
+        )
     if path.is_file():
         return path if path.suffix.lower() in VIDEOS | STILLS else None
-    siblings = sorted(path.parent.glob("*")) if path.parent.is_dir() else []
+    siblings = visible_entries(path.parent)
     return next(
         (
             file
@@ -247,6 +248,23 @@ def open_frames(path: Path) -> FrameReader:
     """
     try:
         return FrameReader.open(path)
+    except InputError as error:
+        raise InputError(f"{error}; repeat the download if it was interrupted") from None
+
+
+def open_masks(paths: Mapping[str, Path | None], label: str | None) -> dict[str, FrameReader]:
+    """Returns readers of silhouettes by camera name, of the cameras that have masks.
+
+    Args:
+        paths: videos or folders of images of masks; None where there is none.
+        label: labels of the person; None: found.
+
+    Raises:
+        InputError: one cannot be read, or does not say by itself who is the person.
+    """
+    there = {name: path for name, path in paths.items() if path is not None}
+    try:
+        return dict(mask_labels.open_masks(there, label)[0])
     except InputError as error:
         raise InputError(f"{error}; repeat the download if it was interrupted") from None
 

@@ -91,6 +91,9 @@ def _add_common(group: argparse._ArgumentGroup) -> None:
         action="store_true",
         help="leave the images out, so that the data set's masks are used as silhouettes",
     )
+    group.add_argument(
+        "--label", metavar="N,N", help="labels of the person in the masks (default: found)"
+    )
     group.add_argument("--no-truth", action="store_true", help="leave the joint positions out")
     group.add_argument("--stature", type=_stature, metavar="M", help="the subject's height, metres")
     group.add_argument("--sex", choices=("male", "female"), help="of the subject")

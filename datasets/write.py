@@ -36,7 +36,7 @@ def write(clip: Clip, out: Path, options: Namespace) -> str:
         clip: the clip as the recipe read it.
         out: the folder to make.
         options: of the command line: name, source, frames, silhouettes, no_truth, stature, sex,
-            copy, overwrite.
+            label, copy, overwrite.
 
     Returns:
         One line that describes what was written.
@@ -98,7 +98,7 @@ def _fill(folder: Path, clip: Clip, options: Namespace) -> str:
         if view.frames is not None:
             _place(view.frames, folder / name, span, options.copy)
         if view.masks is not None:
-            _place_masks(view, folder / "masks" / name, span, options.copy)
+            _place_masks(view, folder / "masks" / name, span, options)
         if view.background is not None and not options.silhouettes:
             _place(view.background, folder / "background" / name, None, options.copy)
     if cut or _needs_timestamps(views, fps):
@@ -178,18 +178,18 @@ def _place(frames: FrameReader, target: Path, span: range | None, copy: bool) ->
             _write_image(target / f"{number:06d}.png", frame)
 
 
-def _place_masks(view: CameraView, target: Path, span: range | None, copy: bool) -> None:
-    """Writes masks as black and white images; a video of masks is kept unless it is cut."""
+def _place_masks(view: CameraView, target: Path, span: range | None, options: Namespace) -> None:
+    """Writes masks as black and white images; a video is kept unless it is cut or has labels."""
     masks = view.masks
-    if span is None and masks.path.is_file() and masks.path.suffix.lower() in VIDEOS:
-        _place(masks, target, None, copy)
+    whole = span is None and options.label is None
+    if whole and masks.path.is_file() and masks.path.suffix.lower() in VIDEOS:
+        _place(masks, target, None, options.copy)
         return
     # Masks may end earlier than the images beside them.
     stop = masks.frame_count if span is None else min(span.stop, masks.frame_count)
     target.mkdir(parents=True)
     for number, frame in enumerate(masks.frames(span.start if span else 0, stop)):
-        mask = np.where(frame.max(axis=2) > view.mask_above, 255, 0).astype(np.uint8)
-        _write_image(target / f"{number:06d}.png", mask)
+        _write_image(target / f"{number:06d}.png", frame[..., 0])
 
 
 def _write_image(file: Path, image: np.ndarray) -> None:

@@ -146,8 +146,8 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
         recording = replace(recording, rig=estimate.rig)
     if not len(motion):
         raise InputError(
-            "no pose was found in any frame: look at the silhouettes with `voxelpose carve`,"
-            " and check the background"
+            "no pose was found in any frame: look at the silhouettes with `voxelpose setup`,"
+            " and mend them"
         )
     warning = filter_warning(motion)
     if warning:
@@ -262,8 +262,12 @@ def _settings_toml(recording: Recording, output: Output, settings: Settings, est
     document["frames"] = [int(recording.numbers[0]), int(recording.numbers[-1]) + 1]
     document["cameras"] = list(recording.rig.names)
     document["estimator"] = estimator
+    if recording.label is not None:
+        document["label"] = recording.label
     given = asdict(settings)
     options, conditioning = given.pop("options"), given.pop("conditioning")
+    if recording.silhouettes_given:
+        given.pop("background")
     for name, value in given.items():
         if value is not None:
             document[name] = value

@@ -35,6 +35,7 @@ class CarveSettings:
         style: "surface" writes a triangle mesh, "voxels" the centres of the occupied voxels.
         cameras: Names of the cameras to use; None means all.
         unit: Unit of the calibration's lengths where its file does not say.
+        label: Labels of the person in masks/; None finds them.
     """
 
     frame: int = 0
@@ -45,6 +46,7 @@ class CarveSettings:
     style: Literal["surface", "voxels"] = "surface"
     cameras: tuple[str, ...] | None = None
     unit: str | None = None
+    label: str | None = None
 
     def __post_init__(self) -> None:
         """Checks the settings."""
@@ -73,6 +75,7 @@ class Hull:
         masks: (h, w) bool by camera name.
         without_background: Cameras without frames of the empty scene, whose background was
             estimated from the recording itself.
+        notes: What is worth telling about the recording's files.
     """
 
     grid: VoxelGrid
@@ -80,6 +83,7 @@ class Hull:
     rig: Rig
     masks: dict[str, NDArray[np.bool_]]
     without_background: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def volume_l(self) -> float:
@@ -110,7 +114,7 @@ def carve_recording(
     cameras = None if settings.cameras is None else list(settings.cameras)
     # A single frame needs no frame rate: any value does for folders of images.
     recording = Recording.open(
-        folder, (settings.frame, settings.frame + 1), cameras, settings.unit, fps=1.0
+        folder, (settings.frame, settings.frame + 1), cameras, settings.unit, 1.0, settings.label
     )
     silhouettes = Silhouettes(recording)
     _, _, frames = next(iter(recording))
@@ -136,4 +140,4 @@ def carve_recording(
         )
     if out is not None:
         write_ply(out, grid, occupancy, settings.style)
-    return Hull(grid, occupancy, rig, masks, silhouettes.without_background)
+    return Hull(grid, occupancy, rig, masks, silhouettes.without_background, recording.notes)

@@ -99,7 +99,7 @@ def _explains_little(frames: _Table, quality: _Table, facts: _Table) -> str:
         )
     return (
         f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
-        " sheet, at background and calibration, and at clothes of the walls' colours"
+        " sheet, at silhouettes and calibration, and at clothes of the walls' colours"
     )
 
 

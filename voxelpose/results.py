@@ -131,6 +131,7 @@ class _Settings(msgspec.Struct):
     frames: Annotated[list[_Count], Meta(min_length=2, max_length=2)] | None = None
     cameras: _Names | None = None
     estimator: _Name = ""
+    label: _Name | None = None
     stature_m: _Stature | None = None
     chest_m: _Chest | None = None
     sex: _Sex = "unknown"

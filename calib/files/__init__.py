@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from calib.atomic import replacing
 from calib.camera import Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.colmap import is_colmap, read_colmap
@@ -58,6 +58,10 @@ RIG_FORMATS = {
 }
 WRITTEN = tuple(name for name, form in RIG_FORMATS.items() if form.write is not None)
 """Names of the formats that are written."""
+_READ = (
+    "write its cameras as aniposelib's TOML, OpenCV's YAML or XML, JSON, Qualisys' .qca.txt or"
+    " EasyMocap's folder (docs/calibration.md)"
+)
 _BY_SUFFIX = {suffix: name for name, form in RIG_FORMATS.items() for suffix in form.suffixes}
 
 
@@ -135,7 +139,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_opencv_folder
     if not source.path.exists():
         raise source.error("no such calibration file")
-    text = load_text(source.path, LARGEST_CALIBRATION)
+    text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv
@@ -151,6 +155,11 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
                 raise
         else:
             return _reader_of_json(content)
+    if source.path.suffix.lower() != ".toml":
+        try:
+            parse_toml(text, source.path)
+        except InputError:
+            raise source.error(f"is of no format that is known: {_READ}") from None
     return read_anipose
 
 

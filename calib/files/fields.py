@@ -238,7 +238,9 @@ class Source:
         if value is None:
             if self.size is None:
                 raise self.error(
-                    "the image size is not in the file: state it (width and height in px)", camera
+                    "the image size is not in the file: state it (width and height in px), or give"
+                    " `voxelpose calibrate convert` --size 1920x1080",
+                    camera,
                 )
             return self.size
         width, height = self.numbers(camera, "size", value, (2,)).tolist()

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from calib.camera import Camera, Rig
+from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files.fields import Source
 from calib.files.file_storage import dump_storage, load_storage
@@ -79,12 +80,8 @@ def read_opencv_folder(source: Source) -> Rig:
         InputError: No calibration in it, or a camera is incomplete or wrong.
     """
     cameras: list[Camera | None] = []
-    try:
-        entries = sorted(source.path.iterdir())
-    except OSError as error:
-        raise source.error(f"cannot read: {error.strerror}") from None
-    for entry in entries:
-        files = [entry] if entry.is_file() else sorted(entry.glob("*")) if entry.is_dir() else []
+    for entry in visible_entries(source.path):
+        files = [entry] if entry.is_file() else visible_entries(entry)
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [replace(source, path=file) for file in files]
         stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]

@@ -14,6 +14,7 @@ from clip import (
     find_frames,
     number_in,
     open_frames,
+    open_masks,
     pictures_by_camera,
     read_json,
     read_rig,
@@ -32,12 +33,6 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     """Adds the options that say what the folder does not."""
     group.add_argument(
         "--masks", help=f"folder of the masks (default: the first of {', '.join(_MASKS)})"
-    )
-    group.add_argument(
-        "--mask-above",
-        type=int,
-        default=0,
-        help="a mask's pixel is the person above this value (default 0)",
     )
     group.add_argument("--fps", type=float, help="frames per second, needed for folders of images")
     group.add_argument(
@@ -71,13 +66,14 @@ def read(source: Path, options: argparse.Namespace) -> Clip:
     names = select_names(
         [name for name in rig.names if name in pairs], options.cameras, "camera", source
     )
-    masks = _mask_folder(source, options.masks)
+    folder = _mask_folder(source, options.masks)
+    masks = open_masks(
+        {name: folder and find_frames(folder / pairs[name]) for name in names}, options.label
+    )
     views = []
     for name in names:
         camera = to_world_z_up(rig[name], options.up, name=camera_name(name))
-        path = None if masks is None else find_frames(masks / pairs[name])
-        mask_reader = None if path is None else open_frames(path)
-        views.append(CameraView(camera, readers[pairs[name]], 0, mask_reader, options.mask_above))
+        views.append(CameraView(camera, readers[pairs[name]], 0, masks.get(name)))
     truth, constructed = None, ()
     if options.keypoints is not None and not options.no_truth:
         points = _read_keypoints(options.keypoints, options.person)

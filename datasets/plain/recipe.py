@@ -11,6 +11,7 @@ from clip import (
     camera_name,
     find_frames,
     open_frames,
+    open_masks,
     read_rig,
     select_names,
     to_world_z_up,
@@ -46,12 +47,6 @@ def add_options(group: argparse._ArgumentGroup) -> None:
             metavar="PATH",
             help=f"where a camera's {name} are in SOURCE, without suffix (default {default})",
         )
-    group.add_argument(
-        "--mask-above",
-        type=int,
-        default=127,
-        help="a mask's pixel is the person above this value (127)",
-    )
 
 
 def read(source: Path, options: argparse.Namespace) -> Clip:
@@ -64,18 +59,20 @@ def read(source: Path, options: argparse.Namespace) -> Clip:
     sizes = {open_frames(path).size for path in _all_frames(source, options)}
     rig = read_rig(file, unit=options.unit, size=sizes.pop() if len(sizes) == 1 else None)
     views = []
-    for name in select_names(rig.names, options.cameras, "camera", file):
-        frames, masks, background = (
+    names = select_names(rig.names, options.cameras, "camera", file)
+    masks = open_masks({name: _at(source, options.masks, name) for name in names}, options.label)
+    for name in names:
+        frames, background = (
             None if (path := _at(source, pattern, name)) is None else open_frames(path)
-            for pattern in (options.pictures, options.masks, options.background)
+            for pattern in (options.pictures, options.background)
         )
-        if frames is None and masks is None:
+        if frames is None and name not in masks:
             raise InputError(
                 f"camera {name} of {file} has neither {options.pictures} nor {options.masks} in "
                 f"{source}: say where with --pictures and --masks, or choose with --cameras"
             )
         camera = to_world_z_up(rig[name], options.up, name=camera_name(name))
-        views.append(CameraView(camera, frames, 0, masks, options.mask_above, background))
+        views.append(CameraView(camera, frames, 0, masks.get(name), background))
     return Clip(tuple(views), options.fps, notes={"clip": source.resolve().name})
 
 

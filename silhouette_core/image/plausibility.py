@@ -35,22 +35,22 @@ class ImplausibleSilhouettesError(InputError):
         masks: Mapping[str, Sequence[NDArray[np.bool_]]],
         faults: Mapping[str, str],
         lenses: Mapping[str, UndistortedView],
+        given: bool = False,
     ) -> None:
-        """Keeps all of it."""
-        super().__init__(self._line(faults, _SEEN_IN_SETUP))
-        self.masks, self.faults, self.lenses = masks, faults, lenses
+        """Keeps all of it; `given`: whether masks were, of which no background is to blame."""
+        self.masks, self.faults, self.lenses, self._given = masks, faults, lenses, given
+        super().__init__(self._line(_SEEN_IN_SETUP))
 
     def shown_in(self, picture: Path) -> InputError:
         """The same error, which names a picture of the silhouettes."""
-        return InputError(self._line(self.faults, f"see {picture}, and why with `voxelpose setup`"))
+        return InputError(self._line(f"see {picture}, and why with `voxelpose setup`"))
 
-    @staticmethod
-    def _line(faults: Mapping[str, str], where: str) -> str:
-        listed = "; ".join(f"those of {name} {fault}" for name, fault in faults.items())
-        return (
-            f"the silhouettes cannot be those of a person: {listed}: {where}; record the empty view"
-            " as background, draw regions/CAMERA.png, or mend the masks"
-        )
+    def _line(self, where: str) -> str:
+        listed = "; ".join(f"those of {name} {fault}" for name, fault in self.faults.items())
+        remedy = "draw regions/CAMERA.png, or mend the masks"
+        if not self._given:
+            remedy = f"record the empty view as background, {remedy}"
+        return f"the silhouettes cannot be those of a person: {listed}: {where}; {remedy}"
 
 
 def telling_frames(count: int) -> list[int]:
@@ -65,6 +65,7 @@ def check_plausible(
     *,
     person: bool = True,
     lenses: Mapping[str, UndistortedView] | None = None,
+    given: bool = False,
 ) -> None:
     """Checks that enough cameras have silhouettes that can be those of a person.
 
@@ -73,6 +74,7 @@ def check_plausible(
         least: number of cameras that must have them.
         person: whether it is a person; of other bodies shape and changes are not checked.
         lenses: by which they are undistorted, by camera name; None: they are as recorded.
+        given: whether they were given as masks.
 
     Raises:
         ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are
@@ -82,7 +84,7 @@ def check_plausible(
     faults = {name: fault for name, fault in found.items() if fault}
     if len(masks) - len(faults) < least and faults:
         refused = {name: masks[name] for name in faults}
-        raise ImplausibleSilhouettesError(refused, faults, lenses or {})
+        raise ImplausibleSilhouettesError(refused, faults, lenses or {}, given)
 
 
 def _fault(masks: Sequence[NDArray[np.bool_]], person: bool) -> str:

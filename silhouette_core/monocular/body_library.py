@@ -80,7 +80,7 @@ def some_silhouettes(
     if not masks:
         raise InputError(
             f"camera {name} shows no body in any of {len(steps)} frames that were looked"
-            " at: check its background, and that the body moves before it"
+            " at: check its silhouettes, and that the body moves before it"
         )
     return lens.pinhole, masks
 

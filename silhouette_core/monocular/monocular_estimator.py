@@ -109,8 +109,8 @@ class MonocularEstimator:
             )
         if motion is None:
             raise InputError(
-                f"camera {source.rig.names[0]} shows nobody in any frame: check its background, and"
-                " that somebody moves before it"
+                f"camera {source.rig.names[0]} shows nobody in any frame: check its silhouettes,"
+                " and that somebody moves before it"
             )
         facts = _facts(tracked, options, settings, motion, absent) | {"colours": coloured}
         return Estimate(
@@ -123,7 +123,7 @@ class MonocularEstimator:
 
 def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) -> Silhouettes:
     """Silhouettes of the only camera; what is missing or marked is told in notes."""
-    reporter.stage("background")
+    reporter.stage("masks" if source.silhouettes_given else "background")
     silhouettes = Silhouettes(
         source,
         settings.background,
@@ -141,7 +141,8 @@ def _check_plausible(source: FrameSource, silhouettes: Silhouettes, person: bool
     """Refuses silhouettes of the only camera that cannot be those of a person."""
     steps, name = telling_frames(source.frame_count), source.rig.names[0]
     masks = [silhouettes.of(frames)[name] for frames in source.at(steps)]
-    check_plausible({name: masks}, least=1, person=person)
+    given = source.silhouettes_given
+    check_plausible({name: masks}, least=1, person=person, given=given)
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:

@@ -438,3 +438,34 @@ def test_metadata_of_any_content_is_read(tmp_path):
         path = write(tmp_path, CAMERA + MM + f"up = {up}\n")
         with contextlib.suppress(InputError):
             read_up(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.pickle", b"\x80\x04\x95abc", "a pickle, not text: write its cameras as aniposelib's"),
+        ("a.mat", b"MATLAB 5.0 MAT-file\0\1IM\xff", "a MATLAB file, not text: .*OpenCV's YAML"),
+        ("a.cal", b"4 1\n0 1079 0 1919\n", "of no format that is known: .*Qualisys"),
+        ("a.bin", b"ab\xff\xfe", r"byte 2 is no UTF-8\): write its cameras as"),
+        ("a.toml", "[cam_1]\n".encode("utf-16"), "text in UTF-16: save it as UTF-8"),
+    ],
+)
+def test_what_is_no_calibration_names_the_formats(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=words) as refused:
+        read_rig(tmp_path / name)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_size_names_the_option(tmp_path):
+    (tmp_path / "a.json").write_text("[[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]]")
+    with pytest.raises(InputError, match="--size"):
+        read_rig(tmp_path / "a.json", unit="m")
+
+
+def test_hidden_files_of_a_folder_are_no_calibrations(tmp_path):
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    (folder / "._cam_1.yml").write_bytes(b"\0\5\x16\7%YAML")
+    with pytest.raises(InputError, match="no camera in it"):
+        read_rig(folder, unit="m")

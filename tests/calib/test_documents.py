@@ -63,7 +63,7 @@ def test_what_is_broken_is_named_with_its_file(tmp_path, parse, text, message):
 
 def test_rows_of_a_table_hold_what_is_asked_for(tmp_path):
     path = tmp_path / "t.csv"
-    path.write_text("a,b,c\n1,2,3\n\n4\n5,6,7,8\n", encoding="utf-8-sig")
+    path.write_text("a,b,c\n1,2,3\n\n4\n5,6,7,\n", encoding="utf-8-sig")
     assert list(csv_rows(path, ("a",), 100, optional=("c", "d"))) == [
         {"a": "1", "c": "3"},
         {"a": "4"},
@@ -76,6 +76,11 @@ def test_rows_of_a_table_hold_what_is_asked_for(tmp_path):
     [
         (b"", "no column a, b: its first line must name a,b"),
         (b"a\n1\n", "no column b"),
+        (b"a;b\n1;2\n", "separated by semicolons: .* with a point"),
+        (b"a\tb\n1\t2\n", "separated by tabs"),
+        (b"a,b\n1,5,2\n", "line 2 has more columns than the first: .* with a point"),
+        ("a,b\n1,2\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
+        ("a,b\n1,2\n".encode("utf-16-le"), "UTF-16"),
         (b'a,b\n"' + b"1,2\n" * 50_000, "field larger than field limit .*a stray quote"),
         (b"a,b\n1,\xff\n", "cannot be read as CSV"),
         (b"a,b\n" + b"1,2\n" * 100_000, "larger than the 0 MB"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.documents import load_text, parse_toml
+from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
@@ -38,6 +38,7 @@ _SETTINGS = {
     "frames": (str, ""),
     "unit": (str, ""),
     "fps": (float, ""),
+    "label": (str, ""),
     "backend": (str, "backend"),
 }
 _OPTIONS = {
@@ -111,13 +112,15 @@ class Job:
         key = "camera" if self.command == "track" else "cameras"
         names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
         if self.command == "track" and not names:
-            names = [Recording.open(self.recording, unit=_text(given, "unit")).rig.names[0]]
+            unit, label = _text(given, "unit"), _text(given, "label")
+            names = [Recording.open(self.recording, unit=unit, label=label).rig.names[0]]
         return Recording.open(
             self.recording,
             frame_range(_text(given, "frames"), 'frames = "{}"'),
             names or None,
             _text(given, "unit"),
             float(given["fps"]) if "fps" in given else None,
+            _text(given, "label"),
         )
 
     def estimator_settings(self, threads: int | None) -> Settings:
@@ -167,7 +170,7 @@ def jobs_of(
         elif is_recording(path):
             found.append(Job("", str(path), command, common))
         else:
-            inside = sorted(folder for folder in path.iterdir() if is_recording(folder))
+            inside = [folder for folder in visible_entries(path) if is_recording(folder)]
             if not inside:
                 raise InputError(
                     f"{path} is no recording and holds none: give folders with a video per camera"

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from calib.board import Board, BoardView, Effort, Refusal, view_between
 from calib.camera import Camera
 from calib.checks import FloatArray
+from calib.documents import visible_entries
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
-from voxelpose.recording.folder import pictures_by_camera
+from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still
 from voxelpose.recording.timestamps import Times
 from voxelpose.tuning import BOARD_SEARCH
@@ -75,7 +76,7 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
             )
         stills = [path] if path.suffix.lower() in STILLS else []
         if path.is_dir():
-            stills = [file for file in sorted(path.iterdir()) if file.suffix.lower() in STILLS]
+            stills = [file for file in visible_entries(path) if file.suffix.lower() in STILLS]
         if stills:
             loose.setdefault(stills[0].resolve().parent, []).extend(stills)
             continue

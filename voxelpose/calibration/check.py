@@ -93,7 +93,7 @@ def check_recording(
             " `check` needs two or more"
         )
     moments = even_moments(recording.frame_count, settings.moments)
-    reporter.stage("backgrounds")
+    reporter.stage("masks" if recording.silhouettes_given else "backgrounds")
     silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
     tracks, checked_frames = _outlines(recording, silhouettes, moments, reporter)
     times = recording.times_s[moments]

@@ -12,8 +12,8 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import board_moments, check_lens_size
+from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.file_times import ends_apart, recorded_times
-from voxelpose.recording.folder import pictures_by_camera
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import TIMESTAMPS, Times, rates_differ
 
@@ -82,9 +82,12 @@ def _readers(
     if not paths:
         raise InputError(
             f"{folder} holds no pictures: put a video per camera there, named as in the calibration"
+            + (f" ({hint})" if (hint := not_read(folder)) else "")
         )
     remedy = "name videos after the calibration's cameras, or choose some with --cameras"
+    lacking = [name for name in lenses.names if name not in paths]
     if unknown := [name for name in paths if name not in lenses]:
+        remedy = renaming({name: paths[name] for name in unknown}, lacking) or remedy
         raise InputError(
             f"no lens for {', '.join(unknown)} of {folder}: the calibration has"
             f" {', '.join(lenses.names)}: {remedy}"

@@ -51,7 +51,9 @@ def _numbers(row: dict[str, str], keys: tuple[str, ...], location: str) -> np.nd
     except ValueError:
         numbers = np.array([np.nan])
     if not np.isfinite(numbers).all():
-        raise InputError(f"{location}: {', '.join(keys)} must be numbers: correct the row")
+        comma = any("," in row.get(key, "") for key in keys)
+        remedy = "write them with a point, 412.5" if comma else "correct the row"
+        raise InputError(f"{location}: {', '.join(keys)} must be numbers: {remedy}")
     most = _FARTHEST_PX if keys == _PIXELS else _FARTHEST_M
     if np.abs(numbers).max() > most:
         raise InputError(

@@ -23,8 +23,9 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.board_views import BoardFinder, check_lens_size
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
+from voxelpose.recording.camera_files import not_read, pictures_by_camera
 from voxelpose.recording.file_times import times_in_files
-from voxelpose.recording.folder import Recording, calibration_path, pictures_by_camera
+from voxelpose.recording.folder import Recording, calibration_path, open_readers
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.sound import STEP_S, has_sound, onsets
 from voxelpose.recording.timestamps import Times, even_numbers, write_timestamps
@@ -148,6 +149,7 @@ class SyncSettings:
             "silhouettes", their vertical velocities. None: the first of a board, if one is given, a
             calibration, common sound and silhouettes that there is.
         lenses: the cameras' lenses; None: those of the recording's calibration.
+        label: of the person in masks/; None: found.
     """
 
     max_offset_s: float | None = None
@@ -158,6 +160,7 @@ class SyncSettings:
     by: SyncMethod | None = None
     board: Board | None = None
     lenses: Rig | None = None
+    label: str | None = None
 
     def __post_init__(self) -> None:
         """Checks the values."""
@@ -254,11 +257,13 @@ class _Films:
             )
         if len(names) < 2:
             count = "one camera" if names else "no video"
+            hint = not_read(folder)
             raise InputError(
                 f"{folder} has {count}: there is nothing that it could be in step with"
+                + (f" ({hint})" if hint else "")
             )
         checked_reference(names, settings.reference)
-        readers = {name: FrameReader.open(paths[name]) for name in names}
+        readers = dict(open_readers(folder, names, settings.label)[0])
         fps = {name: _rate(name, readers[name], settings) for name in names}
         for reader in readers.values():
             if reader.frame_count < 3:
@@ -313,7 +318,11 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
     tracks, without_background = [], []
     for name, reader in films.readers.items():
         recording = Recording.open(
-            films.folder, cameras=[name], unit=settings.unit, fps=films.fps[name]
+            films.folder,
+            cameras=[name],
+            unit=settings.unit,
+            fps=films.fps[name],
+            label=settings.label,
         )
         used = np.flatnonzero((films.times[name] >= begin) & (films.times[name] <= end))
         if len(used) < 3:

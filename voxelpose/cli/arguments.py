@@ -46,6 +46,14 @@ Unit = Annotated[
     Literal["m", "cm", "mm"] | None,
     _optional("m|cm|mm", "Unit of the calibration's lengths, where the file does not state it."),
 ]
+Label = Annotated[
+    str | None,
+    _optional(
+        "N,N",
+        "Labels of the person in masks/, numbers or colours as rrggbb; 0: where it is black."
+        " Default: found.",
+    ),
+]
 Fps = Annotated[
     float | None,
     _optional("N", "Frames per second, where the files do not state it or state it wrongly."),

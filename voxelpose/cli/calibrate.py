@@ -15,6 +15,7 @@ from voxelpose.cli.arguments import (
     Dictionary,
     Fps,
     Frames,
+    Label,
     OptionalFile,
     OptionalLength,
     OverwriteFile,
@@ -215,6 +216,7 @@ Exit code 0: all cameras agree; 1: one does not.
     cameras: Cameras = None
     unit: Unit = None
     fps: Fps = None
+    label: Label = None
     overwrite: OverwriteFile = False
 
     def run(self) -> int:
@@ -230,7 +232,9 @@ Exit code 0: all cameras agree; 1: one does not.
 
             settings = CheckSettings(self.moments, self.most_late)
             frames, names = frame_range(self.frames), camera_names(self.cameras)
-            recording = Recording.open(self.recording, frames, names, self.unit, self.fps)
+            recording = Recording.open(
+                self.recording, frames, names, self.unit, self.fps, self.label
+            )
             check = check_recording(recording, settings, progress)
         print_check(check)
         if self.png is not None:

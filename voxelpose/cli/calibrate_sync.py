@@ -13,6 +13,7 @@ from voxelpose.cli.arguments import (
     BoardArguments,
     Cameras,
     Dictionary,
+    Label,
     MarkerSide,
     OptionalFile,
     OptionalLength,
@@ -90,6 +91,7 @@ match in time.
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
     cameras: Cameras = None
     unit: Unit = None
+    label: Label = None
     overwrite: OverwriteFile = False
 
     def run(self) -> int:
@@ -119,6 +121,7 @@ match in time.
                 None
                 if self.intrinsics is None
                 else read_rig(self.intrinsics, self.unit, lenses=True),
+                self.label,
             )
             sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
         print_sync(sync)

@@ -9,6 +9,7 @@ from tyro.conf import arg
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
+    Label,
     OptionalLength,
     OverwriteFile,
     RecordingFolder,
@@ -49,6 +50,7 @@ class Carve:
     """Triangle mesh, or centres of the voxels as points."""
     cameras: Cameras = None
     unit: Unit = None
+    label: Label = None
     overwrite: OverwriteFile = False
 
     def run(self) -> int:
@@ -67,8 +69,11 @@ class Carve:
             style=self.style,
             cameras=camera_names(self.cameras),
             unit=self.unit,
+            label=self.label,
         )
         hull = carve_recording(self.recording, self.out, settings, self.overwrite)
+        for words in hull.notes:
+            print(f"note: {words}")
         if hull.without_background:
             print(
                 f"no empty view of {', '.join(hull.without_background)}: it was estimated"

@@ -19,6 +19,7 @@ from voxelpose.cli.arguments import (
     Frames,
     GapLimit,
     GapMethod,
+    Label,
     OptionalLength,
     OverwriteResult,
     RecordingFolder,
@@ -48,6 +49,7 @@ class EstimationArguments:
     frames: Frames = None
     unit: Unit = None
     fps: Fps = None
+    label: Label = None
     up: Up = None
     overwrite: OverwriteResult = False
     smooth: bool = True
@@ -106,7 +108,9 @@ class EstimationArguments:
                 | ({} if self.body is None else {"body": resolved_body(self.body)}),
             )
             frames = frame_range(self.frames)
-            recording = Recording.open(self.recording, frames, cameras, self.unit, self.fps)
+            recording = Recording.open(
+                self.recording, frames, cameras, self.unit, self.fps, self.label
+            )
             if recording.calibration_path is None:
                 progress.note(
                     f"{self.recording} holds no calibration: a level camera with a field of view of"

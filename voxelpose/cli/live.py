@@ -16,6 +16,7 @@ from calib.errors import InputError
 from voxelpose.cli.arguments import (
     Cameras,
     Fps,
+    Label,
     OptionalLength,
     PageArguments,
     Sex,
@@ -135,6 +136,7 @@ Ctrl-C ends the session.
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
     unit: Unit = None
     fps: Fps = None
+    label: Label = None
     up: Up = None
 
     def run(self) -> int:
@@ -151,7 +153,7 @@ Ctrl-C ends the session.
 
             sources = [CameraSource.parse(text) for text in self.source]
             names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
-            live = open_input(self.folder, sources, names, self.unit, self.fps)
+            live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
             live = live.upright(up_direction(self.up), progress)
             known = live.recording.subject
             subject = replace(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
-from voxelpose.cli.arguments import Fps, PageArguments, RecordingFolder, Unit
+from voxelpose.cli.arguments import Fps, Label, PageArguments, RecordingFolder, Unit
 from voxelpose.cli.options import folder_settings
 from voxelpose.cli.terminal import message
 
@@ -28,6 +28,7 @@ given; Ctrl-C ends it.
     recording: RecordingFolder
     unit: Unit = None
     fps: Fps = None
+    label: Label = None
 
     def run(self) -> int:
         """Serves the page until it is interrupted; returns the exit code."""
@@ -40,7 +41,8 @@ given; Ctrl-C ends it.
         known = settings()
         unit = self.unit or known.get("unit", (None, ""))[0]
         fps = self.fps or known.get("fps", (None, ""))[0]
-        session = SetupSession(OpenedFolder.open(self.recording, unit, fps), settings)
+        label = self.label or known.get("label", (None, ""))[0]
+        session = SetupSession(OpenedFolder.open(self.recording, unit, fps, label), settings)
         server = SetupServer(session, address)
         try:
             print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)

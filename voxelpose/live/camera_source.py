@@ -33,10 +33,13 @@ _SMOOTHED = 10  # intervals between pictures in their running mean
 
 @dataclass(frozen=True)
 class CameraSource:
-    """Address of one camera's pictures: number of a webcam, address of a stream, or a video."""
+    """Address of one camera's pictures: number of a webcam, address of a stream, or a video, whose
+    reader may be given.
+    """
 
     name: str
     address: str
+    reader: FrameReader | None = None
 
     @classmethod
     def parse(cls, text: str) -> CameraSource:
@@ -161,7 +164,7 @@ class CameraReader:
 
     def _play(self) -> None:
         """Plays a file at its rate; pictures whose time has passed are left out."""
-        reader = FrameReader.open(Path(self.source.address))
+        reader = self.source.reader or FrameReader.open(Path(self.source.address))
         fps = self._fps or reader.fps or 30.0
         for number, picture in enumerate(self._pictures(reader)):
             due_s = number / fps

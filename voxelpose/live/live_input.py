@@ -82,6 +82,7 @@ def open_input(
     cameras: Sequence[str] | None,
     unit: str | None = None,
     fps: float | None = None,
+    label: str | None = None,
 ) -> LiveInput:
     """Opens the cameras' calibration, and the videos that stand in for cameras.
 
@@ -91,6 +92,7 @@ def open_input(
         cameras: names of the cameras to use; None: all.
         unit: of the calibration's lengths, where its file does not state it.
         fps: rate of the cameras; None: as the files state, or 30.
+        label: of the person in masks/; None: found.
 
     Raises:
         InputError: something is missing, or does not fit.
@@ -98,9 +100,10 @@ def open_input(
     if not sources:
         if folder is None:
             raise InputError("no cameras: give a recording folder, or --source NUMBER of a webcam")
-        recording = Recording.open(folder, None, cameras, unit, fps)
+        recording = Recording.open(folder, None, cameras, unit, fps, label)
         played = {
-            name: CameraSource(name, str(reader.path)) for name, reader in recording.readers.items()
+            name: CameraSource(name, str(reader.path), reader)
+            for name, reader in recording.readers.items()
         }
         return LiveInput(recording, played, recording.fps)
     named = _named(sources, folder, unit)

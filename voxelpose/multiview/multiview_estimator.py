@@ -139,7 +139,7 @@ def _motion(
     if not poses:
         raise InputError(
             "no body was found in any frame: look at the hull with `voxelpose carve`, and check"
-            " background and calibration"
+            " silhouettes and calibration"
         )
     fps = tracker.fps
     root = np.stack([pose.root_m for pose in poses])

@@ -9,19 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
+from calib.documents import visible_entries
 from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.notes import read_up
 from calib.upright import UprightFrame, up_from_cameras
+from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.file_times import recorded_times
 from voxelpose.recording.frame_reader import (
-    STILLS,
     VIDEOS,
     Frame,
     FrameReader,
+    other_size,
     read_together,
-    size_text,
 )
+from voxelpose.recording.mask_labels import open_masks
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
@@ -38,7 +40,6 @@ from voxelpose.recording.unknown_places import (
 )
 
 _CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
-_SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,7 @@ class Recording:
         notes: what is worth telling about its files.
         numbers: (frame_count,) int64, numbers of the frames, increasing; those that a camera lost
             are left out.
+        label: of the person in masks/ as it was asked for.
     """
 
     folder: Path
@@ -80,6 +82,7 @@ class Recording:
     camera_names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     numbers: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    label: str | None = None
 
     @classmethod
     def open(
@@ -89,10 +92,11 @@ class Recording:
         cameras: Sequence[str] | None = None,
         unit: str | None = None,
         fps: float | None = None,
+        label: str | None = None,
     ) -> "Recording":
         """Opens a recording folder and checks that its files fit each other.
 
-        Only the first frame of every video is decoded.
+        Only the first frame of every video is decoded, and some of masks.
 
         Args:
             frames: first frame and one past the last, either None as in a Python slice; None
@@ -101,12 +105,13 @@ class Recording:
             unit: unit of the calibration's lengths, where the file does not state it.
             fps: frames per second; needed for folders of images without timestamps.csv, and takes
                 precedence over both the videos' rates and timestamps.csv.
+            label: of the person in masks/, see `open_masks`; None: found.
 
         Raises:
             InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
-        readers, silhouettes_given = open_readers(folder, cameras)
+        readers, silhouettes_given, told = open_readers(folder, cameras, label)
         calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
@@ -121,7 +126,7 @@ class Recording:
             notes = rig.notes
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes += tuple(
+        notes += told + tuple(
             f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
             + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
             for reader in readers.values()
@@ -155,6 +160,7 @@ class Recording:
             names,
             notes + said,
             numbers[start:stop],
+            label,
         )
 
     @classmethod
@@ -244,18 +250,15 @@ class Recording:
             if camera.name in paths and not self.silhouettes_given:
                 reader = FrameReader.open(paths[camera.name])
                 if reader.size != camera.size:
-                    raise InputError(
-                        f"{paths[camera.name]} is {size_text(reader.size)} px, camera"
-                        f" {camera.name} {size_text(camera.size)}: record the background with the"
-                        " same settings, or remove it"
-                    )
+                    remedy = "record the background with the same settings, or remove it"
+                    raise other_size(paths[camera.name], reader.size, camera, remedy)
                 backgrounds[camera.name] = reader
         return backgrounds
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         """Returns the region of interest, (H, W) bool, of the cameras that have one in regions/.
 
-        White pixels of the file are those where the person may be.
+        What is opaque in a layer, else what is not black, is where the person may be.
 
         Raises:
             InputError: a file cannot be read or differs in size from the camera.
@@ -263,7 +266,7 @@ class Recording:
         regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
             if name in self.rig:
-                regions[name] = read_painting(path, self.rig[name], "draw it on a frame") > 127
+                regions[name] = read_painting(path, self.rig[name], "draw it on a frame")
         return regions
 
     def unknown(self) -> UnknownMasks:
@@ -280,42 +283,6 @@ class Recording:
             mask = painted_mask(drawn[name], self.rig[name].size)
             masks[name] = masks[name] | mask if name in masks else mask
         return {name: mask for name, mask in masks.items() if mask.any()}
-
-
-def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
-    """Returns the videos and folders of images in a folder, by camera name.
-
-    The camera name is the stem of the file or the name of the folder.
-
-    Args:
-        folder: the folder; one that does not exist is empty.
-        stills: whether single images count too.
-
-    Raises:
-        InputError: two files belong to one camera.
-    """
-    paths: dict[str, Path] = {}
-    if not folder.is_dir():
-        return paths
-    for path in sorted(folder.iterdir()):
-        suffix = path.suffix.lower()
-        if path.name.startswith(".") or path.name in _SUBFOLDERS:
-            continue
-        if path.is_dir():
-            if not any(file.suffix.lower() in STILLS for file in path.iterdir()):
-                continue
-            name = path.name
-        elif suffix in VIDEOS or (stills and suffix in STILLS):
-            name = path.stem
-        else:
-            continue
-        if name in paths:
-            raise InputError(
-                f"{folder} has both {paths[name].name} and {path.name} for camera {name}:"
-                " remove one"
-            )
-        paths[name] = path
-    return paths
 
 
 def only_camera(folder: Path) -> str:
@@ -362,15 +329,20 @@ def is_recording(folder: Path) -> bool:
     """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
     if not folder.is_dir():
         return False
-    files = any(path.is_file() and path.suffix.lower() in VIDEOS for path in folder.iterdir())
+    files = any(
+        path.is_file() and path.suffix.lower() in VIDEOS for path in visible_entries(folder)
+    )
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
 def open_readers(
-    folder: Path, cameras: Sequence[str] | None = None
-) -> tuple[dict[str, FrameReader], bool]:
-    """Readers of a recording's pictures by name, of all or some cameras, and whether they are
-    silhouettes.
+    folder: Path, cameras: Sequence[str] | None = None, label: str | None = None
+) -> tuple[Mapping[str, FrameReader], bool, tuple[str, ...]]:
+    """Readers of a recording's pictures by name, of all or some cameras, whether they are
+    silhouettes, and what is worth telling about these.
+
+    Args:
+        label: of the person, see `open_masks`.
 
     Raises:
         InputError: it is no folder, or there are no pictures, or some that cannot be read.
@@ -383,8 +355,12 @@ def open_readers(
     paths, given = _paths(folder, cameras)
     for path in (folder.resolve(), *paths.values()):
         check_name(path)
+    if given:
+        readers, notes = open_masks(paths, label)
+        return readers, True, notes
     with ThreadPoolExecutor() as pool:  # each reads its file once, without decoding
-        return dict(zip(paths, pool.map(FrameReader.open, paths.values()), strict=True)), given
+        opened = pool.map(FrameReader.open, paths.values())
+        return dict(zip(paths, opened, strict=True)), False, ()
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
@@ -397,6 +373,7 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         raise InputError(
             f"{folder} holds no video: put one per camera there, or a folder of frames, named as in"
             " the calibration (cam_1.mp4, or cam_1/0001.png ...)"
+            + (f"; {hint}" if (hint := not_read(folder)) else "")
         )
     if cameras is not None:
         filmed = ", ".join(paths)
@@ -437,7 +414,8 @@ def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
             f"one camera needs none, with `voxelpose track {folder} --camera {cameras[0]}`; for"
             " several begin with `voxelpose calibrate board` (docs/calibration.md)"
         )
-    return InputError(f"{folder} holds no calibration: {remedy}")
+    hint = not_read(folder)
+    return InputError(f"{folder} holds no calibration: {remedy}" + (f"; {hint}" if hint else ""))
 
 
 def _select_cameras(
@@ -446,26 +424,25 @@ def _select_cameras(
     """Returns the cameras to use, each with a calibration and a video of the calibrated size."""
     requested = list(rig.names) if cameras is None else list(cameras)
     filmed, calibrated = ", ".join(readers), ", ".join(rig.names)
-    for name in readers:
-        if name not in rig:
-            raise InputError(
-                f"camera {name} has no calibration: {calibration} knows {calibrated}; add it, or"
-                " choose with --cameras"
-            )
+    others = {name: reader.path for name, reader in readers.items() if name not in rig}
+    renamed = renaming(others, [name for name in rig.names if name not in readers])
+    for name in others:
+        remedy = renamed or "add it, or choose with --cameras"
+        raise InputError(
+            f"camera {name} has no calibration: {calibration} knows {calibrated}; {remedy}"
+        )
     for name in requested:
         if name not in rig:
             raise InputError(f"there is no camera {name}: {calibration} knows {calibrated}")
         if name not in readers:
+            hint = not_read(calibration.parent)
             raise InputError(
                 f"camera {name} of {calibration} has no video (found: {filmed}): add it, or choose"
-                " with --cameras"
+                " with --cameras" + (f" ({hint})" if hint else "")
             )
         if readers[name].size != rig[name].size:
-            raise InputError(
-                f"{readers[name].path} is {size_text(readers[name].size)} px, but camera {name}"
-                f" was calibrated at {size_text(rig[name].size)}: calibrate at the size of the"
-                " recording"
-            )
+            remedy = "calibrate at the size of the recording"
+            raise other_size(readers[name].path, readers[name].size, rig[name], remedy)
     return rig.select([name for name in rig.names if name in requested])
 
 

@@ -1,5 +1,6 @@
 """Frames of one camera, read in order from a video, a folder of images or a single image."""
 
+import os
 import re
 import struct
 import warnings
@@ -10,12 +11,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, Self
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.camera import Camera
+from calib.documents import visible_entries
 from calib.errors import InputError
 from voxelpose.recording.ffmpeg import picture_times
 
@@ -27,6 +30,9 @@ VIDEOS = frozenset(
 _COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers are estimates
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8\xff\xd9"  # begin and end
+_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+_LAST_BYTES = 4096
 _LARGEST_BYTES = 8 * _MOST_PX
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _AHEAD = 3  # frames that a camera may be read ahead of the others
@@ -59,7 +65,7 @@ class FrameReader:
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
 
     @classmethod
-    def open(cls, path: Path) -> "FrameReader":
+    def open(cls, path: Path) -> Self:
         """Opens a video, an image or a folder of images.
 
         Raises:
@@ -69,7 +75,7 @@ class FrameReader:
             raise InputError(f"{path} is missing")
         stills = ()
         if path.is_dir():
-            images = (file for file in path.iterdir() if file.suffix.lower() in STILLS)
+            images = (file for file in visible_entries(path) if file.suffix.lower() in STILLS)
             stills = tuple(sorted(images, key=natural_order))
             if not stills:
                 raise InputError(
@@ -79,8 +85,7 @@ class FrameReader:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            height, width = read_still(stills[0]).shape[:2]
-            return cls(path, stills, (width, height), len(stills), None)
+            return cls(path, stills, cls._size_of(stills[0]), len(stills), None)
         size, count, fps, promised, shown_s = _probe(path)
         return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
 
@@ -101,9 +106,7 @@ class FrameReader:
             InputError: a frame is missing, unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
-        stills = (read_still(self.stills[number]) for number in numbers)
-        frames = stills if self.stills else self._video(numbers)
-        for number, frame in zip(numbers, frames, strict=True):
+        for number, frame in zip(numbers, self._pictures(numbers), strict=True):
             if frame.shape[1::-1] != self.size:
                 raise InputError(
                     f"{self.path}: frame {number} is {size_text(frame.shape[1::-1])} px, the first"
@@ -111,7 +114,7 @@ class FrameReader:
                 )
             yield frame
 
-    def select(self, numbers: Sequence[int]) -> "FrameReader":
+    def select(self, numbers: Sequence[int]) -> Self:
         """Reader of frames with these numbers, in ascending order, perhaps repeated."""
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
@@ -119,8 +122,19 @@ class FrameReader:
         count = len(selected)
         return replace(self, numbers=selected, frame_count=count, promised=0, shown_s=None)
 
+    @staticmethod
+    def _size_of(still: Path) -> tuple[int, int]:
+        height, width = read_still(still).shape[:2]
+        return width, height
+
+    def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
+        """Yields frames of the file by their numbers, whatever their size."""
+        if self.stills:
+            return (read_still(self.stills[number]) for number in numbers)
+        return self._video(numbers)
+
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        capture = cv2.VideoCapture(str(self.path))
+        capture = cv2.VideoCapture(video_address(self.path))
         position, frame = 0, None
         try:
             for number in numbers:
@@ -174,14 +188,12 @@ def _probe(
     """Returns size, number of frames, frames per second and promised frames of a video, and when it
     shows its frames.
     """
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(video_address(path))
     try:
         good, frame = capture.read()
         if not good or frame is None:
-            raise InputError(
-                f"{path} cannot be read as a video: convert it, for example with ffmpeg to .mp4"
-                " (H.264)"
-            )
+            remedy = "convert it, for example with ffmpeg to .mp4 (H.264)"
+            raise InputError(f"{path} cannot be read as a video: {cut_off(path) or remedy}")
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         fps: float | None = float(capture.get(cv2.CAP_PROP_FPS))
         # Some containers announce more frames than they hold; only then all frames are counted.
@@ -189,7 +201,7 @@ def _probe(
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
         if count < 1 or (count > 1 and not capture.grab()):
             capture.release()
-            capture = cv2.VideoCapture(str(path))
+            capture = cv2.VideoCapture(video_address(path))
             count = 0
             while capture.grab():
                 count += 1
@@ -209,17 +221,27 @@ def read_still(file: Path) -> Frame:
     Raises:
         InputError: the file is missing or is not an image.
     """
+    return _three_channels(read_image(file, cv2.IMREAD_COLOR))
+
+
+def read_image(file: Path, flags: int) -> np.ndarray:
+    """Reads an image file as OpenCV's `imdecode` does with these flags.
+
+    Raises:
+        InputError: the file is missing or is not an image.
+    """
     try:
         if file.stat().st_size > _LARGEST_BYTES:
             raise InputError(f"{file} is larger than any camera's image: convert it to PNG")
         # Not imread: it cannot open names with letters outside the code page on Windows.
         data = np.fromfile(file, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if _is_decodable(data, file) else None
+        image = cv2.imdecode(data, flags) if _is_decodable(data, file) else None
     except (OSError, cv2.error):
         image = None
     if image is None:
-        raise InputError(f"{file} cannot be read as an image: convert it to PNG")
-    return _three_channels(image)
+        remedy = cut_off(file) or "convert it to PNG"
+        raise InputError(f"{file} cannot be read as an image: {remedy}")
+    return image
 
 
 def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
@@ -255,6 +277,51 @@ def _pillow() -> Any:
     return Image
 
 
+def cut_off(file: Path) -> str:
+    """Words on a video or image that ends early, as one does that was copied in part; "" where that
+    cannot be seen.
+    """
+    try:
+        size = file.stat().st_size
+        with file.open("rb") as opened:
+            start = opened.read(12)
+            if start[4:8] in _BOXES:
+                whole = _has_its_boxes(opened, size)
+            elif start[:4] == b"RIFF":
+                whole = size >= 8 + int.from_bytes(start[4:8], "little")
+            elif start[:2] == _JPEG[:2]:
+                opened.seek(-min(size, _LAST_BYTES), os.SEEK_END)
+                whole = _JPEG[2:] in opened.read()
+            else:
+                whole = size > 0 and not (
+                    start.startswith(_PNG)
+                    and not _has_its_chunks(np.frombuffer(file.read_bytes(), np.uint8))
+                )
+    except OSError:
+        return ""
+    return (
+        ""
+        if whole
+        else "it is empty: copy it again"
+        if not size
+        else ("it ends early, or was not finished: copy it again")
+    )
+
+
+def _has_its_boxes(opened: BinaryIO, size: int) -> bool:
+    """Whether an MP4 holds its boxes to their ends, and among them its table of frames."""
+    position, kinds = 0, set()
+    while position + 8 <= size:
+        opened.seek(position)
+        header = opened.read(16)
+        length, kind = int.from_bytes(header[:4], "big"), header[4:8]
+        if length == 1:
+            length = int.from_bytes(header[8:16], "big")
+        kinds.add(kind)
+        position = size if length == 0 else position + max(length, 8)
+    return position <= size and b"moov" in kinds
+
+
 def _has_its_chunks(data: NDArray[np.uint8]) -> bool:
     """Whether the chunks of a PNG are in the file: OpenCV makes room before it looks."""
     position = len(_PNG)
@@ -281,6 +348,21 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
         for word in re.split(r"(\d+)", path.name)
         if word
     ]
+
+
+def video_address(path: Path) -> str:
+    """A video's path as FFmpeg takes it: a colon in a relative one would name a protocol."""
+    return str(path.absolute())
+
+
+def other_size(path: Path, size: tuple[int, int], camera: Camera, remedy: str) -> InputError:
+    """Error that names pictures (width, height) px of another size than their camera's."""
+    if size == camera.size[::-1]:
+        remedy = "is one of them in portrait? Turn it, as with ffmpeg -vf transpose=1"
+    return InputError(
+        f"{path} is {size_text(size)} px, but camera {camera.name} was calibrated at"
+        f" {size_text(camera.size)}: {remedy}"
+    )
 
 
 def size_text(size: tuple[int, ...]) -> str:

@@ -52,7 +52,7 @@ def read_timestamps(
             ) from None
         except ValueError:
             raise InputError(
-                f"{path} line {number} is not cam_id,frame_time (seconds): correct the row, or"
+                f"{path} line {number} is not cam_id,frame_time (seconds, as 0.25): correct it, or"
                 " remove the file"
             ) from None
         if camera in readers or f"cam_{camera}" in readers:

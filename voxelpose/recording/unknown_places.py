@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from calib.camera import Camera, Rig
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
-from voxelpose.recording.frame_reader import FrameReader, size_text
+from voxelpose.recording.frame_reader import other_size
+from voxelpose.recording.masks import painted
 
 RECORDING_FILE = "recording.toml"
 _LARGEST_BYTES = 1_000_000
@@ -25,7 +26,7 @@ UnknownMasks = dict[str, NDArray[np.bool_]]
 
 
 def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> UnknownMasks:
-    """Reads painted unknown places: everything that is not black.
+    """Reads painted unknown places: what is opaque in a layer, else what is not black.
 
     Args:
         paths: a picture by camera name, of the camera's size.
@@ -40,12 +41,12 @@ def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> 
         _check_camera(name, str(path), names)
         if name not in rig:
             continue
-        masks[name] = read_painting(path, rig[name], "paint it on a frame of the video") > 0
+        masks[name] = read_painting(path, rig[name], "paint it on a frame of the video")
     return masks
 
 
-def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
-    """Brightest channel (H, W) of a picture that marks places in a camera's pictures.
+def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.bool_]:
+    """What is painted (H, W) in a picture that marks places in a camera's pictures.
 
     Args:
         remedy: what to do about a picture of another size, for messages.
@@ -53,13 +54,10 @@ def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.uint8]:
     Raises:
         InputError: it cannot be read or differs in size from the camera.
     """
-    image = next(iter(FrameReader.open(path)))
-    if image.shape[1::-1] != camera.size:
-        raise InputError(
-            f"{path} is {size_text(image.shape[1::-1])} px, camera {camera.name}"
-            f" {size_text(camera.size)}: {remedy}"
-        )
-    return image.max(axis=2)
+    mask = painted(path)
+    if mask.shape[::-1] != camera.size:
+        raise other_size(path, mask.shape[::-1], camera, remedy)
+    return mask
 
 
 def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArray[np.bool_]:

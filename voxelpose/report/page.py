@@ -47,6 +47,7 @@ _SETTINGS = {
     "frames": "first frame, and one past the last",
     "cameras": "cameras that were used",
     "estimator": "method",
+    "label": "labels of the person in masks/",
     "stature_m": "height of the person as given, metres",
     "chest_m": "chest girth as given, metres",
     "sex": "whose average proportions were the start",

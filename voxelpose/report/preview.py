@@ -85,7 +85,8 @@ def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) ->
 def _from_overlays(
     result: Result, names: tuple[str, ...], first: int, chosen: set[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
-    captures = [cv2.VideoCapture(str(result.folder / f"overlay_{name}.webm")) for name in names]
+    folder = result.folder.absolute()
+    captures = [cv2.VideoCapture(str(folder / f"overlay_{name}.webm")) for name in names]
     try:
         for frame in range(first, max(chosen) + 1):
             if not all([capture.grab() for capture in captures]):

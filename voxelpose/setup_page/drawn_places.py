@@ -25,7 +25,8 @@ from calib.atomic import unwritable, write_whole
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from calib.upright import direction_of
-from voxelpose.recording.folder import Recording, pictures_by_camera
+from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.folder import Recording
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     paint_unknown,

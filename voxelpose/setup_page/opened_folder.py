@@ -38,26 +38,33 @@ class OpenedFolder:
     fault: str
 
     @classmethod
-    def open(cls, folder: Path, unit: str | None = None, fps: float | None = None) -> OpenedFolder:
+    def open(
+        cls,
+        folder: Path,
+        unit: str | None = None,
+        fps: float | None = None,
+        label: str | None = None,
+    ) -> OpenedFolder:
         """Opens all cameras of which there are pictures.
 
         Args:
             unit: unit of the calibration's lengths, where the file does not state it.
             fps: frames per second, where the files do not state it.
+            label: of the person in masks/; None: found.
 
         Raises:
             InputError: it is no folder, or there are no pictures, or some that cannot be read.
         """
         try:
-            return cls(Recording.open(folder, None, None, unit, fps), True, "")
+            return cls(Recording.open(folder, None, None, unit, fps, label), True, "")
         except InputError as error:
             fault = str(error)
-        readers, given = open_readers(folder)
+        readers, given, _ = open_readers(folder, None, label)
         calibration = calibration_path(folder)
         rig = _calibrated(calibration, readers, unit)
         if rig is not None and len(rig) == len(readers):
             try:  # cameras without pictures are no hindrance
-                found = Recording.open(folder, None, rig.names, unit, fps)
+                found = Recording.open(folder, None, rig.names, unit, fps, label)
                 return cls(found, found.calibration_path is not None, "")
             except InputError as error:
                 fault = str(error)

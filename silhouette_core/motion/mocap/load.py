@@ -43,8 +43,10 @@ def motion_files(paths: Iterable[Path]) -> list[Path]:
 
 
 def _is_motion(file: Path) -> bool:
-    return file.suffix.lower() in SUFFIXES and (
-        file.suffix.lower() != ".csv" or file.with_name("skeleton.json").exists()
+    return (
+        file.suffix.lower() in SUFFIXES
+        and not file.name.startswith(".")
+        and (file.suffix.lower() != ".csv" or file.with_name("skeleton.json").exists())
     )
 
 

@@ -75,7 +75,9 @@ def test_cameras_that_are_not_used_may_have_places(folder):
 
 def test_a_picture_of_another_size_is_refused(folder):
     painted(folder, size=(32, 24))
-    with pytest.raises(InputError, match=r"cam_1\.png is 32 x 24 px, camera cam_1 64 x 48"):
+    with pytest.raises(
+        InputError, match=r"cam_1\.png is 32 x 24 px, but camera cam_1 was calibrated at 64 x 48"
+    ):
         unknown(folder)
 
 

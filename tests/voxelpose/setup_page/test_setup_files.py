@@ -280,7 +280,9 @@ def test_cameras_without_pictures_and_folders_of_frames_are_no_hindrance(walk, t
     frames = tmp_path / "frames"
     (frames / "masks" / "cam_1").mkdir(parents=True)
     for number in range(3):
-        cv2.imwrite(str(frames / "masks" / "cam_1" / f"{number}.png"), np.zeros((60, 80), np.uint8))
+        mask = np.zeros((60, 80), np.uint8)
+        mask[20:40, 10:30] = number
+        cv2.imwrite(str(frames / "masks" / "cam_1" / f"{number}.png"), mask)
     session = opened(frames)
     assert session.state()["refused"].keys() == {"points", "floor", "check", "background"}
     assert session.silhouettes(SilhouetteRequest(2))["ready"] in (True, False)

@@ -111,11 +111,11 @@ def require_foreground(rig: Rig, masks: list[NDArray[Any]], tolerance: int = 0) 
     empty = [camera.name for camera, mask in zip(rig, masks, strict=True) if not mask.any()]
     if len(empty) == len(rig):
         raise InputError(
-            f"no foreground in any camera ({', '.join(empty)}): is somebody in the picture, and is"
-            " the background another?"
+            f"no foreground in any camera ({', '.join(empty)}): is somebody in the picture? Look"
+            " at the silhouettes with `voxelpose setup`"
         )
     if len(empty) > tolerance:
-        remedy = "check that video and its background, or leave the camera out"
+        remedy = "check that camera's silhouettes, or leave it out"
         if len(rig) - len(empty) >= LEAST_CAMERAS:
             remedy += f" (--cameras), or tolerate it (--tolerance {len(empty)})"
         raise InputError(f"no foreground in {', '.join(empty)}: {remedy}")

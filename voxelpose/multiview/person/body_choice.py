@@ -156,7 +156,7 @@ def choose_body(
     if best is None:
         raise InputError(
             "the silhouettes leave no hull of a person's size: look at it with `voxelpose carve"
-            " RECORDING --frame 0 --out hull.ply`, and check the background pictures and the"
+            " RECORDING --frame 0 --out hull.ply`, and check the silhouettes and the"
             " calibration"
         )
     if known is None and settings.stature_m is None:
@@ -387,7 +387,7 @@ def start_given(
     if not fits:
         raise InputError(
             "the silhouettes leave no hull in which the body is found: look at it with `voxelpose"
-            " carve RECORDING --frame 0 --out hull.ply`, and check the background pictures, the"
+            " carve RECORDING --frame 0 --out hull.ply`, and check the silhouettes, the"
             " calibration and the body's size"
         )
     for group in sorted({group for fit in fits.values() for group in fit.stopped}):

@@ -158,7 +158,7 @@ def prepare_silhouettes(
     lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
     sizes = [lens.pinhole.size for lens in lenses]
     with mask_stores(3, sizes, source.frame_count) as stores:
-        reporter.stage("background")
+        reporter.stage("masks" if source.silhouettes_given else "background")
         silhouettes = Footage(source, settings, lenses, {}).silhouettes()
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
@@ -172,7 +172,13 @@ def prepare_silhouettes(
         moments = [stores[0][t] for t in telling_frames(len(stores[0]))]
         by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
         by_name = dict(zip(source.rig.names, lenses, strict=True))
-        check_plausible(by_camera, least=LEAST_CAMERAS, person=preparation.person, lenses=by_name)
+        check_plausible(
+            by_camera,
+            least=LEAST_CAMERAS,
+            person=preparation.person,
+            lenses=by_name,
+            given=source.silhouettes_given,
+        )
         pinholes = Rig(tuple(lens.pinhole for lens in lenses))
         if preparation.person:
             rule = body_rule(len(pinholes), preparation.tolerance, len(shares))

@@ -57,7 +57,7 @@ class WebmWriter:
             OSError: it does not.
         """
         self.release()
-        capture = cv2.VideoCapture(str(self.path))
+        capture = cv2.VideoCapture(str(self.path.absolute()))
         written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         capture.release()
         if written != self.frames:
@@ -82,7 +82,7 @@ def _encoder(path: Path, fps: float, size: tuple[int, int]) -> Generator[None, A
 
     try:
         encoder = imageio_ffmpeg.write_frames(
-            str(path),
+            str(path.absolute()),
             size,
             fps=fps,  # type: ignore[arg-type]
             codec="libvpx-vp9",

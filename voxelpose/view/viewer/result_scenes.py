@@ -135,7 +135,7 @@ class ResultScenes:
             }
             self._reopen(result, recording, unit)
         else:
-            readers, _ = open_readers(folder)
+            readers, *_ = open_readers(folder)
             lone = list(readers) if len(readers) == 1 else None  # which needs no calibration
             self.recording = _open_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
@@ -226,7 +226,10 @@ class ResultScenes:
             return
         try:
             names = list(result.rig.names)
-            recording = _open_recording(folder, (first, stop), names, unit, result.motion.fps)
+            label = result.settings.get("label")
+            recording = _open_recording(
+                folder, (first, stop), names, unit, result.motion.fps, str(label) if label else None
+            )
             self.recording = replace(recording, rig=self.rig)
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
@@ -312,6 +315,7 @@ def _open_recording(
     cameras: list[str] | None,
     unit: str | None,
     fps: float | None,
+    label: str | None = None,
 ) -> Recording:
     """Opens a recording of which a fit may have known more than its files state.
 
@@ -323,7 +327,7 @@ def _open_recording(
     for tried_unit in (unit, "m") if unit is None and fps is not None else (unit,):
         for tried_fps in (None, fps or _DEFAULT_FPS):
             try:
-                recording = Recording.open(folder, frames, cameras, tried_unit, tried_fps)
+                recording = Recording.open(folder, frames, cameras, tried_unit, tried_fps, label)
             except InputError as error:
                 failure = error if tried_unit == unit else failure
                 continue
