@@ -288,8 +288,8 @@ def _summary(
     recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]
 ) -> dict[str, object]:
     motion = estimate.motion
-    posed = {int(frame) for frame in motion.frames[~motion.filled]}
-    first, last = (int(recording.numbers[end]) for end in (0, -1))
+    posed, filmed = set(motion.frames[~motion.filled].tolist()), recording.numbers.tolist()
+    first, last = filmed[0], filmed[-1]
     summary: dict[str, object] = {
         "voxelpose": __version__,
         "estimator": estimator,
@@ -302,7 +302,8 @@ def _summary(
             "first": first,
             "last": last,
             "with_pose": len(posed),
-            "lost": [frame for frame in range(first, last + 1) if frame not in posed],
+            "lost": [frame for frame in filmed if frame not in posed],
+            "not_filmed": sorted({*range(first, last + 1)} - {*filmed}),
         },
         "body": _body_table(motion.model),
         "quality": _quality(motion, recording.rig.names),

@@ -41,6 +41,12 @@ def test_result_folder(recording, tmp_path):
         assert {int(row["frame"]) for row in csv.DictReader(file)} == {1, 2, 3, 4, 5}
 
 
+def test_moments_that_a_camera_lost_are_told_apart_from_those_without_a_pose(recording, tmp_path):
+    gap = replace(recording, numbers=np.array([0, 1, 2, 4, 5, 7]))  # 1 to 5 have a pose
+    frames = fit(gap, Output(tmp_path / "out", pictures=False), None, "standing").summary["frames"]
+    assert frames["lost"] == [0, 7] and frames["not_filmed"] == [3, 6]
+
+
 def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     out = str(tmp_path / "out")  # words will do for paths
     fit(
@@ -51,7 +57,8 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     )
     result = Result.open(tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["frames"] == {"first": 0, "last": 5, "with_pose": 5, "lost": [0]}
+    ends, poses = {"first": 0, "last": 5}, {"with_pose": 5, "lost": [0], "not_filmed": []}
+    assert summary["frames"] == ends | poses
     assert summary["seconds"]["stages"]["standing"] == {
         "min": 0.002,
         "median": 0.002,

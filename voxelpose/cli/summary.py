@@ -32,9 +32,11 @@ def print_result(result: Result) -> None:
     folder = plain(result.folder)
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
+    missed = len(frames.get("not_filmed", ()))
     console.print(
-        f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose; {seconds['total']:.1f}"
-        " s in total"
+        f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose"
+        + (f", {missed} more were not filmed by all cameras" if missed else "")
+        + f"; {seconds['total']:.1f} s in total"
     )
     if words := summary.get("conditioning", {}).get("words"):
         console.print(plain(words))
