@@ -168,7 +168,7 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
     """Labels of the person by camera name, where there are several, and words about the choice."""
     several = [look for look in looks.values() if len(look.names) > 2 and not look.cut_out]
     names = list(dict.fromkeys(name for look in several for name in look.names[1:]))
-    if not any(look.levels.top for look in looks.values()):
+    if looks and not any(look.levels.top for look in looks.values()):
         folder = next(iter(looks.values())).reader.path.parent
         raise InputError(f"{folder} marks nobody: every pixel is 0; write the masks anew")
     if not names:
