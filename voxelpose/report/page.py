@@ -133,10 +133,12 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
     preview = make_preview(result, scenes)
     sheet = sheet_image(result.folder)
     reporter.stage("cameras")
+    if scenes.changed:
+        reporter.note(scenes.changed)
     cameras = check_cameras(scenes)
     reporter.stage("charts")
     summary: Any = result.summary
-    assessed = findings(result, cameras)
+    assessed = findings(result, cameras, scenes.changed)
     level, sentence = overall(assessed)
     angles, quality, parts = _charts(result)
     return {

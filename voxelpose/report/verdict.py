@@ -154,10 +154,13 @@ class Finding:
     advice: str = ""
 
 
-def findings(result: Result, cameras: CameraCheck) -> list[Finding]:
-    """Assesses a result by its own numbers and the agreement of its cameras, worst first."""
+def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Finding]:
+    """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
+    recording since, worst first.
+    """
     assessed = [
         *_verdict(result),
+        *_changes(changed),
         _lost(result),
         *_outlines(result),
         *_parts(result),
@@ -202,6 +205,13 @@ def _verdict(result: Result) -> list[Finding]:
     advice = f"Look at the contact sheet below before anything else: is that the {noun_of(result)}?"
     reason = str(verdict["reason"])
     return [Finding("bad", "Doubtful", f"{reason[:1].upper()}{reason[1:]}.", advice)]
+
+
+def _changes(changed: str) -> list[Finding]:
+    if not changed:
+        return []
+    advice = "Fit again. Until then, what this page says of cameras and silhouettes is as of now."
+    return [Finding("look", "Recording", f"{changed[:1].upper()}{changed[1:]}.", advice)]
 
 
 def _lost(result: Result) -> Finding:
