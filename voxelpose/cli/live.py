@@ -14,6 +14,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
+    GROUPS,
     Cameras,
     Fps,
     OptionalLength,
@@ -99,6 +100,7 @@ Ctrl-C ends the session.
   voxelpose live walk --loop --record rehearsal --private
 """
 
+    groups: ClassVar = GROUPS
     folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
