@@ -28,6 +28,7 @@ from silhouette_core.scoring.backend import load_backend
 from voxelpose.export.bvh import write_bvh
 from voxelpose.export.tables import HYPOTHESES, JOINTS, write_hypotheses, write_joints
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.input_digests import input_digests
 from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
@@ -91,9 +92,10 @@ def fit(
     for words in recording.notes:
         reporter.note(words)
     with writer as folder:
+        inputs = input_digests(recording, estimator)  # before they can change
         with refusal_drawn(recording, output.folder):
             estimate = implementation.estimate(recording, settings, reporter)
-        estimation = _Estimation(recording, estimate, settings, estimator, started)
+        estimation = _Estimation(recording, estimate, settings, estimator, started, inputs)
         _write_files(folder, output, estimation, reporter)
     return Result.open(output.folder)
 
@@ -122,7 +124,8 @@ def write_estimate(
     settings = _with_subject(settings, recording, estimator)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     with writer as folder:
-        estimation = _Estimation(recording, estimate, settings, estimator, started)
+        inputs = input_digests(recording, estimator)
+        estimation = _Estimation(recording, estimate, settings, estimator, started, inputs)
         _write_files(folder, output, estimation, SilentReporter())
     return Result.open(output.folder)
 
@@ -136,6 +139,7 @@ class _Estimation:
     settings: Settings
     estimator: str
     started: float
+    inputs: Mapping[str, str]
 
 
 def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter: Reporter) -> None:
@@ -167,6 +171,7 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     finished = time.perf_counter()
     seconds = {"pictures": finished - estimated, "total": finished - estimation.started}
     summary = _summary(recording, estimate, estimation.estimator, seconds)
+    summary["inputs"] = estimation.inputs
     if output.sources:
         start = Path(output.folder).resolve()
         files = {name: _path_from(start, Path(file)) for name, file in output.sources.items()}

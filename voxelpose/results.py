@@ -111,6 +111,7 @@ class _Summary(msgspec.Struct):
     facts: _Facts = msgspec.field(default_factory=_Facts)
     conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
     verdict: _Verdict = msgspec.field(default_factory=_Verdict)
+    inputs: dict[_Name, _Name] = {}  # digests; none until 2026-11
 
 
 class _Options(msgspec.Struct):

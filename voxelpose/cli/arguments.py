@@ -16,6 +16,14 @@ if TYPE_CHECKING:
     from voxelpose.view.serving.gate import Address
 
 _MAX_SQUARE_M = 2
+GROUPS = {
+    "basic": "recording folder out overwrite stature frames camera source library record",
+    "person": "chest body sex start outline_only",
+    "camera": "cameras unit fps label up background segmenter loop",
+    "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"
+    " record_now private page host port token browser",
+}
+"""Fields of `fit`, `track` and `live` by the group in which help shows them; others are expert."""
 
 
 def _optional(metavar: str, words: str | None = None) -> Any:

@@ -14,6 +14,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import (
+    GROUPS,
     Cameras,
     Fps,
     Label,
@@ -100,6 +101,7 @@ Ctrl-C ends the session.
   voxelpose live walk --loop --record rehearsal --private
 """
 
+    groups: ClassVar = GROUPS
     folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
@@ -123,7 +125,8 @@ Ctrl-C ends the session.
     page: bool = True
     """Serve the page that shows the figure; --no-page leaves it out."""
     record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
-    """Recording folder to be made; --no-record-now leaves the beginning to the button."""
+    """Recording folder to be made; --no-record-now leaves the beginning to the button, which
+    without --record makes live_DATE_TIME in the current folder."""
     record_now: Annotated[bool, arg(name="record-now")] = True
     """Begin to record as soon as the empty view is known."""
     private: bool = False
@@ -144,13 +147,14 @@ Ctrl-C ends the session.
         self._check()
         with Progress() as progress:
             progress.note_compilation("multiview")
-            progress.stage("opening")
+            progress.stage("loading the program")
             from silhouette_core.estimator import Settings
             from voxelpose.live.camera_source import CameraSource
             from voxelpose.live.live_input import make_estimator, open_input
             from voxelpose.live.senders import Senders
             from voxelpose.live.session import LiveSession
 
+            progress.stage("reading calibration and empty view")
             sources = [CameraSource.parse(text) for text in self.source]
             names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
             live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
@@ -179,9 +183,10 @@ Ctrl-C ends the session.
                 live.settings(subject),
                 loop=self.loop,
                 countdown_s=self.countdown,
-                record=self.record,
+                record=self.record or Path(time.strftime("live_%Y-%m-%d_%H-%M-%S")),
                 private=self.private,
             )
+            progress.stage("preparing the estimation")
             estimator = make_estimator(live, settings, progress)
             session = LiveSession(session_settings, estimator)
         with ExitStack() as parts:
@@ -206,14 +211,14 @@ Ctrl-C ends the session.
         Raises:
             InputError: an argument is wrong, or two exclude each other.
         """
+        if self.folder is not None and not self.folder.is_dir():
+            raise InputError(f"there is no folder {self.folder}: give one with calibration.toml")
         from voxelpose.live.senders import parse_receiver
 
         if self.camera is not None and self.cameras is not None:
             raise InputError("--camera and --cameras exclude each other: give one of them")
         if self.record is not None and self.record.exists():
             raise InputError(f"{self.record} exists: give --record another name")
-        if self.private and self.record is None:
-            raise InputError("--private says how to record: give --record OUT too")
         if self.duration is not None and not self.duration > 0:
             raise InputError(f"--duration {self.duration:g} is impossible: give seconds above 0")
         if not 0 <= self.countdown <= 3600:

@@ -7,7 +7,7 @@ import importlib
 import os
 import types
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -215,9 +215,13 @@ def parse_with_settings(
 
     def parsed(values: Mapping[str, Any] | None) -> Any:
         default = None if values is None else _instance(command, values)
-        return tyro.cli(command, prog=program, description="", args=words, default=default)
+        names_alone = (tyro.conf.OmitArgPrefixes,)  # of an option, without its group's
+        return tyro.cli(
+            command, prog=program, description="", args=words, default=default, config=names_alone
+        )
 
     if not {"-h", "--help"}.isdisjoint(words):
+        command = _grouped(command)
         return parsed(None), {}
     options = options_of(command)
     # First for the folder alone: what is missing may be in its files.
@@ -246,6 +250,20 @@ def settings_notes(section: str, taken: Mapping[str, FolderSetting]) -> list[str
     for name, setting in taken.items():
         names.setdefault(setting.file, []).append(name)
     return [f"from {file} [{section}]: {', '.join(known)}" for file, known in names.items()]
+
+
+def _grouped(command: Any) -> Any:
+    """A class of a command's groups of options, which help shows in a box each, or the command."""
+    if not hasattr(command, "groups"):
+        return command
+    rest = {field.name: field for field in fields(command)}
+    groups = []
+    for name, listed in {**command.groups, "expert": " ".join(rest)}.items():
+        # A subclass of fewer fields, since tyro finds their docstrings in its parents.
+        own = {word: rest.pop(word) for word in listed.split() if word in rest}
+        group = type(name, (command,), {"__dataclass_fields__": own})
+        groups.append((name, group))
+    return make_dataclass(command.__name__, groups)
 
 
 def _instance(command: Any, values: Mapping[str, Any]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,11 +26,15 @@ _FILES = (
 )
 
 
-def print_result(result: Result) -> None:
-    """Prints the number of poses, timings, quality and files of a result."""
+def print_result(result: Result, verbose: bool = False) -> None:
+    """Prints verdict, number of poses and files of a result; if verbose, timings and quality."""
     console = rich_console()
     summary: Any = result.summary
     folder = plain(result.folder)
+    verdict = verdict_of(summary)
+    colour = "green" if verdict.level == "reliable" else "yellow"
+    words = plain(str(verdict).removeprefix(verdict.level))
+    console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
     missed = len(frames.get("not_filmed", ()))
@@ -40,8 +45,21 @@ def print_result(result: Result) -> None:
     )
     if words := summary.get("conditioning", {}).get("words"):
         console.print(plain(words))
+    if verbose:
+        _print_numbers(summary)
+    console.print(f"[bold]{folder}[/bold]", soft_wrap=True)
+    for pattern, meaning in _FILES:
+        if any(result.folder.glob(pattern)):
+            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
+    console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
+    console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
+
+
+def _print_numbers(summary: Mapping[str, Any]) -> None:
+    """Prints the seconds of the stages and the quality of a result."""
+    console = rich_console()
     stages = Table("stage", "min ms", "median ms", "max ms", box=None, padding=(0, 2, 0, 0))
-    for name, range_s in seconds["stages"].items():
+    for name, range_s in summary["seconds"]["stages"].items():
         if "median" in range_s:
             values = (f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max"))
             stages.add_row(plain(name), *values)
@@ -51,16 +69,6 @@ def print_result(result: Result) -> None:
         if "median" in values:
             low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))
             console.print(f"{plain(name)}: median {median}, from {low} to {high}")
-    console.print(f"[bold]{folder}[/bold]", soft_wrap=True)
-    for pattern, meaning in _FILES:
-        if any(result.folder.glob(pattern)):
-            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    verdict = verdict_of(summary)
-    console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
-    console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
-    colour = "green" if verdict.level == "reliable" else "yellow"
-    words = plain(str(verdict).removeprefix(verdict.level))
-    console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
 
 
 def print_score(score: Score) -> None:

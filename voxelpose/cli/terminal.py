@@ -1,5 +1,5 @@
-"""Text for a terminal, which what comes from files and names cannot control, and progress: bars on
-a terminal, plain lines elsewhere.
+"""Text for a terminal, which what comes from files and names cannot control, and progress: a bar
+on a terminal, plain lines elsewhere.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -67,40 +68,45 @@ def rich_console(stderr: bool = False, soft_wrap: bool = False) -> Console:
 
 
 class Progress:
-    """Reporter that draws a progress bar per stage on stderr.
+    """Reporter that draws one progress bar on stderr, with the time that is left.
 
     Where stderr is not a terminal (a log, a pipe), it writes one line at the end of every stage. As
     a context manager it adds the stage and its progress to a KeyboardInterrupt.
     """
 
-    def __init__(self) -> None:
-        """Prepares the progress bars."""
+    def __init__(self, shares: Mapping[str, int] | None = None) -> None:
+        """Prepares the progress bar.
+
+        Args:
+            shares: of the time that stages usually take, in their order, for one bar over all of
+                them; stages that are not in it do not move the bar. None: every stage begins anew.
+        """
+        self._shares = shares
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
         self._beside: subprocess.Popen[bytes] | None = None
         if sys.stderr.isatty():
             from rich.progress import (
                 BarColumn,
-                MofNCompleteColumn,
                 SpinnerColumn,
+                TaskProgressColumn,
                 TextColumn,
                 TimeElapsedColumn,
                 TimeRemainingColumn,
             )
             from rich.progress import Progress as Bar
 
-            columns = (
+            self._bar = Bar(
                 SpinnerColumn(),
                 TextColumn("{task.description:<24}"),
                 BarColumn(),
-                MofNCompleteColumn(),
-            )
-            self._bar = Bar(
-                *columns,
+                TaskProgressColumn(),
                 TimeElapsedColumn(),
                 TimeRemainingColumn(),
                 console=rich_console(stderr=True),
+                speed_estimate_period=3600,
             )
+            self._task = self._bar.add_task("", total=sum(shares.values()) if shares else None)
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
@@ -119,6 +125,9 @@ class Progress:
         if error is None:
             self._finish()
         if self._bar is not None:
+            if error is None:
+                total = self._bar.tasks[0].total or 1
+                self._bar.update(self._task, total=total, completed=total)
             self._bar.stop()
         if isinstance(error, KeyboardInterrupt):
             error.args = (self.where(),) if self._name else ()
@@ -127,14 +136,16 @@ class Progress:
         """Ends the previous stage and starts a new one."""
         self._finish()
         self._name, self._total, self._done, self._started = name, total, 0, time.perf_counter()
+        if self._bar is not None and self._shares is None:
+            self._bar.reset(self._task, total=total)
         if self._bar is not None:
-            self._task = self._bar.add_task(name, total=total)
+            self._bar.update(self._task, description=name)
+            self._move()
 
     def advance(self, steps: int = 1) -> None:
         """Counts completed steps of the stage."""
         self._done += steps
-        if self._bar is not None and self._name:
-            self._bar.advance(self._task, steps)
+        self._move()
 
     def note(self, text: str) -> None:
         """Writes a line above the progress bars."""
@@ -171,13 +182,25 @@ class Progress:
         steps = f", after {self._done}{total} steps" if self._total or self._done else ""
         return f"during {self._name}{steps}"
 
+    def _move(self) -> None:
+        """Draws how far the work is."""
+        if self._bar is None:
+            return
+        completed = float(self._done)
+        if self._shares is not None:
+            if self._name not in self._shares:
+                return
+            names = list(self._shares)
+            before = sum(self._shares[name] for name in names[: names.index(self._name)])
+            part = min(1.0, self._done / self._total) if self._total else 0.0
+            # A stage that is run a second time does not move the bar back.
+            completed = max(self._bar.tasks[0].completed, before + self._shares[self._name] * part)
+        self._bar.update(self._task, completed=completed)
+
     def _finish(self) -> None:
         if not self._name:
             return
-        if self._bar is not None:
-            total = self._total or self._done or 1
-            self._bar.update(self._task, total=total, completed=total)
-        else:
+        if self._bar is None:
             steps = f", {self._done} steps" if self._done else ""
             elapsed_s = time.perf_counter() - self._started
             print(f"{self._name}: {elapsed_s:.1f} s{steps}", file=sys.stderr, flush=True)

@@ -83,6 +83,8 @@ cameras and hull are shown.
         pictures = self.open3d or self.png is not None or self.video is not None
         if scenes.recording is None and (pictures or self.recording is not None):
             raise InputError(scenes.missing)
+        for words in filter(None, (scenes.missing, scenes.changed)):
+            print(f"note: {words}", flush=True)
         frame = self._frame(scenes, posed=pictures)
         if self.png is not None:
             from voxelpose.view.images.hull_picture import write_picture
@@ -131,8 +133,6 @@ cameras and hull are shown.
 
         browser = Browser(scenes, self.address(), frame)
         print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
-        if scenes.missing:
-            print(f"note: {scenes.missing}")
         self.open_page(browser.url)
         try:
             browser.run()

@@ -42,6 +42,12 @@ class ReceiverAddress:
     host: str
     port: int
 
+    @property
+    def shown(self) -> str:
+        """The address without its query, which may hold a token."""
+        start, query, _ = self.text.partition("?")
+        return f"{start}?…" if query else start
+
     def resolved(self) -> tuple[socket.AddressFamily, str]:
         """Family and number of the host.
 
@@ -53,7 +59,7 @@ class ReceiverAddress:
             found = socket.getaddrinfo(self.host, self.port, type=kind)
         except (OSError, UnicodeError):
             raise InputError(
-                f"--send {self.text}: this machine knows no host {self.host!r}: check the name, or"
+                f"--send {self.shown}: this machine knows no host {self.host!r}: check the name, or"
                 " give its number, such as 192.168.0.20"
             ) from None
         family, _, _, _, address = found[0]
@@ -98,7 +104,7 @@ class ReceiverState:
     """State of one receiver.
 
     Attributes:
-        address: as the user wrote it.
+        address: as the user wrote it, without its query.
         message: "sending", "waiting for a frame", or what is wrong and when it is tried again.
         working: whether frames arrive, as far as the protocol tells.
         dropped: number of frames that a newer one replaced before they could be sent.
@@ -141,7 +147,7 @@ class Sender(ABC):
         """How it goes; any thread may ask."""
         send_s = median(self._send_s) if self._send_s else math.nan
         counts = self._sent, self._dropped
-        return ReceiverState(self.address.text, self._message, self._working, *counts, send_s)
+        return ReceiverState(self.address.shown, self._message, self._working, *counts, send_s)
 
     async def keep_trying(self) -> None:
         """Connects and sends, and tries again where that fails, until it is cancelled."""

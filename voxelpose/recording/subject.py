@@ -10,7 +10,6 @@ from platformdirs import user_config_path
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
-from silhouette_core.body.presets import body_preset
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000
@@ -77,6 +76,9 @@ def read_subject(path: Path) -> Subject:
 
 def _body_of(name: str, path: Path) -> str:
     """A preset's name as it is, a file's as a path beside subject.toml."""
+    # Slow to load, and every command looks for its settings here first.
+    from silhouette_core.body.presets import body_preset
+
     if body_preset(name) is not None:
         return name
     body = path.parent / name

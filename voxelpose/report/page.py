@@ -19,7 +19,7 @@ from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import check_cameras, findings, noun_of, overall
+from voxelpose.report.verdict import check_cameras, findings, headline, noun_of
 from voxelpose.results import Result
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
@@ -134,17 +134,19 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
     preview = make_preview(result, scenes)
     sheet = sheet_image(result.folder)
     reporter.stage("cameras")
+    if scenes.changed:
+        reporter.note(scenes.changed)
     cameras = check_cameras(scenes)
     reporter.stage("charts")
     summary: Any = result.summary
-    assessed = findings(result, cameras)
-    level, sentence = overall(assessed)
+    assessed = findings(result, cameras, scenes.changed)
+    verdict, sentence = headline(result, assessed)
     angles, quality, parts = _charts(result)
     return {
         "summary": summary,
         "title": summary["recording"],
         "made": time.strftime("%Y-%m-%d %H:%M"),
-        "level": level,
+        "verdict": verdict,
         "sentence": sentence,
         "findings": assessed,
         "preview": preview,

@@ -15,6 +15,7 @@ from calib.errors import InputError
 from calib.moments import even_moments
 from calib.tangency import OutlineTrack
 from silhouette_core.motion.dynamics import is_person_tree
+from voxelpose.reliability import Verdict, verdict_of
 from voxelpose.results import Result
 from voxelpose.tuning import RELIABILITY, REPORT
 from voxelpose.view.images.figure import body_parts
@@ -154,10 +155,12 @@ class Finding:
     advice: str = ""
 
 
-def findings(result: Result, cameras: CameraCheck) -> list[Finding]:
-    """Assesses a result by its own numbers and the agreement of its cameras, worst first."""
+def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Finding]:
+    """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
+    recording since, worst first.
+    """
     assessed = [
-        *_verdict(result),
+        *_changes(changed),
         _lost(result),
         *_outlines(result),
         *_parts(result),
@@ -167,18 +170,14 @@ def findings(result: Result, cameras: CameraCheck) -> list[Finding]:
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 
-def overall(assessed: Sequence[Finding]) -> tuple[Level, str]:
-    """The worst level, and a sentence for the top of the page."""
-    levels: list[Level] = [finding.level for finding in assessed]
-    if "bad" in levels:
-        return "bad", "Parts of this result are not reliable; problems and remedies follow below."
-    if "look" in levels:
-        return "look", "Most of this result is reliable; check the parts and frames listed below."
-    return (
-        "good",
-        "The numbers show no problem with this result. Check the pictures nevertheless: they show"
-        " errors that no number does.",
-    )
+def headline(result: Result, assessed: Sequence[Finding]) -> tuple[Verdict, str]:
+    """The verdict, as in the terminal, and a sentence that says what to do first."""
+    verdict = verdict_of(result.summary)
+    if verdict.level != "reliable":
+        return verdict, f"Look first at the contact sheet: is that the {noun_of(result)}?"
+    if any(finding.level != "good" for finding in assessed):
+        return verdict, "Check the parts and frames that are listed below."
+    return verdict, "Check the pictures nevertheless: they show errors that no number does."
 
 
 def noun_of(result: Result) -> str:
@@ -194,14 +193,11 @@ def ranges_text(frames: NDArray[np.int64]) -> str:
     return f"frame{'' if len(frames) == 1 else 's'} {', '.join(listed)}{more}"
 
 
-def _verdict(result: Result) -> list[Finding]:
-    """The program's own verdict, where it doubts."""
-    verdict: Any = result.summary.get("verdict", {})
-    if verdict.get("level") != "doubtful":
+def _changes(changed: str) -> list[Finding]:
+    if not changed:
         return []
-    advice = f"Look at the contact sheet below before anything else: is that the {noun_of(result)}?"
-    reason = str(verdict["reason"])
-    return [Finding("bad", "Doubtful", f"{reason[:1].upper()}{reason[1:]}.", advice)]
+    advice = "Fit again. Until then, what this page says of cameras and silhouettes is as of now."
+    return [Finding("look", "Recording", f"{changed[:1].upper()}{changed[1:]}.", advice)]
 
 
 def _lost(result: Result) -> Finding:
@@ -276,10 +272,10 @@ def _parts(result: Result) -> list[Finding]:
 
 def _joints(result: Result) -> list[Finding]:
     """Joints that are said to be uncertain, or the error to be expected from one camera."""
-    verdict: Any = result.summary.get("verdict", {})
-    if verdict.get("error_mm") is not None:
-        return [_joints_of_one_camera(result, verdict["error_mm"])]
-    listed = [display_name(name) for name in verdict.get("uncertain", ())]
+    verdict = verdict_of(result.summary)
+    if verdict.error_mm is not None:
+        return [_joints_of_one_camera(result, verdict.error_mm)]
+    listed = [display_name(name) for name in verdict.uncertain]
     if not listed:
         return []
     return [

@@ -1,5 +1,6 @@
 """voxelpose live as a process: what it sends, records and says, and how it ends."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -161,6 +162,32 @@ def room(desk: Path) -> Path:
     return desk
 
 
+def test_the_button_records_where_no_folder_is_given(room, monkeypatch):
+    class Begun(Exception):
+        """A session with these settings."""
+
+    def begin(settings, _):
+        raise Begun(settings)
+
+    monkeypatch.setattr("voxelpose.live.session.LiveSession", begin)
+    monkeypatch.setattr("voxelpose.live.live_input.make_estimator", lambda *_: None)
+    for given, name in (([], r"live_[\d-]{10}_[\d-]{8}"), (["--record", "mine"], "mine")):
+        with pytest.raises(Begun) as begun:
+            run(["live", "walk", "--no-page", *given])
+        assert re.fullmatch(name, str(begun.value.args[0].record))
+
+
+def test_a_folder_that_is_not_there_is_refused_before_anything_is_loaded(room):
+    code = """
+import sys
+from voxelpose.cli import run
+assert run(["live", "wolk"]) == 2
+print([name for name in ("cv2", "numba", "scipy") if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -170,7 +197,7 @@ def room(desk: Path) -> Path:
         (["walk", "--source", "0"], "write cam_1=0"),
         (["walk", "--source", "cam_7=0"], "no camera cam_7"),
         (["--source", "a=0", "--source", "b=1"], "give the folder that holds calibration.toml"),
-        (["walk", "--private"], "--record OUT"),
+        (["wolk"], "there is no folder wolk"),
         (["walk", "--record", "walk"], "walk exists"),
         (["walk", "--send", "udp://1.2.3.4"], "vmc://"),
         (["walk", "--host", "0.0.0.0"], "--token"),

@@ -12,8 +12,16 @@ import pytest
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.cli.terminal import VisibleStream, message, plain, visible
+from voxelpose.cli.terminal import Progress, VisibleStream, message, plain, visible
 from voxelpose.demo.room import make_recording
+
+
+class Screen(io.StringIO):
+    """What is written to a terminal."""
+
+    def isatty(self):
+        return True
+
 
 HOSTILE = "\x1b[31mred\x07\x9b2J\u202e[bold]"
 
@@ -106,6 +114,47 @@ def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, walk, number):
         assert process.returncode == 130
         assert "nothing was written" in error and "Traceback" not in error
         assert names(desk) == ["walk"]
+
+
+def test_one_bar_over_all_stages_which_never_moves_back(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Screen())
+    with Progress({"reading": 6, "tracking": 2}) as progress:
+        (bar,) = progress._bar.tasks
+        moved = []
+        for name, total, steps in (
+            ("reading", 4, 2),
+            ("a look around", None, 1),
+            ("tracking", 2, 1),
+            ("reading", 4, 1),
+        ):
+            progress.stage(name, total)
+            progress.advance(steps)
+            moved.append(bar.completed)
+        assert moved == [3, 3, 7, 7] and bar.total == 8
+        assert progress.where() == "during reading, after 1 of 4 steps"
+    assert len(progress._bar.tasks) == 1 and bar.finished
+
+
+def test_a_bar_without_shares_begins_anew_with_each_stage(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Screen())
+    with Progress() as progress:
+        progress.stage("one", 4)
+        progress.advance(3)
+        progress.stage("two", 8)
+        progress.advance()
+        (bar,) = progress._bar.tasks
+        assert (bar.description, bar.completed, bar.total) == ("two", 1, 8)
+
+
+def test_the_verdict_is_first_and_timings_only_if_wanted(desk, capsys):
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    words = ["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]
+    assert run(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("doubtful: 1 of 4 frames have no pose")
+    assert "median" not in "".join(lines)
+    assert run([*words, "--overwrite", "--verbose"]) == 0
+    assert "median ms" in capsys.readouterr().out
 
 
 def names(folder):

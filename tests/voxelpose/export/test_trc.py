@@ -126,7 +126,8 @@ def test_axes_that_make_no_world(tmp_path, take, axes):
 )
 def test_what_is_no_trc(tmp_path, content):
     (tmp_path / "x.trc").write_bytes(content)
-    with pytest.raises(InputError, match=r"x\.trc (cannot be read|is not a text file|is text in UTF-16)"):
+    said = r"x\.trc (cannot be read|is not a text file|is text in UTF-16)"
+    with pytest.raises(InputError, match=said):
         read_trc(tmp_path / "x.trc")
 
 

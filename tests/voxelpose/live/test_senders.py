@@ -78,6 +78,15 @@ def test_addresses(text, host, port):
     assert (found.host, found.port, found.protocol) == (host, port, text.strip().split(":")[0])
 
 
+def test_a_token_in_an_address_is_not_shown():
+    with sending("ws://127.0.0.1:9/path?token=secret") as senders:
+        (state,) = senders.states
+    assert state.address == "ws://127.0.0.1:9/path?…"
+    with pytest.raises(InputError) as error:
+        Senders(["ws://no.such.host.invalid:9/?token=secret"])
+    assert "secret" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [

@@ -17,8 +17,10 @@ from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
+from voxelpose.reliability import verdict_of
 from voxelpose.report.charts import TimeChart, time_chart
 from voxelpose.report.verdict import check_cameras
+from voxelpose.results import Result
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 SECTIONS = (
@@ -84,7 +86,9 @@ def test_one_page_without_anything_outside(fitted, capsys):
     assert targets <= set(page.ids)
     assert len(page.pictures) > 10 and all(page.pictures)
     assert text.count("data:image/webp") == 6 + 1  # every frame, and the one shown first
-    assert "1 of 6 frames have no pose: frame 0." in text and "Careful." in text
+    assert "1 of 6 frames have no pose: frame 0." in text
+    line = str(verdict_of(Result.open("out").summary))
+    assert line.startswith("doubtful: ") and f"{line}. Look first" in re.sub("<[^>]*>", "", text)
     assert "<b>Filter and gaps</b>: filter not recorded." in text
     assert run(["report", "out"]) == 0  # replaces its own
 

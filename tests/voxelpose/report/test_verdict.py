@@ -7,7 +7,8 @@ import pytest
 
 from tests.clips import waving
 from tests.sources import ring
-from voxelpose.report.verdict import CameraCheck, CameraLine, findings, overall, ranges_text
+from voxelpose.reliability import verdict_of
+from voxelpose.report.verdict import CameraCheck, CameraLine, findings, headline, ranges_text
 from voxelpose.results import Result
 
 
@@ -20,15 +21,17 @@ def result(tmp_path, lost=(), outline_agreement=0.9, **overlaps):
         "outline_agreement": np.broadcast_to(np.asarray(outline_agreement, float), 20),
         "part_overlap": overlap,
     }
-    summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}}
+    summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}, "quality": {}}
     return Result(tmp_path, replace(motion, quality=quality), ring(2), summary, {})
 
 
 def test_all_is_well(tmp_path):
-    assessed = findings(result(tmp_path, left_thumb=0.0), CameraCheck())
+    good = result(tmp_path, left_thumb=0.0)
+    assessed = findings(good, CameraCheck())
     assert {finding.level for finding in assessed} == {"good"}
     assert not any(finding.advice for finding in assessed)
-    assert overall(assessed)[0] == "good"
+    verdict, sentence = headline(good, assessed)
+    assert str(verdict) == "reliable" and "nevertheless" in sentence
 
 
 @pytest.mark.parametrize(
@@ -43,10 +46,11 @@ def test_all_is_well(tmp_path):
     ],
 )
 def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, words):
-    first, *others = assessed = findings(result(tmp_path, **change), CameraCheck())
+    faulty = result(tmp_path, **change)
+    first, *others = assessed = findings(faulty, CameraCheck())
     assert first.level == level and words in first.words and first.advice
     assert [finding.level for finding in others] == ["good", "good"]
-    assert overall(assessed)[0] == level
+    assert "nevertheless" not in headline(faulty, assessed)[1]
 
 
 def test_a_camera_apart_is_named(tmp_path):
@@ -67,18 +71,21 @@ def test_many_ranges_are_not_all_listed():
     assert text == "frames 100, 104, 108, 112, 116, 120 and 4 more ranges"
 
 
-def test_what_the_program_doubts_comes_first(tmp_path):
-    doubted = result(tmp_path, lost=[4, 5, 6, 9])
-    verdict = {"level": "doubtful", "reason": "turned half round, it fits as well"}
-    doubted = replace(doubted, summary={**doubted.summary, "verdict": verdict})
-    first = findings(doubted, CameraCheck())[0]
-    assert first.level == "bad" and first.words == "Turned half round, it fits as well."
+def test_the_headline_is_the_verdict_of_the_terminal(tmp_path):
+    plain = result(tmp_path)
+    facts = {"fastest_turn": (2000.0, 7)}
+    doubted = replace(plain, summary={**plain.summary, "facts": facts})
+    verdict, sentence = headline(doubted, findings(doubted, CameraCheck()))
+    assert verdict == verdict_of(doubted.summary) and verdict.level == "doubtful"
+    assert sentence == "Look first at the contact sheet: is that the person?"
 
 
 def test_uncertain_joints_are_named(tmp_path):
     plain = result(tmp_path)
-    verdict = {"level": "reliable", "reason": "", "uncertain": ["left_wrist"]}
-    found = findings(replace(plain, summary={**plain.summary, "verdict": verdict}), CameraCheck())
+    quality = {"landmark_confidence": {"left_wrist": 0.2, "neck": 0.9}}
+    unsure = replace(plain, summary={**plain.summary, "quality": quality})
+    found = findings(unsure, CameraCheck())
     (joints,) = [one for one in found if one.title == "Joints"]
     assert joints.level == "look" and "left wrist" in joints.words
+    assert str(headline(unsure, found)[0]).startswith("reliable, but for left_wrist")
     assert not [one for one in findings(plain, CameraCheck()) if one.title == "Joints"]

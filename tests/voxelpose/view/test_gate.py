@@ -5,6 +5,7 @@ import re
 import socket
 import threading
 from collections.abc import Iterator
+from urllib.parse import urlsplit
 
 import pytest
 import viser
@@ -12,7 +13,7 @@ import websockets.sync.client
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.gate import Address, Gate, _reachable
 from voxelpose.view.serving.page_server import PageServer
 
 TOKEN = "open & sesame"
@@ -240,3 +241,25 @@ def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guard
         Gate(Address("203.0.113.1", 8080, TOKEN), guarded._answer)
     with pytest.raises(InputError, match="choose another"):
         Address("127.0.0.1", 99999, TOKEN)
+
+
+def test_the_address_for_all_is_one_that_others_can_open(monkeypatch):
+    class Probe(socket.socket):
+        def connect(self, far):
+            assert self.type == socket.SOCK_DGRAM  # nothing is sent
+
+        def getsockname(self):
+            return "192.168.0.7", 40_000
+
+    with monkeypatch.context() as patched:
+        patched.setattr("voxelpose.view.serving.gate.socket.socket", Probe)
+        assert _reachable("0.0.0.0") == "192.168.0.7"
+    for host in ("localhost", "studio", "192.168.0.9"):
+        assert _reachable(host) == host
+    server = PageServer(Address("0.0.0.0", 0, TOKEN), "walk")
+    try:
+        place = urlsplit(server.url)
+        assert place.port == server.gate.port and place.query in QUERY
+        socket.create_connection((place.hostname, place.port), timeout=5).close()
+    finally:
+        server.close()

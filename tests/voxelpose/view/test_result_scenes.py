@@ -215,7 +215,8 @@ def test_what_is_unknown_is_told_hatched_and_not_carved(fitted):
         "[unknown]\ncam_1 = [[[-1, 120], [320, 120], [320, 240], [-1, 240]]]\n"
     )
     scene = ResultScenes("out", voxel_size_m=0.03).scene(2)
-    assert scene.notes == ("50 % of cam_1 is marked as unknown",)
+    changed, marked = scene.notes
+    assert changed.endswith(": unknown places") and marked == "50 % of cam_1 is marked as unknown"
     hidden = scene.camera_frames[0]
     assert hidden.unknown is not None and not (hidden.mask & hidden.unknown).any()
     assert not scene.camera_frames[1].unknown.any()

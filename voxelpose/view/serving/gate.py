@@ -222,6 +222,19 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def _reachable(host: str) -> str:
+    """A host at which other machines, too, reach what is served at all addresses of this one."""
+    if host not in ("0.0.0.0", "::", ""):
+        return host
+    family, far = (
+        (socket.AF_INET6, "2001:db8::1") if host == "::" else (socket.AF_INET, "192.0.2.1")
+    )
+    with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect((far, 9))  # sends nothing: the system tells the way out
+        return str(probe.getsockname()[0])
+    return "localhost"
+
+
 def _same(given: str, right: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), right.encode())
 
@@ -304,9 +317,8 @@ class Gate:
 
     @property
     def url(self) -> str:
-        """Address for the browser, the token included."""
-        host, token = self._address.host, self._address.token
-        host = "localhost" if host in ("0.0.0.0", "::", "") else host
+        """Address that whoever is served can open, the token included."""
+        host, token = _reachable(self._address.host), self._address.token
         query = f"/?token={quote(token, safe='')}" if token is not None else ""
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{self.port}{query}"

@@ -28,6 +28,7 @@ from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording, open_readers
+from voxelpose.recording.input_digests import changes_since
 from voxelpose.results import Result, is_result
 from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
@@ -89,6 +90,7 @@ class ResultScenes:
         motion: the poses; None for a recording alone.
         recording: None where it is missing.
         missing: why the recording is missing; else empty.
+        changed: what changed in the recording since the fit; else empty.
         facts: what the fit noted in summary.json.
         estimator: that made the poses; "": none did.
         background: kind of the silhouettes' background.
@@ -118,7 +120,7 @@ class ResultScenes:
         folder = Path(folder)
         self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
-        self.missing = ""
+        self.missing = self.changed = ""
         self.motion = None
         settings: Mapping[str, Any] = {}
         self.facts: Mapping[str, Any] = {}
@@ -230,12 +232,14 @@ class ResultScenes:
             recording = _open_recording(
                 folder, (first, stop), names, unit, result.motion.fps, str(label) if label else None
             )
+            noted: Any = result.summary.get("inputs", {})
+            self.changed = changes_since(noted, recording, settings.get("estimator", ""))
             self.recording = replace(recording, rig=self.rig)
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
 
     def _make_scene(self, frame: int) -> tuple[Scene, FrameObservation | None]:
-        notes = [self.missing] if self.missing else []
+        notes = [words for words in (self.missing, self.changed) if words]
         camera_frames, row = self.camera_frames(frame), self.row(frame)
         if self.motion is not None and row is None:
             notes.append("no pose was found in this frame")

@@ -17,6 +17,9 @@ export class CameraView {
     this.element.className = "tile";
     this.element.dataset.camera = camera.name;
     this.canvas = document.createElement("canvas");
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "button");
+    this.canvas.setAttribute("aria-label", `Enlarge ${camera.name}`);
     this.element.append(this.canvas, label(camera), buttons(this));
     this.zoom = 1; // over what fits
     this.middle = [0.5, 0.5]; // of the picture, in the middle of the canvas

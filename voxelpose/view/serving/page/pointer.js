@@ -16,6 +16,12 @@ export class Pointer {
     canvas.addEventListener("pointerup", (event) => this.up(view, event));
     canvas.addEventListener("pointercancel", () => this.cancelDrag());
     canvas.addEventListener("pointerleave", () => this.leave(view));
+    canvas.addEventListener("keydown", (event) => {
+      if (view.large || !["Enter", " "].includes(event.key)) return;
+      event.preventDefault();
+      event.stopPropagation(); // the page's keys are for the enlarged camera
+      this.app.enlarge(view.name);
+    });
     canvas.addEventListener("contextmenu", (event) => view.large && event.preventDefault());
     canvas.addEventListener("wheel", (event) => {
       if (!view.large) return;

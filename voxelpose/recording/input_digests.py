@@ -1,0 +1,72 @@
+"""Digests of what a recording says beside its pictures, which tell what changed since a fit."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.documents import load_text, parse_toml
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.subject import settings_files
+from voxelpose.recording.timestamps import TIMESTAMPS
+
+_LARGEST_BYTES = 1_000_000
+
+
+def input_digests(recording: Recording, estimator: str) -> dict[str, str]:
+    """Digests of calibration, timestamps, regions, unknown places and settings, by these names.
+
+    Regions and unknown places count as they are read, of the cameras in use; settings as the
+    nearest files give them for the command that runs the estimator.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    calibration = recording.calibration_path
+    files = [] if calibration is None else [calibration, *sorted(calibration.rglob("*"))]
+    return {
+        "calibration": _digest(path.read_bytes() for path in files if path.is_file()),
+        "timestamps": _digest(path.read_bytes() for path in recording.folder.glob(TIMESTAMPS)),
+        "regions": _of_masks(recording.regions()),
+        "unknown places": _of_masks(recording.unknown()),
+        "settings": _of_settings(recording.folder, "track" if estimator == "monocular" else "fit"),
+    }
+
+
+def changes_since(noted: Mapping[str, str], recording: Recording, estimator: str) -> str:
+    """A sentence that names what changed since digests were noted; empty where nothing did.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    now = input_digests(recording, estimator)
+    names = [name for name, digest in noted.items() if now.get(name, digest) != digest]
+    if not names:
+        return ""
+    return f"changed in the recording since the fit, which knew them otherwise: {', '.join(names)}"
+
+
+def _digest(parts: Iterable[bytes]) -> str:
+    found = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        found.update(len(part).to_bytes(8, "big") + part)
+    return found.hexdigest()
+
+
+def _of_masks(masks: Mapping[str, NDArray[np.bool_]]) -> str:
+    named = ((name.encode(), np.packbits(masks[name]).tobytes()) for name in sorted(masks))
+    return _digest(part for pair in named for part in pair)
+
+
+def _of_settings(folder: Path, section: str) -> str:
+    """Digest of subject.toml and of a command's section of the files voxelpose.toml."""
+    settings: dict[str, Any] = {}
+    for file in reversed(settings_files(folder)):
+        settings |= parse_toml(load_text(file, _LARGEST_BYTES), file).get(section, {})
+    for file in folder.glob("subject.toml"):
+        settings["subject"] = parse_toml(load_text(file, _LARGEST_BYTES), file)
+    return _digest([json.dumps(settings, sort_keys=True, default=str).encode()])
