@@ -1,5 +1,7 @@
 """The darkest cast shadow of a recording."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +46,8 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     bright = pooled_brightness(view)
     dark = only_darker(pooled, bright, exposure.noise)
     if background.grey:
-        dark &= texture_evidence(view) < 0
+        any_shadow = replace(background, shadow=SHADOW.range[0])
+        dark &= texture_evidence(replace(view, background=any_shadow)) < 0
     inside = ~grown(~dark, radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]

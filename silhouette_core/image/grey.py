@@ -25,13 +25,13 @@ def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
 
 
 def texture_evidence(view: FrameView) -> NDArray[np.float32]:
-    """What the texture of places that are darker than the background says against a shadow, (H, W)
-    float32: twice the logarithm of a ratio of densities; 0 where it says nothing.
+    """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
+    twice the logarithm of a ratio of densities; 0 where it says nothing.
     """
     seen = view.planes[1] / view.gain[1]
     empty = view.background.planes[1]
     ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
-    darker = (ratio > SHADOW.range[0]) & (ratio < 1 - CUT.flicker)
+    darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
     inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
     side = 2 * (min(darker.shape) // _WINDOW) + 1
 
