@@ -157,7 +157,9 @@ class Silhouettes:
     @property
     def by_texture(self) -> dict[str, float]:
         """By name of each camera without colour, see `SceneColours.by_texture`."""
-        return {name: model.by_texture for name, model in self._models.items() if model.grey}
+        return {
+            name: round(model.by_texture, 4) for name, model in self._models.items() if model.grey
+        }
 
     def note(self, reporter: Reporter) -> None:
         """Tells the kind of each camera's background, and which film without colour."""

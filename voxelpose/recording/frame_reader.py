@@ -27,6 +27,7 @@ _COUNTED = frozenset(".avi .mp4 .mov .m4v .3gp".split())  # the others' numbers 
 _MOST_PX = 100_000_000
 _PNG = b"\x89PNG\r\n\x1a\n"
 _LARGEST_BYTES = 8 * _MOST_PX
+_ASKED = 16  # images of a sequence whose brightest values tell its bits
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -43,6 +44,7 @@ class FrameReader:
         numbers: selected frames of the file in ascending order, possibly repeated; None selects
             all.
         promised: number of frames that the file says it has; 0 where it says none.
+        bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
     """
 
     path: Path
@@ -52,6 +54,7 @@ class FrameReader:
     fps: float | None
     numbers: tuple[int, ...] | None = None
     promised: int = 0
+    bits: int = 8
 
     @classmethod
     def open(cls, path: Path) -> "FrameReader":
@@ -74,8 +77,9 @@ class FrameReader:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            height, width = read_still(stills[0]).shape[:2]
-            return cls(path, stills, (width, height), len(stills), None)
+            first = _decoded(stills[0], cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+            bits = _bits(stills) if first.dtype == np.uint16 else 8
+            return cls(path, stills, first.shape[1::-1], len(stills), None, bits=bits)
         size, count, fps, promised = _probe(path)
         return cls(path, (), size, count, fps, promised=promised)
 
@@ -90,7 +94,7 @@ class FrameReader:
             InputError: a frame is missing, unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
-        stills = (read_still(self.stills[number]) for number in numbers)
+        stills = (read_still(self.stills[number], self.bits) for number in numbers)
         frames = stills if self.stills else self._video(numbers)
         for number, frame in zip(numbers, frames, strict=True):
             if frame.shape[1::-1] != self.size:
@@ -196,23 +200,42 @@ def _pieces(path: Path) -> int:
         return 0
 
 
-def read_still(file: Path) -> Frame:
+def _bits(stills: Sequence[Path]) -> int:
+    """Bits, 8 to 16, that the values of images of 16 bits have: 10 or 12 of many cameras."""
+    asked = stills[:: -(-len(stills) // _ASKED)]
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+    return max(8, *(int(_decoded(still, flags).max()).bit_length() for still in asked))
+
+
+def read_still(file: Path, bits: int = 8) -> Frame:
     """Reads an image file as (H, W, 3) uint8, BGR.
+
+    Args:
+        file: the image.
+        bits: as of `FrameReader`.
 
     Raises:
         InputError: the file is missing or is not an image.
     """
+    if bits == 8:
+        return _three_channels(_decoded(file, cv2.IMREAD_COLOR))
+    image = _decoded(file, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    return _three_channels(np.minimum(image >> (bits - 8), 255))
+
+
+def _decoded(file: Path, flags: int) -> NDArray:
+    """An image as OpenCV decodes it, checked beforehand."""
     try:
         if file.stat().st_size > _LARGEST_BYTES:
             raise InputError(f"{file} is larger than any camera's image: convert it to PNG")
         # Not imread: it cannot open names with letters outside the code page on Windows.
         data = np.fromfile(file, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if _is_decodable(data, file) else None
+        image = cv2.imdecode(data, flags) if _is_decodable(data, file) else None
     except (OSError, cv2.error):
         image = None
     if image is None:
         raise InputError(f"{file} cannot be read as an image: convert it to PNG")
-    return _three_channels(image)
+    return image
 
 
 def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
