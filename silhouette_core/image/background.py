@@ -27,6 +27,7 @@ from silhouette_core.image.foreground import (
     refined_soft_silhouette,
     refined_stages,
 )
+from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
 from silhouette_core.tuning import BACKGROUND
@@ -101,6 +102,16 @@ class BackgroundModel:
         """Whether the colours of person and scene decide: frames are then looked at as a whole."""
         return self._colours is not None
 
+    @property
+    def grey(self) -> bool:
+        """Whether the camera is known to film without colour."""
+        return self._background.grey
+
+    @property
+    def by_texture(self) -> float:
+        """See `SceneColours.by_texture`."""
+        return 0.0 if self._colours is None else self._colours.by_texture
+
     @classmethod
     def from_frames(
         cls, frames: Iterable[np.ndarray], method: Method = "refined"
@@ -170,6 +181,7 @@ class BackgroundModel:
         directions = _Directions.of(mean, mean / length, variance / length**2)
         model = cls(mean, variance, None if method == "refined" else directions)
         model._background = replace(model._background, known=~scene.unseen)
+        model = model.as_grey(scene.frames)
         asked = scene.frames[::_SHADOW_STEP]
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
@@ -344,6 +356,17 @@ class BackgroundModel:
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
         return count_shadows(self._aligned(frame), self._background)
+
+    def as_grey(self, frames: Sequence[np.ndarray] | np.ndarray) -> "BackgroundModel":
+        """The same background, known to be of a camera without colour where no frame has any.
+
+        Args:
+            frames: each (H, W, 3) uint8, BGR.
+        """
+        model = copy(self)
+        grey = all(map(is_grey, [self.mean, *frames]))
+        model._background = replace(self._background, grey=grey)
+        return model
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
         """The same background with another darkest cast shadow, see `difference.Background`."""

@@ -1,5 +1,7 @@
 """The darkest cast shadow of a recording."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from silhouette_core.image.difference import (
     pooled_brightness,
     radius_of,
 )
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
 
@@ -23,7 +26,7 @@ _SHADES = 50  # bins of a ratio of brightness
 
 def _edges() -> NDArray[np.float64]:
     """Edges (36,) of the histogram of brightness ratios."""
-    return np.arange(SHADOW.lowest, 0.96, 0.02)
+    return np.arange(SHADOW.range[0], 0.96, 0.02)
 
 
 def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[np.int64]:
@@ -42,6 +45,9 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     _, pooled = detect(view, exposure.noise)
     bright = pooled_brightness(view)
     dark = only_darker(pooled, bright, exposure.noise)
+    if background.grey:
+        any_shadow = replace(background, shadow=SHADOW.range[0])
+        dark &= texture_evidence(replace(view, background=any_shadow)) < 0
     inside = ~grown(~dark, radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
@@ -93,5 +99,5 @@ def darkest_shadow(counts: NDArray[np.int64]) -> float | None:
     core = middles[np.searchsorted(np.cumsum(counts), SHADOW.core * counts.sum())]
     usual, below = FOREGROUND.shadow, peak - SHADOW.margin
     if below < usual:
-        return max(SHADOW.lowest, float(below))
-    return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.highest))
+        return max(SHADOW.range[0], float(below))
+    return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.range[1]))

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from silhouette_core.image.cast_shadow import rising_shades
 from silhouette_core.image.difference import Background, FrameView, noise_scale
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
-from silhouette_core.image.person_colours import EVEN, SHIFT, PersonColours
+from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
 from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
@@ -38,12 +39,15 @@ class SceneColours:
             estimated background has the colour of clothes is one coincidence, wherever it is seen.
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
+        by_texture: share of the person's pixels, in the frames from which they are learned, that
+            texture alone tells from a shadow; 0 of cameras that film in colour.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
     background: Background
+    by_texture: float = 0.0
 
     @classmethod
     def learned(
@@ -58,19 +62,20 @@ class SceneColours:
         """
         reduced = _reduced(background)
         small = [_resized(frame, reduced) for frame in frames]
-        scene = PersonColours()
+        even = even_colours(background)
+        scene = PersonColours(even)
         scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
         density = scene.density()
-        others = EVEN if density is None else np.exp(density.log_density)
-        any_colour = np.full_like(others, np.log(EVEN.flat[0])), np.ones_like(others)
-        colours = cls(*any_colour, EVEN, reduced)
+        others = even if density is None else np.exp(density.log_density)
+        any_colour = np.log(even), np.ones_like(others)
+        colours = cls(*any_colour, even, reduced)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        guess = cls(*any_colour, EVEN * COLOURS.otherwise, reduced)
+        guess = cls(*any_colour, even * COLOURS.otherwise, reduced)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
         for turn in range(_LEARNED):
-            person = PersonColours()
+            person = PersonColours(even)
             told = evidence or [None] * len(small)
             for frame, odds, before in zip(small, told, occupied, strict=True):
                 person.add(frame, colours.cut(frame, odds) | (before & (turn == 0)))
@@ -80,7 +85,18 @@ class SceneColours:
             typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
             colours = cls(density.log_density, worn, others, reduced)
-        return colours
+        return (
+            replace(colours, by_texture=colours._share_by_texture(small))
+            if reduced.grey
+            else colours
+        )
+
+    def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
+        """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""
+        people = np.stack([self.cut(frame) for frame in frames])
+        views = (FrameView.of(frame, self.background, _GAIN, 1) for frame in frames)
+        told = np.stack([texture_evidence(view) != 0 for view in views])
+        return float(np.count_nonzero(people & told) / max(np.count_nonzero(people), 1))
 
     def cut(
         self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
@@ -114,8 +130,9 @@ class SceneColours:
         back = self.background
         view = FrameView.of(frame, back, _GAIN, 1)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
-        limits = np.float32(noise_scale(view)), np.float32(CUT.flicker), rising_shades(back.shadow)
-        tables = self.person, self.others, _SHARES, SHIFT, back.known
+        flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
+        limits = np.float32(noise_scale(view)), flicker, rising_shades(back.shadow)
+        tables = *without_tint(view), self.person, self.others, _SHARES, SHIFT, back.known
         foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
         foreground.look_up(frame, self.worn, SHIFT, weight)
         odds = np.where(odds < 0, odds * weight, odds)
@@ -177,7 +194,12 @@ def _reduced(background: Background) -> Background:
     noise = cv2.resize(1 / background.scales[1], size, interpolation=cv2.INTER_AREA)
     known = cv2.resize(background.known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise))
-    return replace(reduced, shadow=background.shadow, known=np.asarray(known) > 0.8)
+    return replace(
+        reduced,
+        shadow=background.shadow,
+        known=np.asarray(known) > 0.8,
+        grey=background.grey,
+    )
 
 
 def _resized(frame: NDArray[np.uint8], reduced: Background) -> NDArray[np.uint8]:

@@ -26,6 +26,7 @@ class Background:
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
         known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
+        grey: whether the camera films without colour, so that no tint tells a shadow.
     """
 
     mean: NDArray[np.float32]
@@ -33,6 +34,7 @@ class Background:
     scales: NDArray[np.float32]
     known: NDArray[np.bool_]
     shadow: float = FOREGROUND.shadow
+    grey: bool = False
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":

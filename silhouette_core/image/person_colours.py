@@ -23,6 +23,7 @@ from silhouette_core.image.difference import (
     measure_exposure,
     radius_of,
 )
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, FOREGROUND
 
@@ -62,9 +63,9 @@ class ColouredSilhouette:
 class PersonColours:
     """Histogram of the colours of a person in the pictures of all cameras."""
 
-    def __init__(self) -> None:
-        """Starts without any picture."""
-        self._counts = np.zeros((_BINS, _BINS, _BINS), np.float32)
+    def __init__(self, even: NDArray[np.float32] = EVEN) -> None:
+        """Starts without any picture; `even` is the density when all colours are alike."""
+        self._counts, self._even = np.zeros(EVEN.shape, np.float32), even.astype(np.float64)
 
     def add(self, picture: NDArray[np.uint8], mask: NDArray[np.bool_]) -> None:
         """Adds the pixels of a picture (h, w, 3) uint8, BGR, within a silhouette (h, w) bool but
@@ -80,13 +81,33 @@ class PersonColours:
         total = counts.sum()
         if not total:
             return None
-        even = float(EVEN.flat[0])
-        smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * even
-        density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * even
+        smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * EVEN.flat[0]
+        density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * self._even
         order = np.argsort(-density, axis=None, kind="stable")
         share = np.cumsum(counts.ravel()[order]) / total
         last = order[min(int(np.searchsorted(share, COLOURS.own_share)), len(order) - 1)]
         return ColourDensity(np.log(density).astype(np.float32), float(density.ravel()[last]))
+
+
+def even_colours(background: Background) -> NDArray[np.float32]:
+    """Density (32, 32, 32) of colours when all that a camera may show are alike."""
+    if not background.grey:
+        return EVEN
+    greys = np.zeros(EVEN.shape)
+    greys[np.diag_indices(_BINS, 3)] = _BINS**2
+    return np.maximum(EVEN * gaussian_filter(greys, COLOURS.smoothing_bins), EVEN).astype(
+        np.float32
+    )
+
+
+def without_tint(view: FrameView) -> tuple[NDArray[np.float32], np.float32]:
+    """Of a camera without colour: `texture_evidence` (H, W), and the variance of a grey's colours
+    across the grey axis, as histograms spread it; nothing of other cameras.
+    """
+    if not view.background.grey:
+        return np.zeros(view.frame.shape[:2], np.float32), np.float32(0)
+    width = 1 << SHIFT
+    return texture_evidence(view), np.float32(width**2 * (COLOURS.smoothing_bins**2 + 1 / 12))
 
 
 def find_colours(
@@ -115,7 +136,7 @@ def find_colours(
     view = FrameView.of(frame, background, exposure.gain, radius)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
     limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
-    tables = density.log_density, EVEN, _SHARES, SHIFT
+    tables = *without_tint(view), density.log_density, even_colours(background), _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)
     kernels.look_up(np.ascontiguousarray(frame), density.log_density, SHIFT, seen)

@@ -112,6 +112,8 @@ class Silhouettes:
         }
         if ahead and method == "refined":
             seen = self._samples(source, tuple(backgrounds), _SEEN)
+            for name, (frames, _) in seen.items():
+                self._models[name] = self._models[name].as_grey(frames)
             self._measure_shadow({name: frames for name, (frames, _) in seen.items()})
 
             def coloured(name: str) -> BackgroundModel:
@@ -152,14 +154,25 @@ class Silhouettes:
         """Cameras whose empty scene is estimated from a person's movement: it is less sure."""
         return tuple(name for name, kind in self.kinds.items() if kind == ESTIMATED)
 
+    @property
+    def by_texture(self) -> dict[str, float]:
+        """By name of each camera without colour, see `SceneColours.by_texture`."""
+        return {
+            name: round(model.by_texture, 4) for name, model in self._models.items() if model.grey
+        }
+
     def note(self, reporter: Reporter) -> None:
-        """Tells the kind of each camera's background."""
+        """Tells the kind of each camera's background, and which film without colour."""
         groups = [
             f"{', '.join(name for name in self.kinds if self.kinds[name] == kind)}: {kind}"
             for kind in dict.fromkeys(self.kinds.values())
         ]
         if groups:
             reporter.note("backgrounds: " + "; ".join(groups))
+        if grey := self.by_texture:
+            reporter.note(
+                f"without colour: {', '.join(grey)}: texture tells clothes from shadows there"
+            )
 
     def of(
         self,

@@ -112,7 +112,8 @@ class MonocularEstimator:
                 f"camera {source.rig.names[0]} shows nobody in any frame: check its silhouettes,"
                 " and that somebody moves before it"
             )
-        facts = _facts(tracked, options, settings, motion, absent) | {"colours": coloured}
+        facts = _facts(tracked, options, settings, motion, absent)
+        facts |= {"colours": coloured, "by_texture": silhouettes.by_texture}
         return Estimate(
             motion.in_world(frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},

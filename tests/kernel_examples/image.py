@@ -131,6 +131,8 @@ def log_odds(rng):
         np.float32(1.5),
         np.float32(0.05),
         shades,
+        rng.uniform(-5, 5, SIZE).astype(np.float32),
+        np.float32(4),
         table,
         others,
         (np.float32(1e-3), np.float32(1)),

@@ -182,6 +182,8 @@ def log_odds(
     noise,
     flicker,
     shades,
+    uneven,
+    spread_across,
     table,
     others,
     shares,
@@ -198,12 +200,13 @@ def log_odds(
     seen = colour * gain
     along = (seen * unit).sum(axis=2)
     off = seen - along[..., None] * unit
-    across = np.exp(-0.5 * (off**2).sum(axis=2) / sigma**2) / (2 * np.pi * sigma**2)
+    variance = np.maximum(sigma**2, spread_across)
+    across = np.exp(-0.5 * (off**2).sum(axis=2) / sigma**2) / (2 * np.pi * variance)
     bright = np.hypot(sigma, flicker * length)
     lit = across * np.exp(-0.5 * ((along - length) / bright) ** 2) / (np.sqrt(2 * np.pi) * bright)
     ratio = along / length
     shade = shades[np.clip((ratio * len(shades)).astype(int), 0, len(shades) - 1)]
-    shaded = across * shade * (ratio < 1) / length
+    shaded = across * np.exp(-0.5 * uneven) * shade * (ratio < 1) / length
     any_share = np.where(known, *shares) * others[tuple(frame >> shift)]
     background = 0.85 * lit + shaded + any_share
     person = table[tuple(frame >> shift)]

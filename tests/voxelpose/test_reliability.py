@@ -68,6 +68,15 @@ def test_an_object_that_nobody_marked_leaves_a_doubt():
     assert verdict_of(numbers).level == "reliable"
 
 
+def test_grey_cameras_leave_a_doubt_where_much_of_the_person_might_be_a_shadow():
+    numbers = summary(right=0.9)
+    numbers["facts"]["by_texture"] = {"cam_1": 0.4, "cam_2": 0.2}
+    assert verdict_of(numbers).level == "doubtful"
+    assert "30 % of the person is as dark as a shadow" in verdict_of(numbers).reason
+    numbers["facts"]["by_texture"]["cam_2"] = 0.05
+    assert verdict_of(numbers).level == "reliable"
+
+
 def test_numbers_that_are_not_known_leave_no_doubt():
     numbers = summary(right=0.9, agreement=None, turn=None)
     numbers["quality"]["landmark_confidence"] = {"left_wrist": None}

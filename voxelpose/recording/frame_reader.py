@@ -35,6 +35,8 @@ _BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
 _LAST_BYTES = 4096
 _LARGEST_BYTES = 8 * _MOST_PX
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
+_DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+_ASKED = 16  # images of a sequence whose brightest values tell its bits
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -53,6 +55,7 @@ class FrameReader:
         promised: number of frames that the file says it has; 0 where it says none.
         shown_s: (frame_count,) float64, s, increasing, when a video shows its frames; None where it
             does not tell, or some are selected.
+        bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
     """
 
     path: Path
@@ -63,6 +66,7 @@ class FrameReader:
     numbers: tuple[int, ...] | None = None
     promised: int = 0
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
+    bits: int = 8
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -85,7 +89,8 @@ class FrameReader:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            return cls(path, stills, cls._size_of(stills[0]), len(stills), None)
+            size, bits = cls._size_of(stills[0]), cls._bits_of(stills)
+            return cls(path, stills, size, len(stills), None, bits=bits)
         size, count, fps, promised, shown_s = _probe(path)
         return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
 
@@ -127,10 +132,18 @@ class FrameReader:
         height, width = read_still(still).shape[:2]
         return width, height
 
+    @staticmethod
+    def _bits_of(stills: Sequence[Path]) -> int:
+        """Bits, 8 to 16, that the values of images of 16 bits have: 10 or 12 of many cameras."""
+        if read_image(stills[0], _DEEP).dtype != np.uint16:
+            return 8
+        asked = stills[:: -(-len(stills) // _ASKED)]
+        return max(8, *(int(read_image(still, _DEEP).max()).bit_length() for still in asked))
+
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         """Yields frames of the file by their numbers, whatever their size."""
         if self.stills:
-            return (read_still(self.stills[number]) for number in numbers)
+            return (read_still(self.stills[number], self.bits) for number in numbers)
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
@@ -215,13 +228,19 @@ def _probe(
     return (width, height), count, fps, promised, shown_s if pieces == count else None
 
 
-def read_still(file: Path) -> Frame:
+def read_still(file: Path, bits: int = 8) -> Frame:
     """Reads an image file as (H, W, 3) uint8, BGR.
+
+    Args:
+        file: the image.
+        bits: as of `FrameReader`.
 
     Raises:
         InputError: the file is missing or is not an image.
     """
-    return _three_channels(read_image(file, cv2.IMREAD_COLOR))
+    if bits == 8:
+        return _three_channels(read_image(file, cv2.IMREAD_COLOR))
+    return _three_channels(np.minimum(read_image(file, _DEEP) >> (bits - 8), 255))
 
 
 def read_image(file: Path, flags: int) -> np.ndarray:

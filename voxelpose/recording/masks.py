@@ -109,6 +109,10 @@ class MaskReader(FrameReader):
         height, width = _still_layers(still).values.shape[:2]
         return width, height
 
+    @staticmethod
+    def _bits_of(stills: Sequence[Path]) -> int:
+        return 8  # of masks, whose values are no brightness
+
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         if self.rule is None:
             raise ValueError("masks need a rule before they are silhouettes")

@@ -209,6 +209,8 @@ def log_odds(
     noise,
     flicker,
     shades,
+    uneven,
+    spread_across,
     table,
     others,
     shares,
@@ -241,6 +243,7 @@ def log_odds(
                 frame, mean, scales, gain, row, column
             )
             deviation = noise / scales[1, row, column]
+            across = max(deviation * deviation, spread_across)
             square = (
                 residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
             ) / (noise * noise)
@@ -249,15 +252,15 @@ def log_odds(
             background += (
                 _LIT
                 * np.exp(np.float32(-0.5) * (square + along * along / spread))
-                / (deviation * deviation * deviation * np.sqrt(spread))
+                / (across * deviation * np.sqrt(spread))
             )
             if np.float32(0.0) < ratio < np.float32(1.0):
                 length = scales[2, row, column] / scales[1, row, column]
                 background += (
                     _SHADED
                     * shades[int(ratio * len(shades))]
-                    * np.exp(np.float32(-0.5) * square)
-                    / (deviation * deviation * length)
+                    * np.exp(np.float32(-0.5) * (square + uneven[row, column]))
+                    / (across * length)
                 )
             out[row, column] = max(-most, min(most, table[colour] - np.log(background)))
 

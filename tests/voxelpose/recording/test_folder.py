@@ -10,6 +10,7 @@ import pytest
 
 from calib.errors import InputError
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import write_timestamps
 
 WIDTH, HEIGHT = 96, 64
@@ -105,6 +106,14 @@ def test_a_folder_of_frames_is_sorted_by_number(folder: Path):
     assert recording.fps == 10
     with pytest.raises(InputError, match="--fps"):
         Recording.open(folder)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_images_of_more_than_eight_bits_keep_the_upper_eight(tmp_path: Path, bits: int):
+    dim, bright = (np.full((HEIGHT, WIDTH), level << (bits - 8), np.uint16) for level in (70, 200))
+    for number, image in enumerate((dim, bright)):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
+    assert [frame.max() for frame in FrameReader.open(tmp_path)] == [70, 200]
 
 
 def test_silhouettes_alone_are_a_recording(tmp_path: Path):
