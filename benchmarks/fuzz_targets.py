@@ -497,7 +497,7 @@ def _use_result(folder: Path, thorough: bool) -> None:
     from voxelpose.batch.run import Outcome
     from voxelpose.cli.summary import print_result
     from voxelpose.report.page import _settings_table, _stages
-    from voxelpose.report.verdict import _lost, _verdict
+    from voxelpose.report.verdict import _lost, headline
     from voxelpose.results import Result
 
     if thorough:
@@ -506,7 +506,7 @@ def _use_result(folder: Path, thorough: bool) -> None:
     result = Result.open(folder / "out")
     with contextlib.redirect_stdout(io.StringIO()):
         print_result(result)
-    _lost(result), _verdict(result), _stages(result.summary["seconds"])
+    headline(result, [_lost(result)]), _stages(result.summary["seconds"])
     _settings_table(result.settings)
     outcome = Outcome(Job("a", "b", "fit", {}), "done", "", 1.0, result.summary, {})
     _line(outcome)

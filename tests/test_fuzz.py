@@ -24,7 +24,12 @@ def target_names() -> list[str]:
         return []
     table = path.read_text(encoding="utf-8").partition("TARGETS: dict")[2]
     names = re.findall(r'^    "([a-z-]+)":', table, re.MULTILINE)
-    return [*names, *re.search(r"for name in \((.*?)\)", table)[1].replace('"', "").split(", ")]
+    loops = re.findall(
+        r'(?:f"([a-z-]+)\{name\}"|\bname): .*?for name in \((.*?)\)', table, re.DOTALL
+    )
+    return names + [
+        f"{start}{name}" for start, several in loops for name in re.findall(r"[a-z]+", several)
+    ]
 
 
 def test_every_target_is_tried(fuzz):
