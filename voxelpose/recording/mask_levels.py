@@ -83,7 +83,8 @@ class MaskForm:
             values = values.max(axis=2)
         plane = np.nan_to_num(values.astype(np.float32), nan=0.0)
         if self.scale is not None:
-            plane = np.rint(plane * np.float32(self.scale))
+            with np.errstate(over="ignore"):  # of values beyond the samples'
+                plane = np.rint(plane * np.float32(self.scale))
         return plane.clip(0, _LARGEST).reshape(*plane.shape[:2], -1)
 
 
@@ -105,6 +106,7 @@ def _opaque(layers: Layers) -> NDArray:
     return layers.values * (layers.alpha > 0)[..., None]
 
 
+@np.errstate(invalid="ignore")  # of infinite values, which are no whole numbers
 def _scale(shown: Sequence[NDArray]) -> float | None:
     """Factor of values: none where they are whole numbers already."""
     top = max((float(np.nanmax(one, initial=0)) for one in shown), default=0.0)
