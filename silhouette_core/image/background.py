@@ -177,9 +177,10 @@ class BackgroundModel:
         people = None if evidence is None else np.stack(evidence) > 0
         scene = EmptyScene.from_frames(np.stack(stack), people, kind)
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
-        length = _length(mean)
-        directions = _Directions.of(mean, mean / length, variance / length**2)
-        model = cls(mean, variance, None if method == "refined" else directions)
+        length, directions = _length(mean), None
+        if method == "paper":
+            directions = _Directions.of(mean, mean / length, variance / length**2)
+        model = cls(mean, variance, directions)
         model._background = replace(model._background, known=~scene.unseen)
         model = model.as_grey(scene.frames)
         asked = scene.frames[::_SHADOW_STEP]

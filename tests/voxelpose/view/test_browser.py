@@ -9,7 +9,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from calib.errors import InputError
-from tests.browsing import new_page
+from tests.browsing import drawing, new_page
 from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
@@ -26,18 +26,8 @@ def served(desk):
     write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
     browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391), 2)
-    stopped = threading.Event()
-
-    def draw() -> None:
-        while not stopped.is_set():
-            browser.step(0.1)
-
-    thread = threading.Thread(target=draw)
-    thread.start()
-    yield browser
-    stopped.set()
-    thread.join()
-    browser.close()
+    with drawing(browser):
+        yield browser
 
 
 @pytest.mark.slow
@@ -154,24 +144,11 @@ def test_the_page_of_an_animal(desk):
     camera = np.array(browser.server.initial_camera.position)
     away_m = np.linalg.norm(camera - np.median(motion.root_m, axis=0))
     assert 1.5 < away_m / motion.model.extent_m < 2.2
-    stopped = threading.Event()
-
-    def draw() -> None:
-        while not stopped.is_set():
-            browser.step(0.1)
-
-    thread = threading.Thread(target=draw)
-    thread.start()
-    try:
-        with new_page(900, 600) as (page, faults):
-            page.goto(browser.url)
-            page.get_by_text("Frame 2,").wait_for(timeout=60_000)
-            page.locator("canvas").first.wait_for()
-            page.locator("input[value=none]").first.click()
-            page.get_by_role("option", name="left hind upper").click()
-            page.get_by_text("The left hind upper could be").wait_for()
-            assert not faults
-    finally:
-        stopped.set()
-        thread.join()
-        browser.close()
+    with drawing(browser), new_page(900, 600) as (page, faults):
+        page.goto(browser.url)
+        page.get_by_text("Frame 2,").wait_for(timeout=60_000)
+        page.locator("canvas").first.wait_for()
+        page.locator("input[value=none]").first.click()
+        page.get_by_role("option", name="left hind upper").click()
+        page.get_by_text("The left hind upper could be").wait_for()
+        assert not faults

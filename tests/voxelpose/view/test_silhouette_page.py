@@ -12,7 +12,7 @@ import pytest
 from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.image.silhouettes import UndistortedView, as_recorded
 from silhouette_core.motion import kinematics
-from tests.browsing import new_page
+from tests.browsing import drawing, new_page
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
@@ -216,50 +216,37 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
     browser = Browser(
         ResultScenes("out", voxel_size_m=0.04), Address("127.0.0.1", 0, "a word <b>"), 2
     )
-    stopped = threading.Event()
-
-    def draw() -> None:
-        while not stopped.is_set():
-            browser.step(0.1)
-
-    thread = threading.Thread(target=draw)
-    thread.start()
-    try:
-        with new_page(1100, 800) as (viewer, faults):
-            viewer.goto(browser.url)
-            viewer.get_by_text("Frame 2,").wait_for(timeout=60_000)
-            assert viewer.title() == "out – voxelpose view"
-            with viewer.context.expect_page() as opened:
-                viewer.get_by_text("Silhouettes step by step").click()
-            page = opened.value
-            page.on("pageerror", lambda error: faults.append(str(error)))
-            page.on(
-                "console",
-                lambda said: faults.append(said.text) if said.type == "error" else None,
-            )
-            assert page.url.endswith("/silhouettes/?frame=2")
-            page.get_by_text("frame 2 ").wait_for()
-            page.locator('[data-camera="cam_1"] canvas').click()
-            for stage in ("background", "difference", "odds", "first", "silhouette", "body"):
-                page.locator(f'[data-stage="{stage}"]').click()
-                shown = f"[...app.views.values()].every((view) => view.staged?.stage === '{stage}')"
-                page.wait_for_function(f"() => {shown}", timeout=60_000)
-            page.get_by_text("silhouette and body have").wait_for()
-            box = page.locator(".tile.large canvas").bounding_box()
-            page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-            line = page.locator("#pixel")
-            line.locator("b").get_by_text("person", exact=True).wait_for()
-            assert "inside the body" in line.inner_text()
-            page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 4)
-            line.locator("b").get_by_text("background", exact=True).wait_for()
-            page.locator('[data-stage="picture"]').click()
-            page.locator("#forward").click()
-            page.get_by_text("frame 3 ").wait_for()
-            assert faults == []
-    finally:
-        stopped.set()
-        thread.join()
-        browser.close()
+    with drawing(browser), new_page(1100, 800) as (viewer, faults):
+        viewer.goto(browser.url)
+        viewer.get_by_text("Frame 2,").wait_for(timeout=60_000)
+        assert viewer.title() == "out – voxelpose view"
+        with viewer.context.expect_page() as opened:
+            viewer.get_by_text("Silhouettes step by step").click()
+        page = opened.value
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on(
+            "console",
+            lambda said: faults.append(said.text) if said.type == "error" else None,
+        )
+        assert page.url.endswith("/silhouettes/?frame=2")
+        page.get_by_text("frame 2 ").wait_for()
+        page.locator('[data-camera="cam_1"] canvas').click()
+        for stage in ("background", "difference", "odds", "first", "silhouette", "body"):
+            page.locator(f'[data-stage="{stage}"]').click()
+            shown = f"[...app.views.values()].every((view) => view.staged?.stage === '{stage}')"
+            page.wait_for_function(f"() => {shown}", timeout=60_000)
+        page.get_by_text("silhouette and body have").wait_for()
+        box = page.locator(".tile.large canvas").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        line = page.locator("#pixel")
+        line.locator("b").get_by_text("person", exact=True).wait_for()
+        assert "inside the body" in line.inner_text()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 4)
+        line.locator("b").get_by_text("background", exact=True).wait_for()
+        page.locator('[data-stage="picture"]').click()
+        page.locator("#forward").click()
+        page.get_by_text("frame 3 ").wait_for()
+        assert faults == []
 
 
 def test_only_the_page_beside_takes_json(desk):

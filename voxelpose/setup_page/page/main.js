@@ -1,8 +1,7 @@
 // The page: cameras in the middle, steps at the side, time below.
 
-import { arrange } from "./arrange.js";
+import { addCameras, addMoments, arrange } from "./arrange.js";
 import { getJson, onConnection, postJson } from "./api.js";
-import { CameraView } from "./camera_view.js";
 import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
 import { Loupe } from "./loupe.js";
 import { Overlays } from "./overlays.js";
@@ -52,20 +51,9 @@ class App {
     by("recording").textContent = state.name;
     by("recording").title = state.folder;
     document.title = `${state.name} – voxelpose setup`;
-    for (const camera of state.cameras) {
-      const view = new CameraView(camera);
-      view.scene = (name) => this.scene(name);
-      view.element.addEventListener("whole", () => view.reset());
-      view.element.addEventListener("all", () => this.enlarge(null));
-      this.pointer.attach(view);
-      this.views.set(camera.name, view);
-      by("tiles").append(view.element);
-    }
-    Object.assign(by("moment"), { max: state.moments - 1, value: this.moment });
+    addCameras(this, state.cameras, (name) => this.scene(name));
+    addMoments(this, state.moments);
     by("empty_label").hidden = !state.cameras.some((camera) => camera.empty);
-    by("moment").addEventListener("input", () => this.seek(+by("moment").value));
-    by("back").addEventListener("click", () => this.seek(this.moment - 1));
-    by("forward").addEventListener("click", () => this.seek(this.moment + 1));
     by("empty").addEventListener("change", () => this.overlays.loadMoment());
     by("undo").addEventListener("click", () => this.undo());
     by("redo").addEventListener("click", () => this.redo());

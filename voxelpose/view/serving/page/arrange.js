@@ -1,3 +1,27 @@
+// The pictures of a page's cameras, which may be enlarged, and the elements that go through moments.
+import { CameraView } from "./camera_view.js";
+
+const by = (id) => document.getElementById(id);
+
+export function addCameras(app, cameras, scene) {
+  for (const camera of cameras) {
+    const view = new CameraView(camera);
+    view.scene = scene;
+    view.element.addEventListener("whole", () => view.reset());
+    view.element.addEventListener("all", () => app.enlarge(null));
+    app.pointer.attach(view);
+    app.views.set(camera.name, view);
+    by("tiles").append(view.element);
+  }
+}
+
+export function addMoments(app, moments) {
+  Object.assign(by("moment"), { max: moments - 1, value: app.moment });
+  by("moment").addEventListener("input", () => app.seek(+by("moment").value));
+  by("back").addEventListener("click", () => app.seek(app.moment - 1));
+  by("forward").addEventListener("click", () => app.seek(app.moment + 1));
+}
+
 // Places of the pictures: as large as fits, or one large above the others.
 export function arrange(tiles, views, large) {
   const count = views.size;

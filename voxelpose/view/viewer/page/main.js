@@ -1,8 +1,7 @@
 // The page of the silhouettes: cameras in the middle, stages at the side, time below.
 
 import { getJson, loadImage, onConnection } from "./api.js";
-import { arrange } from "./arrange.js";
-import { CameraView } from "./camera_view.js";
+import { addCameras, addMoments, arrange } from "./arrange.js";
 import { make } from "./parts.js";
 import { Pointer } from "./pointer.js";
 import { STAGES, Stages, latest, stageButtons, stageNames } from "./stages.js";
@@ -34,19 +33,8 @@ class App {
     by("made").textContent = `How the silhouettes of the shown frame came about, made by the code of fit with ${
       state.fitted ? "the settings of this result" : "its usual settings"}.`;
     document.title = `${state.name} – voxelpose silhouettes`;
-    for (const camera of state.cameras) {
-      const view = new CameraView(camera);
-      view.scene = () => ({ ...NOTHING_DRAWN, stage: this.stage });
-      view.element.addEventListener("whole", () => view.reset());
-      view.element.addEventListener("all", () => this.enlarge(null));
-      this.pointer.attach(view);
-      this.views.set(camera.name, view);
-      by("tiles").append(view.element);
-    }
-    Object.assign(by("moment"), { max: state.moments - 1, value: this.moment });
-    by("moment").addEventListener("input", () => this.seek(+by("moment").value));
-    by("back").addEventListener("click", () => this.seek(this.moment - 1));
-    by("forward").addEventListener("click", () => this.seek(this.moment + 1));
+    addCameras(this, state.cameras, () => ({ ...NOTHING_DRAWN, stage: this.stage }));
+    addMoments(this, state.moments);
     addEventListener("resize", () => arrange(by("tiles"), this.views, this.large));
     document.addEventListener("keydown", (event) => {
       if (this.large && this.pointer.key(this.views.get(this.large), event)) event.preventDefault();
