@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.atomic_folder import FolderWriter
+from calib.atomic import FolderWriter
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from voxelpose.demo.mannequin import Measurements

@@ -3,6 +3,7 @@
 import os
 import stat
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from calib.errors import InputError
@@ -20,23 +21,16 @@ def private_folder() -> Path:
     """
     user = getattr(os, "getuid", lambda: "user")()
     try:
-        folder = Path(tempfile.gettempdir()) / f"voxelpose-{user}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        own = os.name == "nt" or (found.st_uid == user and not stat.S_IMODE(found.st_mode) & 0o077)
-        if stat.S_ISDIR(found.st_mode) and own and os.access(folder, os.W_OK):
-            return folder
-    except FileExistsError:  # no folder
-        pass
-    except OSError as error:
-        raise _nowhere(error) from error
-    try:
+        with suppress(FileExistsError):  # no folder
+            folder = Path(tempfile.gettempdir()) / f"voxelpose-{user}"
+            folder.mkdir(mode=0o700, exist_ok=True)
+            found = folder.lstat()
+            own = found.st_uid == user and not stat.S_IMODE(found.st_mode) & 0o077
+            kept = stat.S_ISDIR(found.st_mode) and (own or os.name == "nt")
+            if kept and os.access(folder, os.W_OK):
+                return folder
         return Path(tempfile.mkdtemp(prefix="voxelpose-"))
     except OSError as error:
-        raise _nowhere(error) from error
-
-
-def _nowhere(error: OSError) -> InputError:
-    return InputError(
-        f"no folder of temporary files can be written ({error.strerror or error}): set TMPDIR"
-    )
+        raise InputError(
+            f"no folder of temporary files can be written ({error.strerror or error}): set TMPDIR"
+        ) from error

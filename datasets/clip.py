@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.atomic_folder import FolderWriter  # noqa: F401
+from calib.atomic import FolderWriter  # noqa: F401
 from calib.camera import Camera, Rig  # noqa: F401
 from calib.documents import visible_entries
 from calib.files import read_rig, write_rig  # noqa: F401

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from calib.atomic_folder import FolderWriter
+from calib.atomic import FolderWriter
 from calib.camera import Rig
 from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError

@@ -18,10 +18,8 @@ from calib.files.anipose import read_anipose, write_anipose
 from calib.files.colmap import is_colmap, read_colmap
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
-from calib.files.kinect import read_kinect
+from calib.files.foreign_json import is_opencap, read_kinect, read_nerfstudio, read_opencap
 from calib.files.metashape import read_metashape
-from calib.files.nerfstudio import read_nerfstudio
-from calib.files.opencap import is_opencap, read_opencap
 from calib.files.opencv import read_opencv, read_opencv_folder, write_opencv
 from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys

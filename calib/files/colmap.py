@@ -83,7 +83,7 @@ def _lens(source: Source, name: str, row: list[str] | None) -> dict:
     if len(parameters) != len(keys):
         raise source.error(f"{model} has {len(keys)} parameters, not {len(parameters)}", name)
     numbers = dict(zip(keys, parameters, strict=True))
-    lens = source.lens(name, numbers, "FISHEYE" in model, first_pixel=0.5)
+    lens = source.lens(name, numbers, "FISHEYE" in model)
     return lens | {"size": np.array([width, height])}
 
 

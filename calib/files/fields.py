@@ -162,19 +162,14 @@ class Source:
             )
 
     def lens(
-        self,
-        camera: str,
-        values: Mapping[str, object],
-        fisheye: bool = False,
-        first_pixel: float = 0.0,
+        self, camera: str, values: Mapping[str, object], fisheye: bool = False
     ) -> dict[str, Any]:
-        """Matrix and distortion of a lens whose numbers have names, as `camera` takes them.
+        """Matrix and distortion, as `camera` takes them, of a lens whose numbers have names and
+        count from the corner of the first pixel, half a pixel before its centre.
 
         Args:
             values: `fx`, `fy`, `cx`, `cy`, px, or one focal length `f`; optionally `skew`, px, and
                 OpenCV's terms `k1`, `p1` ...
-            first_pixel: Where the centre of the first pixel lies, px: 0.5 where the image begins
-                at its corner.
 
         Raises:
             InputError: A number is missing or none.
@@ -190,7 +185,7 @@ class Source:
             self.numbers(camera, key, values.get(key, values.get("f")), (1,))[0]
             for key in ("fx", "fy")
         )
-        centre = number["cx"] - first_pixel, number["cy"] - first_pixel
+        centre = number["cx"] - 0.5, number["cy"] - 0.5
         if any(number[key] for key in more):
             terms += more
         return {

@@ -103,4 +103,4 @@ def _lens(source: Source, name: str, sensor: ElementTree.Element | None) -> dict
         "p1": term["p2"],
         "p2": term["p1"],
     }
-    return source.lens(name, numbers, fisheye, first_pixel=0.5) | {"size": (width, height)}
+    return source.lens(name, numbers, fisheye) | {"size": (width, height)}

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 from calib.camera import FloatArray, Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
@@ -79,9 +80,7 @@ def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     ):
         raise ValueError("the left 3x3 part is singular")
     scaled = projection / (scale * np.sign(np.linalg.det(left)))
-    # The RQ decomposition of M is the QR decomposition of M with reversed rows.
-    q, r = np.linalg.qr(scaled[::-1, :3].T)
-    upper, rotation = r.T[::-1, ::-1], q.T[::-1]
+    upper, rotation = linalg.rq(scaled[:, :3])
     signs = np.diag(np.sign(np.diag(upper)))
     upper, rotation = np.triu(upper @ signs), signs @ rotation
     translation = np.linalg.solve(upper, scaled[:, 3])

@@ -7,9 +7,15 @@ import sys
 
 import pytest
 
-from calib import atomic, atomic_folder
-from calib.atomic import replacing, write_whole, written_paths
-from calib.atomic_folder import FolderWriter, claimed, remove_leftovers
+from calib import atomic
+from calib.atomic import (
+    FolderWriter,
+    claimed,
+    remove_leftovers,
+    replacing,
+    write_whole,
+    written_paths,
+)
 from calib.errors import InputError
 from calib.files import RIG_FORMATS, WRITTEN, write_rig
 from tests.calib.rigs import PINHOLE, some_rig
@@ -109,7 +115,7 @@ def test_completed_files_are_remembered(tmp_path):
 def test_two_processes_cannot_write_one_folder(tmp_path):
     out = tmp_path / "out"
     code = (
-        "import sys\nfrom calib.atomic_folder import FolderWriter\n"
+        "import sys\nfrom calib.atomic import FolderWriter\n"
         "with FolderWriter(sys.argv[1]) as folder:\n"
         "    print('in', flush=True)\n    sys.stdin.read()\n    (folder / 'file').touch()\n"
     )
@@ -153,7 +159,7 @@ def test_what_is_not_of_the_kind_stays_although_overwriting_was_meant(tmp_path):
 @pytest.mark.parametrize("exchange", [True, False])
 def test_an_earlier_folder_is_replaced(tmp_path, monkeypatch, exchange):
     if not exchange:
-        monkeypatch.setattr(atomic_folder, "_exchanged", lambda *_: False)
+        monkeypatch.setattr(atomic, "_exchanged", lambda *_: False)
     out = filled(tmp_path / "out")
     with FolderWriter(out, overwrite=True) as folder:
         (folder / "file").write_text("new")

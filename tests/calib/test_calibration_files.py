@@ -11,7 +11,7 @@ from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, some_
 
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
-from calib.files.notes import read_up
+from calib.files.anipose import read_up
 from calib.files.plain import decompose
 from calib.rotation import matrix_from_rodrigues
 

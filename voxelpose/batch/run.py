@@ -15,8 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.atomic import write_whole
-from calib.atomic_folder import claimed
+from calib.atomic import claimed, write_whole
 from calib.errors import InputError
 from silhouette_core.estimator import Estimate
 from silhouette_core.motion.motion import Motion

@@ -140,7 +140,7 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
     def run(self) -> int:
         """Converts the calibration; returns the exit code."""
         from calib.files import read_rig, write_rig
-        from calib.files.notes import read_notes
+        from calib.files.anipose import read_notes
         from calib.upright import axis_name
 
         refuse_existing([self.out, self.picture], self.overwrite)

@@ -60,7 +60,7 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
         return 1 if failing else 0
 
     def _clean(self) -> int:
-        from calib.atomic_folder import remove_leftovers
+        from calib.atomic import remove_leftovers
 
         removed = [path for folder in self.clean for path in remove_leftovers(folder)]
         for path in removed:

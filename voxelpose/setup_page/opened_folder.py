@@ -15,7 +15,7 @@ import numpy as np
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig
-from calib.files.notes import read_up
+from calib.files.anipose import read_up
 from voxelpose.recording.folder import Recording, calibration_path, default_camera, open_readers
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.subject import read_subject

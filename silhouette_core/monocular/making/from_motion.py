@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic_folder import claimed
+from calib.atomic import claimed
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.making.base_poses import base_poses

@@ -24,7 +24,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
-from calib.files.notes import read_up
+from calib.files.anipose import read_up
 from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import FIRST_SUMMARY, waving

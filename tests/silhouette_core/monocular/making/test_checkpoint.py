@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.atomic_folder import claimed
+from calib.atomic import claimed
 from calib.errors import InputError
 from silhouette_core.monocular.making import from_motion
 from silhouette_core.monocular.making.checkpoint import Checkpoint

@@ -1,0 +1,163 @@
+"""JSON of other programs: nerfstudio, OpenCap and Azure Kinect.
+
+nerfstudio's `transforms.json`, as instant-ngp's.
+
+`transform_matrix` (4x4, or its first three rows) takes the camera into the world; the camera's axes
+are OpenGL's, x right, y up, z backward, and OpenCV's are turned by diag(1, -1, -1). The image
+begins at the corner of its first pixel, as COLMAP's, from which these numbers come. Lens entries
+stand at the top or with each frame. Lengths have no unit: the caller states it. Cameras are named
+after their pictures. Read are OPENCV, PINHOLE, SIMPLE_PINHOLE and OPENCV_FISHEYE.
+
+OpenCap's camera parameters as JSON: those of its pickles (which are not read), for one camera or
+for several by name.
+
+`intrinsicMat`, `distortion` (OpenCV's), `rotation` (3x3, world to camera, OpenCV's axes),
+`translation` in mm, `imageSize` as height and width.
+
+Azure Kinect's factory calibration, the JSON of its raw calibration and of its MKV files; and
+Open3D's `intrinsic.json`, made of them.
+
+It holds the lens of the colour camera and no position in a room: it serves `--intrinsics`. Numbers
+are shares of the full 4:3 sensor, from the corner of the first pixel; 16:9 pictures are cut from
+its middle, so that the caller states the picture's size. BrownConrady is OpenCV's rational lens.
+Open3D's matrix stands column by column, in pixels, without distortion. The camera is named after
+the file. Source: Azure Kinect Sensor SDK, `transformation/mode_specific_calibration.c`.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from calib.camera import Rig
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
+from calib.files.fields import Source, brief, names_of_pictures
+
+_FLIP = np.diag([1, -1, -1])
+_NERF_MODELS = {"OPENCV": False, "PINHOLE": False, "SIMPLE_PINHOLE": False, "OPENCV_FISHEYE": True}
+_OPENCAP_MATRIX = "intrinsicMat"
+_KINECT_MODEL = "CALIBRATION_LensDistortionModelBrownConrady"
+_COLOUR = "CALIBRATION_CameraPurposePhotoVideo"
+_ORDER = "cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1".split()
+
+
+def read_nerfstudio(source: Source) -> Rig:
+    """Reads the rig.
+
+    Raises:
+        InputError: A frame is incomplete or wrong, or its lens is none of OpenCV's.
+    """
+    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    frames = content["frames"]
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise source.error("frames must be a list of objects with file_path and transform_matrix")
+    metres = source.metres_per_unit(
+        None, "nerfstudio's have none: scale transform_matrix to a known length first"
+    )
+    pictures = [str(frame.get("file_path", number)) for number, frame in enumerate(frames)]
+    cameras = []
+    for name, frame in zip(names_of_pictures(pictures), frames, strict=True):
+        own = {**content, **frame}
+        values = _frame_lens(source, name, own)
+        if own.get("transform_matrix") is not None:
+            pose = source.numbers(name, "transform_matrix", own["transform_matrix"])
+            if pose.size not in (12, 16):
+                raise source.error("transform_matrix must be 4x4 numbers", name)
+            world_from_camera = pose[:12].reshape(3, 4)
+            rotation = source.rotation(name, _FLIP @ world_from_camera[:, :3].T)
+            values["rotation"] = rotation
+            values["translation"] = -rotation @ world_from_camera[:, 3]
+        cameras.append(source.camera(name, values, metres))
+    return source.rig(cameras)
+
+
+def _frame_lens(source: Source, name: str, own: dict[str, Any]) -> dict[str, Any]:
+    """Size and lens of a frame."""
+    model = own.get("camera_model", "OPENCV_FISHEYE" if own.get("is_fisheye") else "OPENCV")
+    if model not in list(_NERF_MODELS):
+        raise source.error(
+            f"lens model {brief(model)} is not read: undistort, or use {', '.join(_NERF_MODELS)}",
+            name,
+        )
+    fisheye = _NERF_MODELS[model]
+    if not fisheye and own.get("k4"):
+        # nerfstudio's k4 is a fourth radial term, OpenCV's the first below the fraction line.
+        raise source.error("k4 is no term of OpenCV's: fit the lens with k1, k2, k3 alone", name)
+    size = [own["w"], own["h"]] if {"w", "h"} <= own.keys() else None
+    focal = {"fx": own.get("fl_x"), "fy": own.get("fl_y", own.get("fl_x"))}
+    return source.lens(name, {**own, **focal}, fisheye) | {"size": size}
+
+
+def is_opencap(content: dict[str, Any]) -> bool:
+    """Whether the content of JSON is OpenCap's."""
+    inner = (value for value in content.values() if isinstance(value, dict))
+    return _OPENCAP_MATRIX in content or any(_OPENCAP_MATRIX in value for value in inner)
+
+
+def read_opencap(source: Source) -> Rig:
+    """Reads the rig.
+
+    Raises:
+        InputError: A camera is incomplete or wrong.
+    """
+    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    metres = source.metres_per_unit("mm", "OpenCap writes mm")
+    named = {source.path.stem: content} if _OPENCAP_MATRIX in content else content
+    cameras = []
+    for name, own in named.items():
+        if not isinstance(own, dict) or _OPENCAP_MATRIX not in own:
+            continue
+        size = own.get("imageSize")
+        values = {
+            "size": None if size is None else source.numbers(name, "imageSize", size, (2,))[::-1],
+            "matrix": own[_OPENCAP_MATRIX],
+            "distortions": own.get("distortion"),
+            "rotation": own.get("rotation"),
+            "translation": own.get("translation"),
+        }
+        cameras.append(source.camera(name, values, metres))
+    return source.rig(cameras)
+
+
+def read_kinect(source: Source) -> Rig:
+    """Reads the colour camera.
+
+    Raises:
+        InputError: It is not there, incomplete, or of another lens; or the picture's size is none
+            that this sensor makes.
+    """
+    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    name = source.path.stem
+    if "intrinsic_matrix" in content:
+        matrix = source.numbers(name, "intrinsic_matrix", content["intrinsic_matrix"], (9,))
+        size = [content.get("width"), content.get("height")]
+        values = {"size": size, "matrix": matrix.reshape(3, 3).T, "distortions": []}
+        return source.rig([source.camera(name, values, 1)])
+    content = content["CalibrationInformation"]
+    cameras = content.get("Cameras") if isinstance(content, dict) else None
+    colour = [
+        camera
+        for camera in (cameras if isinstance(cameras, list) else ())
+        if isinstance(camera, dict) and camera.get("Purpose") == _COLOUR
+    ]
+    if len(colour) != 1 or not isinstance(colour[0].get("Intrinsics"), dict):
+        raise source.error("holds no colour camera: export the whole calibration again")
+    lens = colour[0]["Intrinsics"]
+    if lens.get("ModelType") != _KINECT_MODEL:
+        raise source.error(
+            f"lens {brief(lens.get('ModelType'))} is not read: only {_KINECT_MODEL}", name
+        )
+    numbers = source.numbers(name, "ModelParameters", lens.get("ModelParameters"), (14,))
+    term: dict[str, float] = dict(zip(_ORDER, numbers.tolist(), strict=True))
+    if term["codx"] or term["cody"]:
+        raise source.error("a lens with codx and cody is none of OpenCV's", name)
+    size = source.image_size(name, None)
+    full = np.array([size[0], size[0] * 3 / 4])
+    if 3 * size[0] != 4 * size[1] and 9 * size[0] != 16 * size[1]:
+        raise source.error(
+            f"a Kinect's colour picture is 4:3 or 16:9, not {size[0]} x {size[1]}", name
+        )
+    cut = (full[1] - size[1]) / 2
+    term |= {"cx": term["cx"] * full[0], "cy": term["cy"] * full[1] - cut}
+    term |= {"fx": term["fx"] * full[0], "fy": term["fy"] * full[1]}
+    values = source.lens(name, term) | {"size": size}
+    return source.rig([source.camera(name, values, 1)])
