@@ -73,7 +73,9 @@ def by_us(task: Task) -> Rig:
                 if camera.name in seen
             }
             lens = calibrate_intrinsics(task.board, own, camera=camera.name)
-            calibrated.append(replace(camera, matrix=lens.matrix, distortion=lens.distortion))
+            calibrated.append(
+                replace(camera, matrix=lens.camera.matrix, distortion=lens.camera.distortion)
+            )
         lenses = Rig(tuple(calibrated))
     return calibrate_extrinsics(
         task.board, without_poses(lenses), task.views, refine_lenses=not task.lenses_known
@@ -245,7 +247,7 @@ def near_boards(rooms: int) -> None:
         camera = room(1, seed=seed).cameras[0]
         camera = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
         views = lens_views(camera, 20, NOISE_PX, seed=seed)
-        ours = calibrate_intrinsics(CHECKERBOARD, views).matrix[0, 0]
+        ours = calibrate_intrinsics(CHECKERBOARD, views).camera.matrix[0, 0]
         theirs = _calibrate_camera(CHECKERBOARD, list(views.values()), camera)[1]
         errors.append([100 * abs(focal / camera.matrix[0, 0] - 1) for focal in (ours, theirs)])
     print(
@@ -275,12 +277,10 @@ def board_images(folder: Path) -> None:
         }
         ours = calibrate_intrinsics(board, views, camera=camera_folder.name)
         good = [view for view in views.values() if isinstance(view, BoardView)]
-        camera = Camera(
-            camera_folder.name, ours.size, ours.matrix, ours.distortion, np.eye(3), np.zeros(3)
-        )
+        camera = ours.camera
         rms, focal = _calibrate_camera(board, good, camera)
         print(
-            f"  {camera.name}: ours {ours.rms_px:.3f} ({ours.matrix[0, 0]:.0f}),"
+            f"  {camera.name}: ours {ours.rms_px:.3f} ({camera.matrix[0, 0]:.0f}),"
             f" cv2.calibrateCamera {rms:.3f} ({focal:.0f})",
             flush=True,
         )

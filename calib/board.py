@@ -39,17 +39,6 @@ class BoardView:
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """A failed detection.
-
-    Attributes:
-        reason: Why the image has no usable board.
-    """
-
-    reason: str
-
-
-@dataclass(frozen=True)
 class Board:
     """A checkerboard, or a ChArUco board if `marker_m` is given.
 
@@ -111,8 +100,8 @@ class Board:
         """Whether half a turn maps the pattern onto itself, so that its two ends look alike."""
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
-    def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | Refusal:
-        """Detects the board's corners in an image, or says why there are none.
+    def find(self, picture: Image, effort: Effort = "thorough") -> BoardView | str:
+        """Detects the board's corners in an image, or says why it has no usable board.
 
         Args:
             picture: (H, W) or (H, W, 3) uint8.
@@ -177,22 +166,20 @@ class Board:
         """The dictionary as OpenCV's object."""
         return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
 
-    def _find_charuco(self, grey: Image) -> BoardView | Refusal:
+    def _find_charuco(self, grey: Image) -> BoardView | str:
         """Detects ChArUco corners, any subset of them."""
         pixels, ids = self._charuco_corners(grey)
         if len(ids) < _MIN_CORNERS:
             if len(self._charuco_corners(np.ascontiguousarray(grey[:, ::-1]))[1]) >= _MIN_CORNERS:
-                return Refusal(
-                    "the picture is mirrored: switch off the camera's mirror (selfie) option"
-                )
-            return Refusal(
+                return "the picture is mirrored: switch off the camera's mirror (selfie) option"
+            return (
                 f"only {len(ids)} marked corners found, {_MIN_CORNERS} are needed: dictionary,"
                 " board numbers, light?"
             )
         spread = np.linalg.matrix_rank(self.points_m[ids, :2] - self.points_m[ids[0], :2])
         if spread < 2:
-            return Refusal("the corners that were found lie on one line: show more of the board")
-        return BoardView(ids, pixels, (grey.shape[1], grey.shape[0]))
+            return "the corners that were found lie on one line: show more of the board"
+        return BoardView(ids, pixels, grey.shape[::-1])
 
     def _charuco_corners(self, grey: Image) -> tuple[FloatArray, NDArray[np.int64]]:
         """Pixels (N, 2) and numbers (N,) of the ChArUco corners."""
@@ -201,9 +188,9 @@ class Board:
             return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
         return corners.reshape(-1, 2).astype(np.float64), ids.ravel().astype(np.int64)
 
-    def _find_checkerboard(self, grey: Image, effort: Effort) -> BoardView | Refusal:
+    def _find_checkerboard(self, grey: Image, effort: Effort) -> BoardView | str:
         """Detects all corners of a plain board."""
-        refusal = Refusal(
+        fault = (
             f"no board with {self.columns} x {self.rows} inner corners found: all of it in view,"
             " flat and evenly lit?"
         )
@@ -216,15 +203,12 @@ class Board:
             corners = detector(grey)
             if corners is None:
                 continue
-            reason = self._fault(grey, corners)
-            if reason is None:
-                return BoardView(
-                    np.arange(len(corners)),
-                    self._ordered(grey, corners),
-                    (grey.shape[1], grey.shape[0]),
-                )
-            refusal = Refusal(reason)
-        return refusal
+            found = self._fault(grey, corners)
+            if found is None:
+                ordered = self._ordered(grey, corners)
+                return BoardView(np.arange(len(corners)), ordered, grey.shape[::-1])
+            fault = found
+        return fault
 
     def _fast_corners(self, grey: Image, give_up: bool) -> FloatArray | None:
         """Detects corners in a reduced image and refines them in the original one.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.adjust import BundleScene, Observations, adjust, ideal_poses, rms_px
-from calib.board import Board, BoardView, Refusal
+from calib.board import Board, BoardView
 from calib.camera import Camera, FloatArray
 from calib.errors import InputError
 from calib.tuning import AGREEMENT, BOARDS
@@ -18,6 +18,7 @@ LensKind = Literal["pinhole", "rational", "fisheye"]
 _MIN_PICTURES = 4
 _COVERAGE_GRID = 8
 _EDGE_CELLS = 2
+_ROUNDED_PX = 1 / 2  # largest error of what is known to whole pixels
 
 
 @dataclass(frozen=True)
@@ -39,20 +40,14 @@ class Intrinsics:
     """A calibrated lens.
 
     Attributes:
-        size: Image (width, height), px.
-        matrix: (3, 3) float64, px.
-        distortion: (n,) float64, in OpenCV's order.
-        fisheye: Whether it is OpenCV's fisheye model.
+        camera: The camera with this lens, in the origin.
         rms_px: Root mean square distance of detected and reprojected corners in the pictures used.
         pictures: Error of each picture, in the given order.
         focal_error_px: (2,) float64, standard errors of the focal lengths.
         coverage: (8, 8) int64, number of corners in each cell of the image.
     """
 
-    size: tuple[int, int]
-    matrix: FloatArray
-    distortion: FloatArray
-    fisheye: bool
+    camera: Camera
     rms_px: float
     pictures: tuple[PictureError, ...]
     focal_error_px: FloatArray
@@ -71,7 +66,7 @@ class Intrinsics:
                 f"an error of {self.rms_px:.1f} px is much: is the board flat, are its numbers"
                 " right, was it held still?"
             )
-        if np.any(self.focal_error_px > 0.005 * np.diag(self.matrix)[:2]):
+        if np.any(self.focal_error_px > 0.005 * np.diag(self.camera.matrix)[:2]):
             suggestions.append(
                 "the focal length is uncertain by more than 0.5 %: tilt the board more (30 to 45"
                 " degrees), both ways"
@@ -81,7 +76,7 @@ class Intrinsics:
 
 def calibrate_intrinsics(
     board: Board,
-    views: Mapping[str, BoardView | Refusal],
+    views: Mapping[str, BoardView | str],
     lens: LensKind = "pinhole",
     camera: str = "camera",
 ) -> Intrinsics:
@@ -99,9 +94,9 @@ def calibrate_intrinsics(
     """
     good = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     lines = {
-        name: PictureError(name, 0, np.nan, view.reason)
+        name: PictureError(name, 0, np.nan, view)
         for name, view in views.items()
-        if isinstance(view, Refusal)
+        if isinstance(view, str)
     }
     sizes = {view.size for view in good.values()}
     if len(sizes) > 1:
@@ -112,13 +107,11 @@ def calibrate_intrinsics(
     while True:
         if len(good) < _MIN_PICTURES:
             raise InputError(_too_few(camera, len(good), len(views), lines))
-        matrix, distortion, errors, deviations = _solve(
-            board, list(good.values()), size, lens, camera
-        )
+        found, errors, deviations = _solve(board, list(good.values()), size, lens, camera)
         rms = dict(zip(good, errors, strict=True))
         worst = max(rms, key=lambda name: rms[name])
         median = float(np.median(errors))
-        if rms[worst] <= max(BOARDS.picture_px, AGREEMENT.culprit_gain * median):
+        if rms[worst] <= max(_ROUNDED_PX, AGREEMENT.culprit_gain * median):
             break
         lines[worst] = PictureError(
             worst,
@@ -127,23 +120,18 @@ def calibrate_intrinsics(
             f"{rms[worst] / median:.1f} times the others' error",
         )
         del good[worst]
-    _check_plausible(camera, matrix, size)
+    _check_plausible(found)
     lines |= {name: PictureError(name, len(view.ids), rms[name]) for name, view in good.items()}
     counts = np.array([len(view.ids) for view in good.values()])
     total = float(np.sqrt((counts * errors**2).sum() / counts.sum()))
-    coverage = _coverage(good, size)
     table = tuple(lines[name] for name in views)
-    return Intrinsics(
-        size, matrix, distortion, lens == "fisheye", total, table, deviations, coverage
-    )
+    return Intrinsics(found, total, table, deviations, _coverage(good, size))
 
 
 def _solve(
     board: Board, views: list[BoardView], size: tuple[int, int], lens: LensKind, camera: str
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrix (3, 3), distortion (n,), rms error (V,) px of each view, and standard errors (2,) px
-    of the focal lengths.
-    """
+) -> tuple[Camera, FloatArray, FloatArray]:
+    """The camera, rms errors (V,) px of the views, and standard errors (2,) px of focal lengths."""
     scene = _start(board, views, size, lens, camera)
     counts = [len(view.ids) for view in views]
     owner = np.repeat(np.arange(len(views)), counts)
@@ -156,7 +144,7 @@ def _solve(
     )
     # The solver's parameters are logarithms of the focal lengths.
     deviations = np.sqrt(np.diag(adjusted.covariances[0])[:2]) * np.diag(calibrated.matrix)[:2]
-    return calibrated.matrix, calibrated.distortion, errors, deviations
+    return calibrated, errors, deviations
 
 
 def _start(
@@ -201,26 +189,21 @@ def _too_few(camera: str, good: int, given: int, lines: Mapping[str, PictureErro
     return f"camera {camera}: {good} of {given} pictures serve, {_MIN_PICTURES} are needed{common}"
 
 
-def _check_plausible(camera: str, matrix: FloatArray, size: tuple[int, int]) -> None:
-    """Refuses implausible lenses.
-
-    Raises:
-        InputError: The matrix has NaN, a wild focal length or a centre outside the image.
-    """
-    width, height = size
-    focal, centre = np.diag(matrix)[:2], matrix[:2, 2]
+def _check_plausible(camera: Camera) -> None:
+    """Refuses a wild focal length and a centre outside the image."""
+    width, height = size = camera.size
+    focal, centre = np.diag(camera.matrix)[:2], camera.matrix[:2, 2]
     if not (
-        np.isfinite(matrix).all()
-        and (focal > 0.1 * max(size)).all()
+        (focal > 0.1 * max(size)).all()
         and (focal < 50 * max(size)).all()
         and 0 < centre[0] < width
         and 0 < centre[1] < height
         and 0.8 < focal[0] / focal[1] < 1.25
     ):
         raise InputError(
-            f"camera {camera}: the result is absurd (focal lengths {focal[0]:.0f}, {focal[1]:.0f},"
-            f" centre {centre[0]:.0f}, {centre[1]:.0f} px): tilt the board in more pictures and"
-            " fill the image"
+            f"camera {camera.name}: the result is absurd (focal lengths {focal[0]:.0f},"
+            f" {focal[1]:.0f}, centre {centre[0]:.0f}, {centre[1]:.0f} px): tilt the board in more"
+            " pictures and fill the image"
         )
 
 

@@ -57,12 +57,7 @@ def board_poses(board: Board, camera: Camera, view: BoardView) -> list[PoseCandi
     Raises:
         InputError: The picture's size is not that of the lens calibration.
     """
-    if view.size != camera.size:
-        seen, known = (f"{w}x{h}" for w, h in (view.size, camera.size))
-        raise InputError(
-            f"camera {camera.name}: boards were recorded at {seen} but its lens was calibrated at"
-            f" {known}: use one size"
-        )
+    check_lens_size(camera, view.size)
     points = board.points_m[view.ids]
     poses = [PoseCandidate(*pose, False) for pose in ideal_poses(camera, points, view.pixels)]
     if board.is_symmetric:
@@ -71,6 +66,20 @@ def board_poses(board: Board, camera: Camera, view: BoardView) -> list[PoseCandi
             for pose in ideal_poses(camera, flipped_points(board, points), view.pixels)
         ]
     return poses
+
+
+def check_lens_size(lens: Camera, size: tuple[int, int]) -> None:
+    """Refuses pictures (width, height) px of another size than a camera's lens was calibrated at.
+
+    Raises:
+        InputError: The sizes differ.
+    """
+    if size != lens.size:
+        seen, known = (f"{width}x{height}" for width, height in (size, lens.size))
+        raise InputError(
+            f"camera {lens.name} recorded at {seen}, its lens was calibrated at {known}: use one"
+            " size"
+        )
 
 
 def flipped_points(board: Board, points_m: FloatArray) -> FloatArray:

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.board import Board, BoardView, Effort, Refusal, view_between
-from calib.camera import Camera
+from calib.board import Board, BoardView, Effort, view_between
 from calib.checks import FloatArray
 from calib.documents import visible_entries
 from calib.errors import InputError
@@ -42,20 +41,6 @@ def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
 def stride(frame_count: int) -> int:
     """Step between the examined frames of a video."""
     return -(-frame_count // _MAX_EXAMINED)
-
-
-def check_lens_size(lens: Camera, reader: FrameReader) -> None:
-    """Refuses pictures of another size than a camera's lens was calibrated at.
-
-    Raises:
-        InputError: the sizes differ.
-    """
-    if reader.size != lens.size:
-        seen, known = (f"{width}x{height}" for width, height in (reader.size, lens.size))
-        raise InputError(
-            f"camera {lens.name} recorded at {seen}, its lens was calibrated at {known}: use one"
-            " size"
-        )
 
 
 def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
@@ -105,7 +90,7 @@ def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> N
 
 def find_views(
     board: Board, pictures: FrameReader, max_views: int, reporter: Reporter
-) -> dict[str, BoardView | Refusal]:
+) -> dict[str, BoardView | str]:
     """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
     a view, or the reason why there is none.
 
@@ -113,7 +98,7 @@ def find_views(
         InputError: A picture cannot be read, or none shows the board; another board that they show
             is described.
     """
-    views: dict[str, BoardView | Refusal] = {}
+    views: dict[str, BoardView | str] = {}
     find = BoardFinder(board, stills=bool(pictures.stills))
     for name, picture in _examined(pictures):
         views[name] = find(picture)
@@ -125,8 +110,7 @@ def find_views(
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     kept = select_views(board, seen, max_views)
     return {
-        name: Refusal(NOT_NEW) if name in seen and name not in kept else view
-        for name, view in views.items()
+        name: NOT_NEW if name in seen and name not in kept else view for name, view in views.items()
     }
 
 
@@ -141,22 +125,22 @@ class BoardFinder:
         self.reasons: Counter[str] = Counter()
         self.refused: list[Frame] = []
 
-    def __call__(self, picture: Frame, important: bool = False) -> BoardView | Refusal:
+    def __call__(self, picture: Frame, important: bool = False) -> BoardView | str:
         """Detects the board, with all effort in an important picture."""
         detection = self.board.find(picture, self.effort)
         if (
-            isinstance(detection, Refusal)
+            isinstance(detection, str)
             and self.effort == "quick"
             and self.count % _PATIENT_STEP == 0
         ):
             detection = self.board.find(picture, "patient")
             if isinstance(detection, BoardView):
                 self.effort = "patient"  # the quick search misses small boards
-        if isinstance(detection, Refusal) and important:
+        if isinstance(detection, str) and important:
             detection = self.board.find(picture, "thorough")
         self.count += 1
-        if isinstance(detection, Refusal):
-            self.reasons[detection.reason] += 1
+        if isinstance(detection, str):
+            self.reasons[detection] += 1
             if len(self.refused) < _KEPT_FAILURES:
                 self.refused.append(picture)
         return detection
@@ -270,7 +254,14 @@ def board_moments(
                 view = view_between(board, found[a], found[b], float(fraction))
                 if view is not None:
                     views[moment][name] = view
-    return _moments(views, finders, max_moments, floor)
+    seen = {name: sum(name in moment for moment in views.values()) for name in readers}
+    if never := [name for name, times in seen.items() if not times]:
+        reasons = "; ".join(f"{name}: {finders[name].failure()}" for name in never)
+        raise InputError(
+            f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
+            " nearer, and slowly"
+        )
+    return _thinned(views, max_moments, f"frame {floor}"), seen
 
 
 def frames_around(
@@ -298,27 +289,6 @@ def frames_around(
     first, second = np.where(at_after, after, before), np.where(at_before, before, after)
     fraction = np.where(second > first, passed / np.maximum(span, 1e-9), 0.0)
     return np.where(known, first, -1), np.where(known, second, -1), fraction
-
-
-def _moments(
-    views: dict[str, dict[str, BoardView]],
-    finders: Mapping[str, BoardFinder],
-    max_moments: int,
-    floor: int | None,
-) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
-    """The moments that are kept, and how many each camera saw.
-
-    Raises:
-        InputError: A camera never saw the board.
-    """
-    seen = {name: sum(name in moment for moment in views.values()) for name in finders}
-    if never := [name for name, times in seen.items() if not times]:
-        reasons = "; ".join(f"{name}: {finders[name].failure()}" for name in never)
-        raise InputError(
-            f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
-            " nearer, and slowly"
-        )
-    return _thinned(views, max_moments, f"frame {floor}"), seen
 
 
 def _thinned(

@@ -10,8 +10,9 @@ from calib.board import Board
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, calibrate_extrinsics
+from calib.pairs import check_lens_size
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import board_moments, check_lens_size
+from voxelpose.calibration.board_views import board_moments
 from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.file_times import ends_apart, recorded_times
 from voxelpose.recording.frame_reader import FrameReader
@@ -82,7 +83,7 @@ def _readers(
     if not paths:
         raise InputError(
             f"{folder} holds no pictures: put a video per camera there, named as in the calibration"
-            + (f" ({hint})" if (hint := not_read(folder)) else "")
+            + not_read(folder, " ({})")
         )
     remedy = "name videos after the calibration's cameras, or choose some with --cameras"
     lacking = [name for name in lenses.names if name not in paths]
@@ -92,11 +93,11 @@ def _readers(
             f"no lens for {', '.join(unknown)} of {folder}: the calibration has"
             f" {', '.join(lenses.names)}: {remedy}"
         )
-    if missing := [name for name in lenses.names if name not in paths]:
-        raise InputError(f"no pictures of {', '.join(missing)} in {folder}: {remedy}")
+    if lacking:
+        raise InputError(f"no pictures of {', '.join(lacking)} in {folder}: {remedy}")
     readers = {name: FrameReader.open(paths[name]) for name in lenses.names}
     for name, reader in readers.items():
-        check_lens_size(lenses[name], reader)
+        check_lens_size(lenses[name], reader.size)
     return readers, lenses
 
 

@@ -1,12 +1,10 @@
 """Lens calibration of all cameras from pictures of a board."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
-import numpy as np
-
-from calib.board import Board, BoardView, Refusal
-from calib.camera import Camera, Rig
+from calib.board import Board, BoardView
+from calib.camera import Rig
 from calib.errors import InputError
 from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics
 from silhouette_core.progress import Reporter
@@ -20,7 +18,7 @@ class Lens:
 
     camera: str
     intrinsics: Intrinsics
-    views: Mapping[str, BoardView | Refusal]
+    views: Mapping[str, BoardView | str]
 
     def used(self) -> dict[str, BoardView]:
         """The views that were used."""
@@ -57,60 +55,35 @@ def calibrate_lenses(
 
 def lens_rig(lenses: list[Lens]) -> Rig:
     """Cameras with these lenses, all at the origin."""
-    return Rig(
-        tuple(
-            Camera(
-                lens.camera,
-                intrinsics.size,
-                intrinsics.matrix,
-                intrinsics.distortion,
-                np.eye(3),
-                np.zeros(3),
-                intrinsics.fisheye,
-            )
-            for lens in lenses
-            for intrinsics in (lens.intrinsics,)
-        )
-    )
+    return Rig(tuple(lens.intrinsics.camera for lens in lenses))
 
 
 def lens_notes(lenses: list[Lens]) -> dict[str, object]:
     """Accuracy of each lens, for the calibration file."""
-    notes = {}
-    for lens in lenses:
-        intrinsics = lens.intrinsics
-        notes[lens.camera] = {
-            "rms_px": round(intrinsics.rms_px, 4),
+    return {
+        lens.camera: {
+            "rms_px": round(lens.intrinsics.rms_px, 4),
             "pictures": len(lens.used()),
-            "focal_standard_error_px": [
-                round(float(error), 3) for error in intrinsics.focal_error_px
-            ],
+            "focal_standard_error_px": lens.intrinsics.focal_error_px.round(3).tolist(),
         }
-    return notes
+        for lens in lenses
+    }
 
 
 def lens_report(lenses: list[Lens]) -> dict[str, object]:
     """The lenses and their accuracy in full, for a JSON file."""
     report = {}
     for lens in lenses:
-        intrinsics = lens.intrinsics
+        intrinsics, camera = lens.intrinsics, lens.intrinsics.camera
         report[lens.camera] = {
-            "size": intrinsics.size,
-            "matrix": intrinsics.matrix,
-            "distortion": intrinsics.distortion,
-            "fisheye": intrinsics.fisheye,
+            "size": camera.size,
+            "matrix": camera.matrix,
+            "distortion": camera.distortion,
+            "fisheye": camera.fisheye,
             "rms_px": intrinsics.rms_px,
             "focal_standard_error_px": intrinsics.focal_error_px,
             "corners_per_cell": intrinsics.coverage,
             "advice": intrinsics.advice,
-            "pictures": [
-                {
-                    "picture": line.picture,
-                    "corners": line.corners,
-                    "rms_px": line.rms_px,
-                    "left_out": line.left_out,
-                }
-                for line in intrinsics.pictures
-            ],
+            "pictures": [asdict(line) for line in intrinsics.pictures],
         }
     return report

@@ -116,15 +116,15 @@ def print_lenses(lenses: list[Lens]) -> None:
         ).most_common():
             console.print(f"  {count} more frames left out: {plain(reason)}")
         focal, error, centre = (
-            intrinsics.matrix.diagonal()[:2],
+            intrinsics.camera.matrix.diagonal()[:2],
             intrinsics.focal_error_px,
-            intrinsics.matrix[:2, 2],
+            intrinsics.camera.matrix[:2, 2],
         )
         console.print(
             f"  {len(lens.used())} of {len(pictures)} pictures, {intrinsics.rms_px:.3f} px; focal"
             f" lengths {focal[0]:.1f} ± {error[0]:.1f}, {focal[1]:.1f} ± {error[1]:.1f} px, centre"
             f" {centre[0]:.1f}, {centre[1]:.1f} px, distortion"
-            f" {' '.join(f'{term:.4f}' for term in intrinsics.distortion)}"
+            f" {' '.join(f'{term:.4f}' for term in intrinsics.camera.distortion)}"
         )
         for advice in intrinsics.advice:
             console.print(f"  [yellow]{plain(advice)}[/yellow]")
