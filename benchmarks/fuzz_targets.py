@@ -35,7 +35,7 @@ from benchmarks.scene import ring, silhouettes
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
-from calib.files.notes import read_up
+from calib.files.anipose import read_up
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -186,7 +186,7 @@ def _make_points(folder: Path) -> None:
 
 
 def _use_points(folder: Path, thorough: bool) -> None:
-    from voxelpose.calibration.points_file import read_points
+    from calib.points import read_points
 
     read_points(folder / "points.csv")
 

@@ -1,4 +1,5 @@
-"""Camera poses from points of the scene, some of them measured in the world.
+"""Camera poses from points of the scene, some of them measured in the world, and their table
+in CSV: camera,point,x_px,y_px and, for measured points, x_m,y_m,z_m.
 
 Cameras that see four measured points are located by them; points seen by two located cameras are
 triangulated and locate further cameras. Bundle adjustment refines all poses and triangulated
@@ -7,19 +8,26 @@ points; measured points stay fixed.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
 from calib.camera import Camera, FloatArray, Rig
+from calib.documents import csv_rows
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
 from calib.pairs import shared_boards
 from calib.rotation import matrix_from_rodrigues
-from calib.tuning import BOARDS
+from calib.tuning import AGREEMENT, BOARDS
 
 _NEEDED = 4
+_LARGEST_BYTES = 50_000_000
+_FARTHEST_M, _FARTHEST_PX = 100_000, 1_000_000
+_LONGEST_NAME = 200
+_PIXELS = ("x_px", "y_px")
+_METRES = ("x_m", "y_m", "z_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +45,54 @@ class ScenePoints:
     def cameras(self) -> set[str]:
         """Names of all cameras that see a point."""
         return {camera for seen in self.pixels.values() for camera in seen}
+
+
+def read_points(path: Path) -> ScenePoints:
+    """Reads scene points.
+
+    A measured point has x_m, y_m and z_m (up) in at least one of its rows.
+
+    Raises:
+        InputError: The file is missing, a column is, or a row is wrong; the row is named.
+    """
+    rows = csv_rows(path, ("camera", "point", *_PIXELS), _LARGEST_BYTES, optional=_METRES)
+    pixels: dict[str, dict[str, np.ndarray]] = {}
+    known: dict[str, np.ndarray] = {}
+    for number, row in enumerate(rows, start=2):
+        location = f"{path} line {number}"
+        camera, point = (row.get(key, "").strip() for key in ("camera", "point"))
+        seen = pixels.setdefault(point, {})
+        if max(len(camera), len(point)) > _LONGEST_NAME:
+            raise InputError(f"{location}: no name has {max(len(camera), len(point))} letters")
+        if camera in seen:
+            raise InputError(f"{location}: point {point} is listed twice for camera {camera}")
+        seen[camera] = _numbers(row, _PIXELS, location)
+        stated = [key for key in _METRES if row.get(key, "").strip()]
+        if not stated:
+            continue
+        position = _numbers(row, _METRES, location)
+        if point in known and not np.array_equal(known[point], position):
+            raise InputError(f"{location}: point {point} has other world coordinates than before")
+        known[point] = position
+    return ScenePoints(pixels, known)
+
+
+def _numbers(row: dict[str, str], keys: tuple[str, ...], location: str) -> np.ndarray:
+    try:
+        numbers = np.array([float(row.get(key, "")) for key in keys])
+    except ValueError:
+        numbers = np.array([np.nan])
+    if not np.isfinite(numbers).all():
+        comma = any("," in row.get(key, "") for key in keys)
+        remedy = "write them with a point, 412.5" if comma else "correct the row"
+        raise InputError(f"{location}: {', '.join(keys)} must be numbers: {remedy}")
+    most = _FARTHEST_PX if keys == _PIXELS else _FARTHEST_M
+    if np.abs(numbers).max() > most:
+        raise InputError(
+            f"{location}: {', '.join(keys)} hold {np.abs(numbers).max():.3g}, beyond {most:g}:"
+            " correct the row"
+        )
+    return numbers
 
 
 def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
@@ -150,7 +206,8 @@ def _locate(camera: Camera, points_m: FloatArray, pixels: FloatArray) -> Camera:
     ideal = camera.undistort(pixels)
     good = np.isfinite(ideal).all(axis=1)
     solved, rotvec, shift = False, None, None
-    if good.sum() >= _NEEDED and _fill_a_plane(points_m[good]) and _fill_a_plane(ideal[good]):
+    side_px, many = max(camera.size), good.sum() >= _NEEDED
+    if many and not any(_on_a_line(one[good], side_px) for one in (points_m, ideal)):
         solved, rotvec, shift = cv2.solvePnP(
             points_m[good], ideal[good], camera.matrix, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
         )
@@ -166,10 +223,12 @@ def _locate(camera: Camera, points_m: FloatArray, pixels: FloatArray) -> Camera:
     )
 
 
-def _fill_a_plane(points: FloatArray) -> bool:
-    """Whether points (N, D) are neither one point nor on one line."""
+def _on_a_line(points: FloatArray, side_px: int) -> bool:
+    """Whether points (N, D) lie in one point or on one line: within a pixel, if they fill an image
+    of this side.
+    """
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] > BOARDS.line_width * spread[0])
+    return bool(spread[1] <= spread[0] / side_px)
 
 
 def triangulate(cameras: list[Camera], pixels: FloatArray) -> FloatArray:
@@ -191,7 +250,7 @@ def _advice(
 ) -> tuple[str, ...]:
     """Remarks on outlying points, and on those without information."""
     errors = np.linalg.norm(adjusted.residuals_px, axis=1)
-    limit = max(BOARDS.point_px, BOARDS.point_gain * float(np.median(errors)))
+    limit = max(BOARDS.robust_px, AGREEMENT.culprit_gain * float(np.median(errors)))
     remarks = [
         f"point {name} in camera {camera} is off by {error:.1f} px: mistaken for another, or"
         " measured wrongly?"

@@ -80,7 +80,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
-            from calib.files.notes import read_notes
+            from calib.files.anipose import read_notes
             from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
             from voxelpose.calibration.pictures import beside, rig_picture, write_calibration
 
@@ -121,8 +121,7 @@ Next to OUT, an image of the cameras and a report in JSON are written.
                 " points"
             )
         if self.points is not None:
-            from calib.points import calibrate_from_points
-            from voxelpose.calibration.points_file import read_points
+            from calib.points import calibrate_from_points, read_points
 
             points = read_points(self.points)
             names = camera_names(self.cameras) or [

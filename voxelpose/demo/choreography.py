@@ -13,17 +13,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
-_STANDING = {
-    "l_out": 8,
-    "r_out": 8,
-    "l_elbow": 14,
-    "r_elbow": 14,
-    "l_knee": 4,
-    "r_knee": 4,
-    "l_hip": 2,
-    "r_hip": 2,
-    "straddle": 4,
-}
+_LIMBS = {"out": 8, "elbow": 14, "knee": 4, "hip": 2}
+_STANDING = {f"{side}_{name}": angle for side in "lr" for name, angle in _LIMBS.items()}
+_STANDING |= {"straddle": 4}
 _CURVES = {
     "monotone": PchipInterpolator,
     "linear": partial(make_interp_spline, k=1),

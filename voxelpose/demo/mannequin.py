@@ -118,21 +118,17 @@ class Mannequin:
             for bone, joint in joints.items()
             if bone.startswith("left")
         }
-        starts = np.cumsum([0] + [len(vertices) for _, _, (vertices, _) in pieces])
+        bones, colours, meshes = zip(*pieces, strict=True)
+        vertices, faces = zip(*meshes, strict=True)
+        counts = [len(part) for part in vertices]
+        starts = np.cumsum([0, *counts[:-1]])
         return cls(
-            np.vstack([vertices for _, _, (vertices, _) in pieces]),
+            np.vstack(vertices),
             np.vstack(
-                [faces + start for (_, _, (_, faces)), start in zip(pieces, starts, strict=False)]
-            ).astype(np.int32),
-            np.concatenate(
-                [np.full(len(faces), colour) for _, colour, (_, faces) in pieces]
-            ).astype(np.int32),
-            np.concatenate(
-                [
-                    np.full(len(vertices), BONE_NAMES.index(bone))
-                    for bone, _, (vertices, _) in pieces
-                ]
-            ).astype(np.int32),
+                [part + start for part, start in zip(faces, starts, strict=True)], dtype="i4"
+            ),
+            np.repeat(np.array(colours, np.int32), [len(part) for part in faces]),
+            np.repeat(np.array([*map(BONE_NAMES.index, bones)], np.int32), counts),
             np.array([joints[bone] for bone in BONE_NAMES]),
             metres(tables["head_top"]),
         )

@@ -61,9 +61,9 @@ def is_image_folder(folder: Path) -> bool:
     return any(file.suffix.lower() in STILLS for file in files)
 
 
-def not_read(folder: Path) -> str:
-    """Words on what lies in a recording folder and is not read, each with its remedy; "" where
-    there is no such thing.
+def not_read(folder: Path, frame: str = "; {}") -> str:
+    """Words on what lies in a recording folder and is not read, each with its remedy, put into a
+    frame; "" where there is no such thing.
     """
     found = []
     for path in visible_entries(folder):
@@ -79,7 +79,8 @@ def not_read(folder: Path) -> str:
             found.append(
                 f"{path.name} is no video that is read: ffmpeg -i {path.name} {path.stem}.mp4"
             )
-    return "; ".join([*found[:_MOST], *_calibrations(folder)[:1]])
+    words = [*found[:_MOST], *_calibrations(folder)[:1]]
+    return frame.format("; ".join(words)) if words else ""
 
 
 def _calibrations(folder: Path) -> list[str]:

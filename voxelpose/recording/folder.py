@@ -12,7 +12,7 @@ from calib.camera import Camera, Rig
 from calib.documents import visible_entries
 from calib.errors import InputError, check_name
 from calib.files import read_rig
-from calib.files.notes import read_up
+from calib.files.anipose import read_up
 from calib.upright import UprightFrame, up_from_cameras
 from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.file_times import recorded_times
@@ -372,8 +372,7 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
     if not paths:
         raise InputError(
             f"{folder} holds no video: put one per camera there, or a folder of frames, named as in"
-            " the calibration (cam_1.mp4, or cam_1/0001.png ...)"
-            + (f"; {hint}" if (hint := not_read(folder)) else "")
+            " the calibration (cam_1.mp4, or cam_1/0001.png ...)" + not_read(folder)
         )
     if cameras is not None:
         filmed = ", ".join(paths)
@@ -414,8 +413,7 @@ def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
             f"one camera needs none, with `voxelpose track {folder} --camera {cameras[0]}`; for"
             " several begin with `voxelpose calibrate board` (docs/calibration.md)"
         )
-    hint = not_read(folder)
-    return InputError(f"{folder} holds no calibration: {remedy}" + (f"; {hint}" if hint else ""))
+    return InputError(f"{folder} holds no calibration: {remedy}{not_read(folder)}")
 
 
 def _select_cameras(
@@ -435,10 +433,9 @@ def _select_cameras(
         if name not in rig:
             raise InputError(f"there is no camera {name}: {calibration} knows {calibrated}")
         if name not in readers:
-            hint = not_read(calibration.parent)
             raise InputError(
                 f"camera {name} of {calibration} has no video (found: {filmed}): add it, or choose"
-                " with --cameras" + (f" ({hint})" if hint else "")
+                f" with --cameras{not_read(calibration.parent, ' ({})')}"
             )
         if readers[name].size != rig[name].size:
             remedy = "calibrate at the size of the recording"

@@ -318,13 +318,9 @@ def cut_off(file: Path) -> str:
                 )
     except OSError:
         return ""
-    return (
-        ""
-        if whole
-        else "it is empty: copy it again"
-        if not size
-        else ("it ends early, or was not finished: copy it again")
-    )
+    if whole:
+        return ""
+    return f"it {'ends early, or was not finished' if size else 'is empty'}: copy it again"
 
 
 def _has_its_boxes(opened: BinaryIO, size: int) -> bool:

@@ -4,7 +4,7 @@ where they are the parts of one.
 What is not plain is asked about: two that move, black and white exchanged, pictures for masks.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -175,11 +175,8 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
         return {}, ()
     if _VOID in names and all(name == _VOID or float(name) < int(_VOID) / 2 for name in names):
         names.remove(_VOID)
-    moving = [
-        name
-        for name in names
-        if _mostly(look.moves(name) for look in several if name in look.names)
-    ]
+    answers = {n: [look.moves(n) for look in several if n in look.names] for n in names}
+    moving = [name for name, moves in answers.items() if 2 * sum(moves) > len(moves)]
     if not moving or not (len(moving) == 1 or all(look.one_piece(moving) for look in several)):
         raise InputError(
             f"{several[0].reader.path.parent} has labels {', '.join(names)}, and"
@@ -194,11 +191,6 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
     else:
         words = f"labels {', '.join(moving)} are one piece and are taken for one person"
     return chosen, (f"masks: {words}; --label chooses",)
-
-
-def _mostly(answers: Iterable[bool]) -> bool:
-    given = list(answers)
-    return 2 * sum(given) > len(given)
 
 
 def _asked_for(looks: Mapping[str, _Look], label: str) -> dict[str, list[str]]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
-from calib.correlation import Signal
 from calib.errors import InputError
+from calib.signals import Signal
 from voxelpose.recording.ffmpeg import QUIET, finished, packets, program
 from voxelpose.tuning import SYNCHRONISATION
 

@@ -85,11 +85,6 @@ def _checked(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
             f"{path} has {len(times)} times for camera {name}, its video"
             f" {reader.frame_count} frames: correct or remove it"
         )
-    if not np.isfinite(times).all():
-        raise InputError(
-            f"{path}: the times of camera {name} are not all numbers of seconds: correct or"
-            " remove it"
-        )
     if (np.diff(times) <= 0).any():
         raise InputError(
             f"{path}: the times of camera {name} do not increase: correct or remove it"

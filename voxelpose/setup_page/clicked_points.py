@@ -13,9 +13,8 @@ from calib.atomic import write_whole
 from calib.camera import Camera, Rig
 from calib.documents import load_text
 from calib.errors import InputError
-from calib.points import triangulate
+from calib.points import read_points, triangulate
 from calib.upright import AXES, UprightFrame, axis_name, cameras_worth, up_candidates
-from voxelpose.calibration.points_file import read_points
 from voxelpose.setup_page.page_requests import MOST_POINTS, PointClicked
 
 POINTS_FILE = "points.csv"

@@ -3,7 +3,7 @@
 import pytest
 
 from calib.errors import InputError
-from voxelpose.calibration.points_file import read_points
+from calib.points import read_points
 
 HEADER = "camera,point,x_px,y_px,x_m,y_m,z_m\n"
 

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
+from calib.points import read_points
 from tests.browsing import new_page
 from tests.voxelpose.setup_page.setup_scenes import SIZE, served, staged
-from voxelpose.calibration.points_file import read_points
 from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
 

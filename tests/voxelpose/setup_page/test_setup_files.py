@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.points import read_points
 from calib.upright import UprightFrame
 from tests.sources import ring, write_recording
 from tests.voxelpose.setup_page.setup_scenes import SIZE, opened, staged
-from voxelpose.calibration.points_file import read_points
 from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
 from voxelpose.setup_page.clicked_points import (
