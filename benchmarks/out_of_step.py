@@ -25,11 +25,10 @@ from benchmarks.agreement import recorded, tracked
 from benchmarks.board_scene import BoardCamera, align_rigs, carried, room, without_poses
 from calib.board import Board
 from calib.camera import Rig
-from calib.correlation import SignalSettings
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import write_rig
-from calib.signals import Offset, offsets_from_signals
+from calib.signals import Offset, SignalSettings, offsets_from_signals
 from calib.synchronise import outline_signal
 from calib.tangency import OutlineTrack
 from silhouette_core.progress import SilentReporter

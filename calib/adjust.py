@@ -262,7 +262,7 @@ class _Problem:
                 for camera in self.start.cameras
             ]
         )
-        scales = np.full((len(start), self.term_count), BOARDS.radial_sigma)
+        scales = np.ones((len(start), self.term_count))
         for row, camera in zip(scales, self.start.cameras, strict=True):
             if not camera.fisheye:
                 row[2:4] = BOARDS.tangential_sigma

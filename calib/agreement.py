@@ -17,6 +17,14 @@ from calib.errors import InputError
 from calib.tangency import OutlineTrack, PairErrors, all_tangencies
 from calib.tuning import AGREEMENT
 
+ROUNDING_PX = 1 / np.sqrt(12)
+"""px of a small image: standard deviation of an outline that is known to whole pixels."""
+OUTLINES_PX = np.sqrt(2) * ROUNDING_PX
+"""px of a small image: that of the difference of two such outlines."""
+SUBFRAME = (1 + AGREEMENT.step_frames) / 2
+"""Frames: offsets up to half a frame do no harm and cannot be corrected by whole frames, nor what
+their estimate is off by."""
+
 
 @dataclass(frozen=True)
 class CameraAgreement:
@@ -146,7 +154,7 @@ def _fewest(
         for left_out in combinations(names, count):
             rest = [name for name in names if name not in left_out]
             rest_px = group_error(errors, rest)
-            limit = AGREEMENT.culprit_gain * max(rest_px, AGREEMENT.accurate_px * scale)
+            limit = AGREEMENT.culprit_gain * max(rest_px, ROUNDING_PX * scale)
             distance_px = min(trimmed_mean(signed_errors(errors, name, rest)) for name in left_out)
             if distance_px > limit and rest_px <= AGREEMENT.disagree_px * scale:
                 candidates.append((rest_px / distance_px, left_out))

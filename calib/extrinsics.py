@@ -241,7 +241,7 @@ def _advice(table: tuple[CameraError, ...]) -> tuple[str, ...]:
         others = [
             other.rms_px for other in table if other is not line and np.isfinite(other.rms_px)
         ]
-        if others and line.rms_px > max(1.0, AGREEMENT.late_enough_gain * float(np.median(others))):
+        if others and line.rms_px > max(1.0, AGREEMENT.alike_gain * float(np.median(others))):
             remarks.append(
                 f"camera {line.camera} disagrees with the others ({line.rms_px:.1f} px): wrong"
                 " lens, mirrored picture or out of sync?"

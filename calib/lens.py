@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from calib.checks import FloatArray
 
@@ -255,13 +256,7 @@ def _tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
 
     Source: OpenCV, as above.
     """
-    rotation_x = np.array(
-        [[1, 0, 0], [0, np.cos(tau_x), np.sin(tau_x)], [0, -np.sin(tau_x), np.cos(tau_x)]]
-    )
-    rotation_y = np.array(
-        [[np.cos(tau_y), 0, -np.sin(tau_y)], [0, 1, 0], [np.sin(tau_y), 0, np.cos(tau_y)]]
-    )
-    rotation = rotation_y @ rotation_x
+    rotation = Rotation.from_euler("xy", [-tau_x, -tau_y]).as_matrix()
     onto_plane = np.array(
         [[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]]
     )

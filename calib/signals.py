@@ -4,7 +4,8 @@ The signals (speeds of an outline or of a board, loudness) need no calibration. 
 signals are correlated at all offsets; the offsets of all cameras are those at which the pairs
 together correlate best, refined by least squares over the peaks of the pairs.
 
-Source: standard errors by the delete-a-block jackknife.
+Source: normalised cross-correlation where some values are missing: Padfield, Masked object
+registration in the Fourier domain; standard errors by the delete-a-block jackknife.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,23 +13,97 @@ from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import correlate
 
 from calib.checks import FloatArray
-from calib.correlation import (
-    NEAR_STEPS,
-    Correlogram,
-    OffsetCosts,
-    Signal,
-    SignalSettings,
-    correlogram,
-    sampled,
-)
 from calib.errors import InputError
-from calib.tangency import offset_grid
+from calib.tangency import interpolate, offset_grid
 from calib.tuning import SIGNALS
 
+OffsetCosts = tuple[FloatArray, FloatArray]
+"""Offsets (K,), s, increasing, of a pair's second camera relative to the first, and costs (K,)."""
+NEAR_STEPS = 8
+"""Steps within which the peak of a pair is looked for."""
 _ROUNDS = 4
 _BLOCKS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """What one camera measured over time.
+
+    Attributes:
+        time_s: (T,) float64, increasing: times by its own clock.
+        values: (T, K) float64, NaN where unknown; the same K things for all cameras.
+    """
+
+    camera: str
+    time_s: FloatArray
+    values: FloatArray
+
+    @property
+    def period_s(self) -> float:
+        """Time between values, s."""
+        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 1.0
+
+
+@dataclass(frozen=True)
+class SignalSettings:
+    """How signals are compared.
+
+    Attributes:
+        max_offset_s: Largest offset between two cameras, s.
+        step_s: Step at which signals are sampled, s.
+        sigma_s: Standard deviation of the Gaussian by which they are smoothed, s.
+        lasting: Whether they say something all the time, so that parts of them can be left out to
+            estimate errors; a single clap cannot.
+    """
+
+    max_offset_s: float
+    step_s: float = SIGNALS.sigma_s / 6
+    sigma_s: float = SIGNALS.sigma_s
+    lasting: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Correlogram:
+    """Correlation of two cameras' signals by offset of the second relative to the first.
+
+    Attributes:
+        offsets_s: (K,) float64, evenly increasing, s.
+        values: (K,) float64, -1 to 1; NaN where the signals hardly overlap.
+    """
+
+    offsets_s: FloatArray
+    values: FloatArray
+
+    def at(self, offset_s: float) -> float:
+        """Correlation at an offset, s; 0 where unknown."""
+        return float(np.interp(offset_s, self.offsets_s, np.nan_to_num(self.values)))
+
+    def peak(self, near_s: float) -> tuple[float, float]:
+        r"""Offset, s, of the peak near an offset, and its weight in least squares.
+
+        The peak is that of the parabola through three values. With the correlation and its
+        curvature, the weight is
+
+        .. math:: w = -\frac{\rho'' \rho}{1 - \rho^2}
+        """
+        step = float(self.offsets_s[1] - self.offsets_s[0])
+        values = np.nan_to_num(self.values)
+        middle = int(np.clip(np.rint((near_s - self.offsets_s[0]) / step), 0, len(values) - 1))
+        low = max(middle - NEAR_STEPS, 0)
+        at = low + int(values[low : middle + NEAR_STEPS + 1].argmax())
+        if not 0 < at < len(values) - 1:
+            return near_s, 0.0
+        before, here, after = values[at - 1 : at + 2]
+        curvature = before - 2 * here + after
+        if here <= max(before, after, 0) or curvature >= 0:
+            return near_s, 0.0
+        shift = 0.5 * (before - after) / curvature
+        weight = -curvature / step**2 * here / max(1 - here**2, 1e-6)
+        return float(self.offsets_s[at] + step * shift), float(weight)
 
 
 @dataclass(frozen=True)
@@ -97,30 +172,23 @@ def offsets_from_signals(
     ordered = sorted(signals, key=lambda signal: signal.camera != reference)
     even = [sampled(signal, settings) for signal in ordered]
     curves = _curves(even, settings)
-    start = consistent_offsets(
-        {pair: curve.costs() for pair, curve in curves.items()}, len(names), settings.max_offset_s
-    )
+    costs = {
+        pair: (curve.offsets_s, 1 - np.nan_to_num(curve.values)) for pair, curve in curves.items()
+    }
+    start = consistent_offsets(costs, len(names), settings.max_offset_s)
     offsets, variance, residuals = _adjusted(curves, start)
     if settings.lasting:
         variance = np.maximum(variance, _jackknife(even, start, settings))
     at = {pair: curve.at(offsets[pair[1]] - offsets[pair[0]]) for pair, curve in curves.items()}
-    lines = [
-        Offset(
-            signal.camera,
-            float(offsets[index]),
-            float(np.sqrt(variance[index])),
-            float(offsets[index] / signal.period_s),
-        )
-        for index, signal in enumerate(ordered)
-    ]
     order = [signal.camera for signal in ordered]
+    periods = [signal.period_s for signal in ordered]
     best = [
         max(value for pair, value in at.items() if index in pair) for index in range(len(names))
     ]
     rivalled = [_is_rivalled(curves, offsets, index, settings) for index in range(len(names))]
     return SignalOffsets(
         reference,
-        tuple(sorted(lines, key=lambda line: names.index(line.camera))),
+        offset_table(order, names, offsets, np.sqrt(variance), periods),
         float(np.mean(list(at.values()))),
         float(np.sqrt(np.mean(residuals**2))) if len(names) > 2 else np.nan,
         tuple(name for name, value in zip(order, best, strict=True) if value < SIGNALS.alike),
@@ -130,6 +198,19 @@ def offsets_from_signals(
             if value >= SIGNALS.alike and other
         ),
     )
+
+
+def offset_table(
+    order: Sequence[str],
+    names: Sequence[str],
+    offsets: FloatArray,
+    errors: FloatArray,
+    periods: Sequence[float],
+) -> tuple[Offset, ...]:
+    """Rows in the order of `names`, of offsets, standard errors and periods, s, in another one."""
+    columns = zip(order, offsets.tolist(), errors.tolist(), periods, strict=True)
+    rows = {name: Offset(name, own, error, own / period) for name, own, error, period in columns}
+    return tuple(rows[name] for name in names)
 
 
 def _is_rivalled(
@@ -149,7 +230,7 @@ def _is_rivalled(
             at = sign * (offsets[camera] + grid - offsets[other])
             total += np.interp(at, curve.offsets_s, values, left=0.0, right=0.0)
             own += curve.at(sign * (offsets[camera] - offsets[other]))
-    apart = np.abs(grid) > max(SIGNALS.apart_sigmas * settings.sigma_s, SIGNALS.apart_s)
+    apart = np.abs(grid) > SIGNALS.apart_s
     if not apart.any():
         return False
     own, rival = own / (len(offsets) - 1), float(total[apart].max()) / (len(offsets) - 1)
@@ -177,8 +258,8 @@ def consistent_offsets(
     Cameras are added one by one at the offset of least cost, then each offset is optimised in turn.
     """
     step = min(
-        float(pair.offsets_s[1] - pair.offsets_s[0]) if len(pair.offsets_s) > 1 else max_offset_s
-        for pair in costs.values()
+        float(tried[1] - tried[0]) if len(tried) > 1 else max_offset_s
+        for tried, _ in costs.values()
     )
     grid = offset_grid(max_offset_s, step)
     offsets = np.zeros(count)
@@ -186,8 +267,9 @@ def consistent_offsets(
     def best_offset(camera: int, others: Sequence[int]) -> tuple[float, float]:
         cost = np.zeros(len(grid))
         for other in others:
-            pair = costs[min(camera, other), max(camera, other)]
-            cost += pair.at((grid - offsets[other]) * (1 if camera > other else -1))
+            tried, values = costs[min(camera, other), max(camera, other)]
+            at = (grid - offsets[other]) * (1 if camera > other else -1)
+            cost += np.interp(at, tried, values, left=values.max(), right=values.max())
         best = int(cost.argmin())
         return float(cost[best] - np.median(cost)) / max(1, len(others)), float(grid[best])
 
@@ -257,5 +339,90 @@ def _jackknife(
             inside = (signal.time_s - late >= low) & (signal.time_s - late < high)
             parts.append(replace(signal, values=np.where(inside[:, None], np.nan, signal.values)))
         replicates.append(_adjusted(_curves(parts, near), start)[0])
-    deviations = np.array(replicates) - np.mean(replicates, axis=0)
-    return (_BLOCKS - 1) / _BLOCKS * (deviations**2).sum(axis=0)
+    return jackknife(replicates)
+
+
+def jackknife(replicates: Sequence[FloatArray]) -> FloatArray:
+    """Variances of estimates, from those without one block of the data each."""
+    return (len(replicates) - 1) * np.var(replicates, axis=0)
+
+
+def sampled(signal: Signal, settings: SignalSettings) -> Signal:
+    """A signal at multiples of the step, smoothed, its means zero."""
+    first = np.ceil(signal.time_s[0] / settings.step_s - 1e-6)
+    last = np.maximum(first, np.floor(signal.time_s[-1] / settings.step_s + 1e-6))
+    time_s = np.arange(first, last + 1, dtype=np.float64) * settings.step_s
+    values = interpolate(signal.time_s, signal.values, time_s)
+    known = np.isfinite(values)
+    sigma = settings.sigma_s / settings.step_s
+    weights = gaussian_filter1d(known.astype(np.float64), sigma, axis=0)
+    smooth = gaussian_filter1d(np.where(known, values, 0.0), sigma, axis=0)
+    smooth /= np.maximum(weights, 1e-12)
+    smooth[~known] = np.nan
+    mean = np.where(known.any(axis=0), np.nansum(smooth, axis=0) / np.maximum(known.sum(0), 1), 0)
+    return Signal(signal.camera, time_s, smooth - mean)
+
+
+def correlogram(first: Signal, second: Signal, settings: SignalSettings) -> Correlogram:
+    """Correlation of two signals that `sampled` returned with the same settings."""
+    step = settings.step_s
+    begin = round((second.time_s[0] - first.time_s[0]) / step)
+    # Row k of the full correlation belongs to an offset of `lags[k]` steps.
+    lags = np.arange(-(len(first.time_s) - 1), len(second.time_s)) + begin
+    most = max(round(settings.max_offset_s / step), 1)
+    kept = np.abs(lags) <= most
+    each = np.full((first.values.shape[1], 2 * most + 1), np.nan)
+    for row, (a, b) in enumerate(zip(first.values.T, second.values.T, strict=True)):
+        each[row, lags[kept] + most] = masked_correlation(a, b)[kept]
+    return Correlogram(np.arange(-most, most + 1, dtype=np.float64) * step, joint_correlation(each))
+
+
+def joint_correlation(each: FloatArray) -> FloatArray:
+    r"""Correlation (K,) of signals that measure several things, from that of each (C, K).
+
+    What correlates well counts most, as in the mutual information of Gaussian variables:
+
+    .. math:: \rho = \sqrt{1 - \prod_c (1 - \max(\rho_c, 0)^2)^{1/C}}
+
+    NaN where none is known; a thing that is not known counts as uncorrelated.
+    """
+    known = np.clip(np.nan_to_num(each), 0.0, 1.0 - 1e-9)
+    left = np.exp(np.log1p(-(known**2)).mean(axis=0))
+    return np.where(np.isfinite(each).any(axis=0), np.sqrt(1 - left), np.nan)
+
+
+def masked_correlation(first: FloatArray, second: FloatArray) -> FloatArray:
+    r"""Normalised correlation (T + U - 1,) at all shifts of the second signal.
+
+    .. math:: \rho_k = \frac{\sum_t (a_t - \bar a_k) (b_{t+k} - \bar b_k)}
+        {\sqrt{\sum_t (a_t - \bar a_k)^2 \sum_t (b_{t+k} - \bar b_k)^2}}
+
+    over the t at which both are known.
+
+    Args:
+        first: (T,) float64, a, NaN where unknown.
+        second: (U,) float64, b, NaN where unknown.
+
+    Returns:
+        The correlation at shifts k = -(T - 1) to U - 1; NaN where less than a quarter of the
+        shorter signal overlaps.
+    """
+    (a, known_a), (b, known_b) = (
+        (np.nan_to_num(values), np.isfinite(values).astype(np.float64))
+        for values in (first, second)
+    )
+
+    def slide(left: FloatArray, right: FloatArray) -> FloatArray:
+        return np.asarray(correlate(right, left, "full", "fft"))
+
+    count = np.rint(slide(known_a, known_b))
+    enough = count >= max(SIGNALS.overlap * min(known_a.sum(), known_b.sum()), 3)
+    count = np.maximum(count, 1)
+    sum_a, sum_b = slide(a, known_b), slide(known_a, b)
+    product = slide(a, b) - sum_a * sum_b / count
+    spread_a = slide(a**2, known_b) - sum_a**2 / count
+    spread_b = slide(known_a, b**2) - sum_b**2 / count
+    floor = 1e-9 * max(float((a**2).sum()), float((b**2).sum()), 1e-30)
+    enough &= (spread_a > floor) & (spread_b > floor)
+    scale = np.sqrt(np.where(enough, spread_a * spread_b, 1.0))
+    return np.where(enough, np.clip(product / scale, -1, 1), np.nan)

@@ -17,13 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.agreement import image_scale, trimmed_mean
+from calib.agreement import OUTLINES_PX, image_scale, trimmed_mean
 from calib.checks import FloatArray
-from calib.correlation import Correlogram, OffsetCosts, Signal, SignalSettings, correlogram, sampled
 from calib.errors import InputError
-from calib.signals import Offset, checked_reference, consistent_offsets, offsets_from_signals
+from calib.signals import (
+    Offset,
+    OffsetCosts,
+    Signal,
+    SignalSettings,
+    checked_reference,
+    consistent_offsets,
+    jackknife,
+    offset_table,
+    offsets_from_signals,
+)
 from calib.tangency import OutlineTrack, offset_grid, tangency
-from calib.tuning import AGREEMENT
+from calib.tuning import AGREEMENT, SIGNALS
 
 _MAX_MOMENTS = 240
 _MIN_PLANES = 8
@@ -74,15 +83,13 @@ def synchronise(
         require_motion(track)
     ordered = sorted(tracks, key=lambda track: track.camera.name != reference)
     pairs = {
-        (a, b): _Pair.measure(ordered[a], ordered[b], max_offset_s)
+        (a, b): _costs(ordered[a], ordered[b], max_offset_s)
         for a, b in combinations(range(len(ordered)), 2)
     }
-    start = consistent_offsets(
-        {pair: measured.costs() for pair, measured in pairs.items()}, len(ordered), max_offset_s
-    )
-    offsets, errors = _refined_offsets(
-        ordered, start, np.array([pair.weight for pair in pairs.values()])
-    )
+    costs = {pair: cost for pair, (cost, _) in pairs.items()}
+    start = consistent_offsets(costs, len(ordered), max_offset_s)
+    weights = np.array([weight for _, weight in pairs.values()])
+    offsets, errors = _refined_offsets(ordered, start, weights)
     before, after = _error(ordered, np.zeros(len(ordered))), _error(ordered, offsets)
     agreed = bool(np.isfinite(after) and after <= AGREEMENT.disagree_px * image_scale(tracks))
     if not agreed:
@@ -90,17 +97,9 @@ def synchronise(
         by_signal = offsets_from_signals([outline_signal(track) for track in ordered], settings)
         offsets = np.array([line.offset_s for line in by_signal.offsets])
         errors = np.full(len(ordered), np.nan)
-    lines = [
-        Offset(
-            track.camera.name,
-            float(offsets[index]),
-            float(errors[index]),
-            float(offsets[index] / track.period_s),
-        )
-        for index, track in enumerate(ordered)
-    ]
-    lines.sort(key=lambda line: names.index(line.camera))
-    return Synchronisation(reference, tuple(lines), before, _error(ordered, offsets), agreed)
+    order = [track.camera.name for track in ordered]
+    table = offset_table(order, names, offsets, errors, [track.period_s for track in ordered])
+    return Synchronisation(reference, table, before, _error(ordered, offsets), agreed)
 
 
 def outline_signal(track: OutlineTrack) -> Signal:
@@ -135,53 +134,35 @@ def require_motion(track: OutlineTrack) -> None:
     ) / (max(track.camera.size) / 480)
     later = len(box) // 4
     moved = np.abs(box[later:] - box[: len(box) - later]).max(axis=1)
-    if np.median(moved) < AGREEMENT.moved_px:
+    if np.median(moved) < AGREEMENT.disagree_px:
         raise InputError(
             f"nobody moves in {track.camera.name}, so its offset cannot be found: take a part in"
             " which somebody walks or swings the arms"
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Agreement of two cameras at all offsets."""
-
-    offsets_s: FloatArray  #: (K,) offsets of the second camera relative to the first, s.
-    errors_px: FloatArray  #: (K,) tangency errors, px of an image of 480 x 360.
-    correlogram: Correlogram  #: Correlations of the outlines' velocities.
-
-    @classmethod
-    def measure(cls, first: OutlineTrack, second: OutlineTrack, max_offset_s: float) -> "_Pair":
-        step = AGREEMENT.offset_step_frames * min(first.period_s, second.period_s)
-        offsets = offset_grid(max_offset_s, step)
-        moments = first.time_s[:: max(1, len(first.time_s) // _MAX_MOMENTS)]
-        signed_errors = [
-            tangency(first, second, moments, (0.0, offset)) / image_scale([first, second])
-            for offset in offsets
-        ]
-        known = np.array([np.isfinite(signed).sum() for signed in signed_errors])
-        errors = np.array([trimmed_mean(signed) for signed in signed_errors])
-        errors[known < max(_MIN_PLANES, 0.25 * known.max())] = np.nan
-        settings = SignalSettings(max_offset_s)
-        left, right = (sampled(outline_signal(track), settings) for track in (first, second))
-        return cls(offsets, errors, correlogram(left, right, settings))
-
-    @property
-    def weight(self) -> float:
-        """Weight of the pair: 1 if it agrees at some offset, less the larger its smallest error."""
-        known = self.errors_px[np.isfinite(self.errors_px)]
-        good = AGREEMENT.good_px
-        return good / max(good, float(known.min())) if len(known) else 0.0
-
-    def costs(self) -> OffsetCosts:
-        """Relative tangency errors, or lack of correlation where none is known."""
-        known = np.isfinite(self.errors_px)
-        if not known.any():
-            return self.correlogram.costs()
-        largest, usual = np.nanmax(self.errors_px), np.nanmedian(self.errors_px)
-        return OffsetCosts(
-            self.offsets_s, np.where(known, self.errors_px, largest) / max(usual, 1e-9)
-        )
+def _costs(
+    first: OutlineTrack, second: OutlineTrack, max_offset_s: float
+) -> tuple[OffsetCosts, float]:
+    """Relative tangency errors of two cameras at all offsets of the second, the same everywhere
+    where none is known; and the pair's weight: 1 if it agrees at some offset, less the larger its
+    smallest error.
+    """
+    step = 2 * AGREEMENT.step_frames * min(first.period_s, second.period_s)
+    offsets = offset_grid(max_offset_s, step)
+    moments = first.time_s[:: max(1, len(first.time_s) // _MAX_MOMENTS)]
+    signed_errors = [
+        tangency(first, second, moments, (0.0, offset)) / image_scale([first, second])
+        for offset in offsets
+    ]
+    known = np.array([np.isfinite(signed).sum() for signed in signed_errors])
+    errors = np.array([trimmed_mean(signed) for signed in signed_errors])
+    errors[known < max(_MIN_PLANES, SIGNALS.overlap * known.max())] = np.nan
+    if not np.isfinite(errors).any():
+        return (offsets, np.ones(len(offsets))), 0.0
+    largest, usual = np.nanmax(errors), max(float(np.nanmedian(errors)), 1e-9)
+    weight = OUTLINES_PX / max(OUTLINES_PX, float(np.nanmin(errors)))
+    return (offsets, np.nan_to_num(errors, nan=largest) / usual), weight
 
 
 def _moments(tracks: Sequence[OutlineTrack], offsets: FloatArray) -> FloatArray:
@@ -234,7 +215,7 @@ def _refined_offsets(
 
         def slopes(x: FloatArray) -> FloatArray:
             # Wide steps: angles are interpolated linearly, so the error has kinks at the frames.
-            half = AGREEMENT.slope_frames
+            half = AGREEMENT.step_frames
             steps = half * np.eye(len(x))
             return np.array([(cost(x + step) - cost(x - step)) / (2 * half) for step in steps]).T
 
@@ -243,7 +224,7 @@ def _refined_offsets(
             begin[1:] / unit,
             jac=slopes,  # pyright: ignore[reportArgumentType]  # the stubs only have strings
             loss="soft_l1",
-            f_scale=AGREEMENT.soft_px,
+            f_scale=OUTLINES_PX,
             max_nfev=30,
         )
         return np.concatenate([[0.0], result.x * unit])
@@ -253,5 +234,4 @@ def _refined_offsets(
     replicates = [
         solve(known & (block != left_out)[None, :, None], offsets) for left_out in range(_BLOCKS)
     ]
-    deviations = np.array(replicates) - np.mean(replicates, axis=0)
-    return offsets, np.sqrt((_BLOCKS - 1) / _BLOCKS * (deviations**2).sum(axis=0))
+    return offsets, np.sqrt(jackknife(replicates))

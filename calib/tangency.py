@@ -249,10 +249,7 @@ class OutlineTrack:
         corners, moment, inside = self._corners
         if not len(corners):
             return angle, speed
-        first = zero - (zero @ baseline) * baseline
-        first /= max(float(np.linalg.norm(first)), 1e-12)
-        axes = self.camera.rotation @ np.column_stack([first, np.cross(baseline, first)])
-        beside = corners @ axes
+        beside = corners @ (self.camera.rotation @ plane_axes(baseline, zero).T)
         across = np.hypot(beside[:, 0], beside[:, 1])
         around = np.arctan2(beside[:, 1], beside[:, 0])
         starts = np.flatnonzero(np.diff(moment, prepend=-1))
@@ -264,15 +261,23 @@ class OutlineTrack:
             - np.pi
         )
         low, high = np.minimum.reduceat(unwrapped, starts), np.maximum.reduceat(unwrapped, starts)
-        widest = np.radians(OUTLINES.widest_deg)
         focal = float(np.sqrt(self.camera.matrix[0, 0] * self.camera.matrix[1, 1]))
         for side, extreme in enumerate((low, high)):
             at = np.flatnonzero(unwrapped == extreme[segment])
             at = at[np.unique(segment[at], return_index=True)[1]]
-            good = inside[at] & (high - low < widest) & (across[at] > OUTLINES.least_across)
+            good = inside[at] & (high - low < np.pi)  # else the baseline meets the body
             angle[moment[starts][good], side] = extreme[good]
             speed[moment[starts][good], side] = focal * across[at][good]
         return angle, speed
+
+
+def plane_axes(baseline: FloatArray, zero: FloatArray) -> FloatArray:
+    """Orthonormal basis (2, 3) of the plane normal to a unit vector (3,), its first vector toward
+    another one (3,).
+    """
+    first = zero - (zero @ baseline) * baseline
+    first /= max(float(np.linalg.norm(first)), 1e-12)
+    return np.stack([first, np.cross(baseline, first)])
 
 
 def tangency(

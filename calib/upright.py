@@ -31,6 +31,7 @@ AXES = {
 }
 """Directions of the world by name: x, y, z, -x, -y and -z."""
 _MOST = 4  # candidates
+_POSSIBLE = UPRIGHT.ambiguous * UPRIGHT.on_its_side  # worth where all lie on their sides and lean
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,7 @@ def up_candidates(rig: Rig) -> list[FloatArray]:
         rig: at least one camera.
 
     Returns:
-        Unit vectors (3,) float64, 20 degrees or more apart; they explain at least 0.9 of what the
+        Unit vectors (3,) float64, 20 degrees or more apart; they explain at least 0.85 of what the
         first one explains. Of equals the first is z, where it is among them.
     """
     ranked = sorted(_directions(rig), key=lambda up: -cameras_worth(rig, up))
@@ -192,8 +193,10 @@ def up_from_cameras(rig: Rig) -> FloatArray:
     It is z where the cameras may stand so: upright, or all on their side, or looking straight down.
     Else it is the first of `up_candidates`.
     """
-    down = all(abs(camera.rotation[2] @ Z_UP) > UPRIGHT.straight for camera in rig)
-    if not is_cameras_own(rig) and (down or cameras_worth(rig, Z_UP) >= UPRIGHT.possible):
+    down = all(
+        abs(camera.rotation[2] @ Z_UP) > np.cos(np.radians(UPRIGHT.same_deg)) for camera in rig
+    )
+    if not is_cameras_own(rig) and (down or cameras_worth(rig, Z_UP) >= _POSSIBLE):
         return Z_UP
     return up_candidates(rig)[0]
 
@@ -228,7 +231,7 @@ def _stances(rig: Rig, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     across = np.stack([right, -above, -right, above], axis=1)
     upright = np.cos(2 * np.minimum(lean, np.pi / 4))  # 0 where the next stance begins
     # Of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
-    worth = np.array([1.0, UPRIGHT.on_its_side, UPRIGHT.upside_down, UPRIGHT.on_its_side])
+    worth = np.array([1.0, UPRIGHT.on_its_side, 1 - UPRIGHT.on_its_side, UPRIGHT.on_its_side])
     return upright * worth * np.minimum(told[:, None] / 0.3, 1.0), across
 
 
@@ -242,7 +245,7 @@ def _axis_near(rig: Rig, up: FloatArray) -> FloatArray:
     if is_cameras_own(rig):
         return up
     share = cameras_worth(rig, axis) / max(cameras_worth(rig, up), 1e-9)
-    near = _same(axis, up) and share >= UPRIGHT.alike
+    near = _same(axis, up) and share >= UPRIGHT.ambiguous
     return axis if near or share >= UPRIGHT.equal else up
 
 

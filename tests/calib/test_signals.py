@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from calib.correlation import (
+from calib.errors import InputError
+from calib.signals import (
     Correlogram,
     Signal,
     SignalSettings,
     correlogram,
     joint_correlation,
     masked_correlation,
+    offsets_from_signals,
     sampled,
 )
-from calib.errors import InputError
-from calib.signals import offsets_from_signals
 
 BEGIN_S = {"cam_1": 1.3, "cam_2": 0.0, "cam_3": 2.11, "cam_4": 0.4}
 RATES = {"cam_1": 25.0, "cam_2": 30.0, "cam_3": 60.0, "cam_4": 12.0}

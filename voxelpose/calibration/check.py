@@ -8,14 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import Agreement, agreement
+from calib.agreement import SUBFRAME, Agreement, agreement
 from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.files import write_rig
 from calib.moments import even_moments
 from calib.repair import Repair, explain
 from calib.tangency import Outline, OutlineTrack
-from calib.tuning import AGREEMENT
 from calib.upright import axis_name, other_up
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
@@ -111,7 +110,7 @@ def check_recording(
     notes = _notes(recording, silhouettes, checked)
     frames = [(repair.camera, abs(repair.offset_s) * recording.fps) for repair in repairs]
     late = all(repair.kind == "out of step" for repair in repairs)
-    if after is not None and late and max(count for _, count in frames) <= AGREEMENT.subframe:
+    if after is not None and late and max(count for _, count in frames) <= SUBFRAME:
         who = ", ".join(f"{camera} by {count:.1f}" for camera, count in frames)
         notes += (
             f"frames do not quite coincide ({who} of a frame), as where cameras are not triggered"
@@ -270,19 +269,16 @@ def verdict_on(check: Check, camera: str) -> str:
 def remedy(check: Check, camera: str) -> str:
     """Returns what the user can do about a camera that does not agree."""
     repair = next(repair for repair in check.repairs if repair.camera == camera)
-    if repair.kind == "swapped":
-        return f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}"
-    if repair.kind == "out of step":
-        return "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`"
-    if repair.kind == "scaled":
-        return (
-            "record as you calibrated (same resolution, no black bars, no crop), or run with"
-            f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
-            " silhouettes: look at --png"
-        )
-    if repair.kind == "unexplained":
-        return f"look at {camera}'s silhouettes first; if they are good, calibrate it again"
-    return "calibrate it again, or run with --repair"
+    remedies = {
+        "swapped": f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}",
+        "out of step": "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`",
+        "scaled": "record as you calibrated (same resolution, no black bars, no crop), or run with"
+        f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
+        " silhouettes: look at --png",
+        "unexplained": f"look at {camera}'s silhouettes first; if they are good, calibrate it"
+        " again",
+    }
+    return remedies.get(repair.kind, "calibrate it again, or run with --repair")
 
 
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:

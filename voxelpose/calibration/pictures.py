@@ -18,7 +18,7 @@ from calib.atomic import replacing
 from calib.camera import Camera, FloatArray, Rig
 from calib.files import write_rig
 from calib.points import nearest_point
-from calib.tangency import OutlineTrack
+from calib.tangency import OutlineTrack, plane_axes
 from calib.upright import UprightFrame, up_candidates
 from voxelpose.calibration.check import Check
 from voxelpose.calibration.lenses import Lens
@@ -103,7 +103,7 @@ def coverage_picture(lenses: list[Lens]) -> Image:
             axes.set_axis_off()
         for axes, lens in zip(panels, lenses, strict=False):
             found, used = lens.intrinsics, lens.used()
-            (width, height), centre = found.size, found.matrix[:2, 2]
+            (width, height), centre = found.camera.size, found.camera.matrix[:2, 2]
             colours = np.where(found.coverage[..., None] > 0, _rgb(_FILLED), _rgb(_EMPTY))
             axes.imshow(colours, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
             corners = np.concatenate([view.pixels for view in used.values()])
@@ -111,7 +111,7 @@ def coverage_picture(lenses: list[Lens]) -> Image:
             axes.plot(*centre, "+", color=_rgb(INK), ms=12)
             axes.set_title(
                 f"{lens.camera}\n{found.rms_px:.2f} px in {len(used)} pictures, focal length"
-                f" {found.matrix[0, 0]:.0f} px"
+                f" {found.camera.matrix[0, 0]:.0f} px"
             )
             axes.set_xticks([])
             axes.set_yticks([])
@@ -261,14 +261,12 @@ def touching_lines(camera: Camera, other: OutlineTrack, time_s: float) -> list[N
     baseline = other.camera.center_m - camera.center_m
     baseline = baseline / max(float(np.linalg.norm(baseline)), 1e-9)
     zero = other.toward_body()
-    first = zero - (zero @ baseline) * baseline
-    first /= max(float(np.linalg.norm(first)), 1e-9)
-    second = np.cross(baseline, first)
+    axes = plane_axes(baseline, zero)
     angles, _ = other.tangent_angles(baseline, zero)
     index = int(np.abs(other.time_s - time_s).argmin())
     lines = []
     for angle in angles[index][np.isfinite(angles[index])]:
-        normal_ray = np.cos(angle) * first + np.sin(angle) * second
+        normal_ray = np.array([np.cos(angle), np.sin(angle)]) @ axes
         along = np.tan(np.linspace(-1.5, 1.5, 400))
         pixels, _ = camera.project(camera.center_m + normal_ray + along[:, None] * baseline)
         lines.append(pixels)

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calib.agreement import image_scale
+from calib.agreement import OUTLINES_PX, image_scale
 from calib.board import Board, BoardView
 from calib.camera import Camera, Rig
-from calib.correlation import Signal, SignalSettings
 from calib.errors import InputError
 from calib.files import read_rig
-from calib.pairs import board_poses
-from calib.signals import SignalOffsets, checked_reference, offsets_from_signals
+from calib.pairs import board_poses, check_lens_size
+from calib.signals import (
+    Signal,
+    SignalOffsets,
+    SignalSettings,
+    checked_reference,
+    offsets_from_signals,
+)
 from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
-from calib.tuning import AGREEMENT
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
-from voxelpose.calibration.board_views import BoardFinder, check_lens_size
+from voxelpose.calibration.board_views import BoardFinder
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
 from voxelpose.recording.camera_files import not_read, pictures_by_camera
 from voxelpose.recording.file_times import times_in_files
@@ -35,46 +40,6 @@ _LEAST_VIEWS = 20
 _BOARD_HZ = 12  # how often the board is looked for: enough on the boards of docs/results.md
 _MAX_OFFSET_S = {"geometry": 2, "board": 20, "sound": 60, "silhouettes": 10}
 _SECONDS = {"geometry": 12, "board": 60, "sound": 600, "silhouettes": 40}
-
-
-def board_signals(
-    board: Board,
-    readers: Mapping[str, FrameReader],
-    times: Mapping[str, Times],
-    lenses: Rig,
-    window_s: tuple[float, float],
-    reporter: Reporter,
-) -> list[Signal]:
-    """Speed of a carried board in space, m/s, which is the same for all cameras.
-
-    Args:
-        readers: pictures by camera name.
-        times: (frames,) float64, s, by each camera's clock.
-        window_s: begin and end of the part that is used, by each camera's clock.
-
-    Raises:
-        InputError: a lens is missing or is of another picture size, or a camera hardly sees the
-            board.
-    """
-    signals = []
-    for name, reader in readers.items():
-        camera = _lens(lenses, name, reader)
-        inside = np.flatnonzero((times[name] >= window_s[0]) & (times[name] <= window_s[1]))
-        rate = 1 / max(float(np.median(np.diff(times[name]))), 1e-9)
-        numbers = inside[:: max(1, int(rate / _BOARD_HZ))]
-        reporter.stage(f"looking for the board in {name}", len(numbers))
-        find, views = BoardFinder(board, stills=False), []
-        for picture in reader.select(numbers.tolist()):
-            views.append(find(picture))
-            reporter.advance()
-        seen = [isinstance(view, BoardView) for view in views]
-        if sum(seen) < _LEAST_VIEWS:
-            raise InputError(
-                f"{name} saw the board in {sum(seen)} of {len(views)} frames ({find.failure()}):"
-                " carry it nearer and for longer, or choose another way with --by"
-            )
-        signals.append(board_speed(board, camera, times[name][numbers], views))
-    return signals
 
 
 def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Signal:
@@ -94,40 +59,6 @@ def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Sig
     return Signal(camera.name, middle_s, speed[:, None])
 
 
-def sound_signals(paths: Mapping[str, Path], seconds: float, reporter: Reporter) -> list[Signal]:
-    """Onsets of all videos' sound.
-
-    Args:
-        paths: videos by camera name.
-        seconds: length of the part, from the beginning, that is used.
-
-    Raises:
-        InputError: a camera recorded no sound.
-    """
-    reporter.stage("sound", len(paths))
-    if silent := [name for name in paths if not has_sound(paths[name])]:
-        raise InputError(
-            f"{', '.join(silent)} recorded no sound: choose another way with --by, such as"
-            " --by silhouettes"
-        )
-    signals = []
-    for name, path in paths.items():
-        signals.append(onsets(path, name, seconds))
-        reporter.advance()
-    return signals
-
-
-def _lens(lenses: Rig, name: str, reader: FrameReader) -> Camera:
-    """The lens of a camera, of the size of its pictures."""
-    if name not in lenses:
-        raise InputError(
-            f"no lens for {name}: the calibration has {', '.join(lenses.names)}; add it, or choose"
-            " with --cameras"
-        )
-    check_lens_size(lenses[name], reader)
-    return lenses[name]
-
-
 SyncMethod = Literal["geometry", "board", "sound", "silhouettes"]
 
 
@@ -136,11 +67,9 @@ class SyncSettings:
     """Settings of the synchronisation.
 
     Attributes:
-        max_offset_s: largest offset between two cameras, s; None: 2 s by geometry, 20 s by a board,
-            60 s by sound, 10 s by silhouettes.
+        max_offset_s: largest offset between two cameras, s; None: as `_MAX_OFFSET_S` says.
         seconds: length of the part of the recording that is used, s, from its beginning for sound,
-            else about its middle; None: 12 s by geometry, 60 s by a board, 600 s by sound, 40 s by
-            silhouettes.
+            else about its middle; None: as `_SECONDS` says.
         reference: camera whose clock is the reference; None for the first.
         rates: frames per second by camera name, if missing or wrong in the files.
         unit: unit of the calibration's lengths, if the file does not state it.
@@ -219,18 +148,17 @@ def sync_recording(
     """
     settings, reporter = settings or SyncSettings(), reporter or SilentReporter()
     films = _Films.open(Path(folder), settings, cameras)
-    if settings.by is None and settings.board is None and not films.calibrated:
-        sync = _by_sound_if_common(films, settings, reporter)
-        if sync is not None:
-            return sync
-    by = settings.by or (
-        "board" if settings.board else "geometry" if films.calibrated else "silhouettes"
-    )
+    by = settings.by or ("board" if settings.board else "geometry" if films.calibrated else None)
     if by == "board":
-        return _by_board(films, settings, reporter)
+        return _by_board(films, reporter)
     if by == "sound":
-        return _by_sound(films, settings, reporter)
-    return _by_outlines(films, settings, by, reporter)
+        return _by_sound(films, reporter)
+    if by is None and all(has_sound(reader.path) for reader in films.readers.values()):
+        sync = _by_sound(films, reporter)
+        if sync.result.agreed:
+            return sync
+        reporter.note("the sound of the videos is not clearly the same: their silhouettes are used")
+    return _by_outlines(films, by or "silhouettes", reporter)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +166,7 @@ class _Films:
     """The pictures of all cameras, each with its own rate."""
 
     folder: Path  #: the recording folder.
+    settings: SyncSettings
     calibrated: bool  #: whether it holds a calibration.
     readers: dict[str, FrameReader]  #: frame readers by camera name.
     times: dict[str, Times]  #: (frames,) float64, s, by each camera's clock.
@@ -257,10 +186,9 @@ class _Films:
             )
         if len(names) < 2:
             count = "one camera" if names else "no video"
-            hint = not_read(folder)
             raise InputError(
                 f"{folder} has {count}: there is nothing that it could be in step with"
-                + (f" ({hint})" if hint else "")
+                + not_read(folder, " ({})")
             )
         checked_reference(names, settings.reference)
         readers = dict(open_readers(folder, names, settings.label)[0])
@@ -277,24 +205,38 @@ class _Films:
                 fps[name] = 1 / even_numbers(times[name])[1]
                 notes.append(found.note)
         calibrated = calibration_path(folder) is not None
-        return cls(folder, calibrated, readers, times, fps, tuple(notes))
+        return cls(folder, settings, calibrated, readers, times, fps, tuple(notes))
 
     @property
     def shortest_s(self) -> float:
         """Length of the shortest video, s."""
         return min(float(times_s[-1]) for times_s in self.times.values())
 
-    def window(self, by: SyncMethod, settings: SyncSettings) -> tuple[float, float]:
-        """Begin and end of the part about the middle that is used, s."""
-        seconds = _SECONDS[by] if settings.seconds is None else settings.seconds
-        middle = 0.5 * self.shortest_s
-        return middle - 0.5 * seconds, middle + 0.5 * seconds
+    def seconds(self, by: SyncMethod) -> float:
+        """Length of the part that is used, s."""
+        return _SECONDS[by] if self.settings.seconds is None else self.settings.seconds
 
-    def max_offset_s(self, by: SyncMethod, settings: SyncSettings) -> float:
+    def inside(self, name: str, by: SyncMethod) -> NDArray[np.int64]:
+        """Numbers of a camera's frames in that part, which is about the middle."""
+        apart_s = np.abs(self.times[name] - 0.5 * self.shortest_s)
+        return np.flatnonzero(apart_s <= 0.5 * self.seconds(by))
+
+    def max_offset_s(self, by: SyncMethod) -> float:
         """Largest offset that is looked for, s: half of what is used at most."""
-        most = _MAX_OFFSET_S[by] if settings.max_offset_s is None else settings.max_offset_s
-        begin, end = self.window(by, settings)
-        return min(most, 0.5 * min(self.shortest_s, end - begin))
+        most = self.settings.max_offset_s
+        most = _MAX_OFFSET_S[by] if most is None else most
+        return min(most, 0.5 * min(self.shortest_s, self.seconds(by)))
+
+    def by_signals(
+        self,
+        by: SyncMethod,
+        signals: Sequence[Signal],
+        how: SignalSettings,
+        notes: Sequence[str] = (),
+    ) -> Sync:
+        """Offsets at which signals correlate."""
+        found = offsets_from_signals(signals, how, self.settings.reference)
+        return Sync(found, by, self.times, self.fps, (*self.notes, *notes))
 
 
 def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
@@ -307,14 +249,14 @@ def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
     return rate
 
 
-def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter: Reporter) -> Sync:
+def _by_outlines(films: _Films, by: SyncMethod, reporter: Reporter) -> Sync:
     """Offsets from silhouettes, with the calibration or without."""
+    settings = films.settings
     if by == "geometry" and not films.calibrated:
         raise InputError(
             f"{films.folder} holds no calibration: make one, beginning with `voxelpose calibrate"
             " board` (docs/calibration.md), or choose --by silhouettes"
         )
-    begin, end = films.window(by, settings)
     tracks, without_background = [], []
     for name, reader in films.readers.items():
         recording = Recording.open(
@@ -324,10 +266,11 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
             fps=films.fps[name],
             label=settings.label,
         )
-        used = np.flatnonzero((films.times[name] >= begin) & (films.times[name] <= end))
+        used = films.inside(name, by)
         if len(used) < 3:
             raise InputError(
-                f"{end - begin:g} s of {name} are {len(used)} frames: give more with --seconds"
+                f"{films.seconds(by):g} s of {name} are {len(used)} frames: give more with"
+                " --seconds"
             )
         reporter.stage(f"silhouettes of {name}", len(used))
         silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
@@ -337,8 +280,8 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         tracks.append(outline_track(camera, frames, times, silhouettes, reporter))
     reporter.stage("offsets")
     shortest = min(float(track.time_s[-1] - track.time_s[0]) for track in tracks)
-    most = min(films.max_offset_s(by, settings), 0.5 * shortest)
-    notes = [*films.notes]
+    most = min(films.max_offset_s(by), 0.5 * shortest)
+    notes = []
     if without_background:
         notes.append(
             f"no empty view of {', '.join(without_background)}: it was estimated from the"
@@ -348,19 +291,19 @@ def _by_outlines(films: _Films, settings: SyncSettings, by: SyncMethod, reporter
         for track in tracks:
             require_motion(track)
         signals = [outline_signal(track) for track in tracks]
-        offsets = offsets_from_signals(signals, SignalSettings(most), settings.reference)
-        return Sync(offsets, by, films.times, films.fps, tuple(notes))
+        return films.by_signals(by, signals, SignalSettings(most), notes)
     result = synchronise(tracks, most, settings.reference)
-    if result.agreed and result.after_px > 2 * AGREEMENT.good_px * image_scale(tracks):
+    if result.agreed and result.after_px > 2 * OUTLINES_PX * image_scale(tracks):
         notes.append(
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"
         )
-    return Sync(result, by, films.times, films.fps, tuple(notes))
+    return Sync(result, by, films.times, films.fps, (*films.notes, *notes))
 
 
-def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync:
+def _by_board(films: _Films, reporter: Reporter) -> Sync:
     """Offsets from the speed of a carried board."""
+    settings = films.settings
     lenses, path = settings.lenses, calibration_path(films.folder)
     if lenses is None and path is not None:
         lenses = read_rig(path, settings.unit, lenses=True)
@@ -369,50 +312,62 @@ def _by_board(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync
             "how fast a board moves is seen through known lenses: give --intrinsics, as written by"
             " `voxelpose calibrate intrinsics`, or choose another way with --by"
         )
-    window = films.window("board", settings)
-    signals = board_signals(settings.board, films.readers, films.times, lenses, window, reporter)
+    signals = []
+    for name, reader in films.readers.items():
+        if name not in lenses:
+            raise InputError(
+                f"no lens for {name}: the calibration has {', '.join(lenses.names)}; add it, or"
+                " choose with --cameras"
+            )
+        check_lens_size(lenses[name], reader.size)
+        inside = films.inside(name, "board")
+        numbers = inside[:: max(1, int(films.fps[name] / _BOARD_HZ))]
+        reporter.stage(f"looking for the board in {name}", len(numbers))
+        find, views = BoardFinder(settings.board, stills=False), []
+        for picture in reader.select(numbers.tolist()):
+            views.append(find(picture))
+            reporter.advance()
+        seen = sum(isinstance(view, BoardView) for view in views)
+        if seen < _LEAST_VIEWS:
+            raise InputError(
+                f"{name} saw the board in {seen} of {len(views)} frames ({find.failure()}): carry"
+                " it nearer and for longer, or choose another way with --by"
+            )
+        times = films.times[name][numbers]
+        signals.append(board_speed(settings.board, lenses[name], times, views))
     reporter.stage("offsets")
-    how = SignalSettings(films.max_offset_s("board", settings))
-    result = offsets_from_signals(signals, how, settings.reference)
-    return Sync(result, "board", films.times, films.fps, films.notes)
+    return films.by_signals("board", signals, SignalSettings(films.max_offset_s("board")))
 
 
-def _by_sound(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync:
+def _by_sound(films: _Films, reporter: Reporter) -> Sync:
     """Offsets from sound."""
-    seconds = _SECONDS["sound"] if settings.seconds is None else settings.seconds
-    paths = {name: reader.path for name, reader in films.readers.items()}
-    signals = sound_signals(paths, seconds, reporter)
+    reporter.stage("sound", len(films.readers))
+    if silent := [name for name, reader in films.readers.items() if not has_sound(reader.path)]:
+        raise InputError(
+            f"{', '.join(silent)} recorded no sound: choose another way with --by, such as"
+            " --by silhouettes"
+        )
+    signals = []
+    for name, reader in films.readers.items():
+        signals.append(onsets(reader.path, name, films.seconds("sound")))
+        reporter.advance()
     reporter.stage("offsets")
-    how = SignalSettings(
-        films.max_offset_s("sound", settings), STEP_S, SYNCHRONISATION.sound_sigma_s, lasting=False
+    most, sigma_s = films.max_offset_s("sound"), SYNCHRONISATION.sound_sigma_s
+    note = (
+        "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
+        " camera is nearer to it, or farther, than the reference; the table allows for one metre"
     )
-    result = offsets_from_signals(signals, how, settings.reference)
+    how = SignalSettings(most, STEP_S, sigma_s, lasting=False)
+    sync = films.by_signals("sound", signals, how, [note])
     metre_s = 0.003  # of sound's way: some cameras are nearer to it than others
     lines = [
         line
-        if line.camera == result.reference
+        if line.camera == sync.result.reference
         else replace(
             line,
             error_s=float(np.hypot(line.error_s, metre_s)),
             frames=line.offset_s * films.fps[line.camera],
         )
-        for line in result.offsets
+        for line in sync.result.offsets
     ]
-    note = (
-        "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
-        " camera is nearer to it, or farther, than the reference; the table allows for one metre"
-    )
-    return Sync(
-        replace(result, offsets=tuple(lines)), "sound", films.times, films.fps, (*films.notes, note)
-    )
-
-
-def _by_sound_if_common(films: _Films, settings: SyncSettings, reporter: Reporter) -> Sync | None:
-    """Offsets from sound, if all cameras recorded the same."""
-    if not all(has_sound(reader.path) for reader in films.readers.values()):
-        return None
-    sync = _by_sound(films, settings, reporter)
-    if sync.result.agreed:
-        return sync
-    reporter.note("the sound of the videos is not clearly the same: their silhouettes are used")
-    return None
+    return replace(sync, result=replace(sync.result, offsets=tuple(lines)))

@@ -11,10 +11,9 @@ from benchmarks.board_scene import BoardCamera, align_rigs, carried, room, witho
 from benchmarks.board_scene import seen as seen_board
 from calib.board import Board, BoardView, view_between
 from calib.camera import Camera, Rig
-from calib.correlation import SignalSettings
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
-from calib.signals import offsets_from_signals
+from calib.signals import SignalSettings, offsets_from_signals
 from tests.sources import figure_masks, ring, write_figure
 from tests.voxelpose.recording.test_sound import clap_at, write_heard
 from voxelpose.calibration.board_views import frames_around

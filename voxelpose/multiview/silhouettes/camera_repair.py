@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.agreement import agreement
+from calib.agreement import SUBFRAME, agreement
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.moments import even_moments
@@ -109,12 +109,11 @@ def repair_cameras(
         return unchanged
     frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
     if all(
-        found.kind == "out of step" and abs(found.offset_s) * fps <= AGREEMENT.subframe
-        for found in repairs
+        found.kind == "out of step" and abs(found.offset_s) * fps <= SUBFRAME for found in repairs
     ):
         return unchanged
     told = "; ".join(found.summary for found in repairs)
-    improved = after.error_px < AGREEMENT.helping_share * checked.error_px and not set(late) & set(
+    improved = after.error_px < checked.error_px / AGREEMENT.explained_gain and not set(late) & set(
         after.culprits
     )
     explained = after.agrees or improved

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rigs import PINHOLE, some_rig
 
-from calib.suspect import best_offset, moved_camera, stretched_camera
+from calib.repair import best_offset, moved_camera, stretched_camera
 
 CAMERA = some_rig(PINHOLE).cameras[0]
 PERIOD_S = 0.1
@@ -17,19 +17,19 @@ def suspect_late_by(offset_s: float):
     track = SimpleNamespace(period_s=PERIOD_S, time_s=np.arange(100) * PERIOD_S)
     return SimpleNamespace(
         track=track,
-        moments_s=np.arange(5.0),
+        max_offset_s=0.4,
         error=lambda camera, offset: 0.3 + 20 * abs(offset - offset_s),
     )
 
 
 @pytest.mark.parametrize("offset_s", [0.043, 0.056, -0.031, 0.05])
 def test_an_offset_between_the_steps_is_found(offset_s):
-    found = best_offset(suspect_late_by(offset_s), CAMERA, 0.4)  # type: ignore[arg-type]
+    found = best_offset(suspect_late_by(offset_s), CAMERA)  # type: ignore[arg-type]
     assert found == pytest.approx(offset_s, abs=1e-6)
 
 
 def test_an_offset_beyond_the_largest_is_not_extrapolated():
-    assert best_offset(suspect_late_by(0.7), CAMERA, 0.4) == pytest.approx(0.4)  # type: ignore[arg-type]
+    assert best_offset(suspect_late_by(0.7), CAMERA) == pytest.approx(0.4)  # type: ignore[arg-type]
 
 
 def test_a_turned_camera_stays_in_its_place():
