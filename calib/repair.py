@@ -39,9 +39,7 @@ class Repair:
 
     Attributes:
         summary: Description of the change, one sentence.
-        before_px: Error of the camera against the others as given.
-        after_px: Error after correction.
-        others_px: Error of the others among themselves, which is attainable.
+        after_px: Error of the camera against the others after correction.
         offset_s: Clock offset: its frame of time t shows what the others showed at t - offset.
         turned_deg: Angle of its rotation.
         with_camera: The camera with which it is swapped, or None.
@@ -50,9 +48,7 @@ class Repair:
     camera: str
     kind: Kind
     summary: str
-    before_px: float
     after_px: float
-    others_px: float
     after: Camera
     offset_s: float = 0.0
     turned_deg: float = 0.0
@@ -183,7 +179,7 @@ def _explain_one(suspect: SuspectCamera) -> Repair:
         " time explains it: look at its silhouettes for shadows, lost limbs and a wrong background"
         " first"
     )
-    return Repair(camera.name, "unexplained", summary, before, before, suspect.others_px, camera)
+    return Repair(camera.name, "unexplained", summary, before, camera)
 
 
 def _repairs(suspect: SuspectCamera) -> Iterator[Repair]:
@@ -272,9 +268,8 @@ def _swapped(
             and (best is None or after.error_px < best.after_px)
         ):
             summary = f"the videos of {first} and {second} are swapped"
-            errors = checked.error_px, after.error_px, after.error_px
             camera = tracks[first].camera
-            best = Repair(first, "swapped", summary, *errors, camera, with_camera=second)
+            best = Repair(first, "swapped", summary, after.error_px, camera, with_camera=second)
     return best
 
 
@@ -300,9 +295,8 @@ def _repair(
     suspect: SuspectCamera, kind: Kind, summary: str, after: Camera, offset_s: float = 0.0
 ) -> Repair:
     camera = suspect.track.camera
-    errors = suspect.error(camera), suspect.error(after, offset_s), suspect.others_px
-    turned_deg = pose_difference(after, camera)[1]
-    return Repair(camera.name, kind, summary, *errors, after, offset_s, turned_deg)
+    after_px, turned_deg = suspect.error(after, offset_s), pose_difference(after, camera)[1]
+    return Repair(camera.name, kind, summary, after_px, after, offset_s, turned_deg)
 
 
 def _delay(suspect: SuspectCamera, offset_s: float) -> str:

@@ -108,13 +108,14 @@ def outline_signal(track: OutlineTrack) -> Signal:
     Up and down look alike from all sides, which is not so of speeds in the image: of those, the
     offsets' errors are ten times as large. The cameras must stand upright.
     """
-    rows = np.full((len(track.outlines), 4), np.nan)
+    rows = np.full((len(track.outlines), 3), np.nan)
     for index, outline in enumerate(track.outlines):
         if outline is not None:
             high, low = outline.pixels[:, 1].min(), outline.pixels[:, 1].max()
-            rows[index] = high, outline.middle[1], low, outline.height_px
-    size = max(float(np.nanmedian(rows[:, 3])) if np.isfinite(rows[:, 3]).any() else 1.0, 1.0)
-    rate = np.asarray(np.gradient(rows[:, :3], track.time_s, axis=0)) / size
+            rows[index] = high, outline.middle[1], low
+    heights = rows[:, 2] - rows[:, 0]
+    size = max(float(np.nanmedian(heights)) if np.isfinite(heights).any() else 1.0, 1.0)
+    rate = np.asarray(np.gradient(rows, track.time_s, axis=0)) / size
     return Signal(track.camera.name, track.time_s, rate)
 
 

@@ -42,13 +42,11 @@ class Outline:
         inside: (N,) bool, whether a corner is not at the image's border, where the body may be cut
             off.
         middle: (2,) float64, px, median of the silhouette's pixels.
-        height_px: Distance from the lowest to the highest corner.
     """
 
     pixels: FloatArray
     inside: NDArray[np.bool_]
     middle: FloatArray
-    height_px: float
 
     @classmethod
     def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
@@ -97,9 +95,7 @@ class Outline:
         ]
         row, column = np.nonzero(body)
         middle = (np.array([np.median(column), np.median(row)]) + 0.5) / scale - 0.5
-        pixels = points[corners]
-        inside = ~np.repeat(border, len(_AROUND))[corners]
-        return cls(pixels, inside, middle, float(np.ptp(pixels[:, 1])))
+        return cls(points[corners], ~np.repeat(border, len(_AROUND))[corners], middle)
 
 
 def _hiding(body: Mask, unknown: Mask) -> NDArray[np.int64]:

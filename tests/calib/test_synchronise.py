@@ -100,7 +100,7 @@ def test_outlines_move_up_and_down(shifted):
     assert signal.camera == "cam_0"
     assert signal.values.shape == (36, 3)
     top_px = [outline.pixels[:, 1].min() for outline in shifted[0].outlines]
-    heights = np.median([outline.height_px for outline in shifted[0].outlines])
+    heights = np.median([np.ptp(outline.pixels[:, 1]) for outline in shifted[0].outlines])
     np.testing.assert_allclose(
         signal.values[10, 0], (top_px[11] - top_px[9]) * FPS / 2 / heights, atol=1e-9
     )
