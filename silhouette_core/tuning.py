@@ -237,6 +237,19 @@ class Plausibility:
 
 
 @dataclass(frozen=True)
+class CameraMotion:
+    """Whether a camera stands still (`image.camera_motion`)."""
+
+    still_px: float = 0.5
+    """Pixels of a picture of 640, between moments a tenth of a second apart: of 44 fixed cameras
+    with corners at the rim up to 0.31, of four that pan or are held from 0.65."""
+    corner: float = 3e-4
+    """1. Least eigenvalue of a corner's squared gradients, of grey from 0 to 1. By eye."""
+    over_noise: float = 10.0
+    """1. A corner's eigenvalue over that of half the picture, which is smooth. By eye."""
+
+
+@dataclass(frozen=True)
 class Measuring:
     """Tape measures, and bodies with given measurements (`body.*_m*`, `body.shape`)."""
 
@@ -397,6 +410,7 @@ BACKDROP = Backdrop()
 CUT = Cut()
 COLOURS = Colours()
 PLAUSIBILITY = Plausibility()
+CAMERA_MOTION = CameraMotion()
 MEASURING = Measuring()
 DYNAMICS = Dynamics()
 RETARGETING = Retargeting()

@@ -141,6 +141,16 @@ def _is_cut_by_body(frames: _Table, quality: _Table, facts: _Table) -> str:
     )
 
 
+def _cameras_move(frames: _Table, quality: _Table, facts: _Table) -> str:
+    moving = facts.get("moving_cameras")
+    if not moving:
+        return ""
+    return (
+        f"{', '.join(moving)}: the picture moves as a whole, so that no background can be told from"
+        " the person: film from a tripod, or take --frames in which the camera stands still"
+    )
+
+
 def _rests_on_texture(frames: _Table, quality: _Table, facts: _Table) -> str:
     shares = list(facts.get("by_texture", {}).values())
     share = sum(shares) / max(len(shares), 1)
@@ -165,6 +175,7 @@ def _joints_are_uncertain(frames: _Table, quality: _Table, facts: _Table) -> str
 
 
 _DOUBTS = (
+    _cameras_move,
     _is_lost,
     _pieces_do_not_meet,
     _explains_little,

@@ -19,6 +19,7 @@ from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import BackgroundKind, Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, Method
+from silhouette_core.image.camera_motion import moves, rim_motion
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.difference import Exposure
@@ -36,6 +37,7 @@ BodyOdds = Callable[[str, int, tuple[int, int]], NDArray[np.float32]]
 
 _BACKGROUND_FRAMES = 120
 _OCCUPIED, _SEEN = 40, 16  # frames that are looked at beforehand without an empty view, and with
+_COMPARED = 14  # of these, with another one shortly after
 
 
 class Silhouettes:
@@ -44,6 +46,7 @@ class Silhouettes:
     Attributes:
         kinds: By camera name, what its background is taken from: `EMPTY_VIEW`, `UNIFORM` or
             `ESTIMATED`; empty where silhouettes are given.
+        moving: Cameras that move while they film, as far as that can be seen.
         unknown: (h, w) bool by camera name, of the silhouettes' size, where nothing is known;
             silhouettes are empty there.
     """
@@ -91,6 +94,7 @@ class Silhouettes:
         self._segmenter = None if segmenter is None else load_segmenter(segmenter)
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
+        self.moving: tuple[str, ...] = ()
         if self._given:
             return
         backgrounds = source.backgrounds()
@@ -120,6 +124,7 @@ class Silhouettes:
                 return self._models[name].with_colours(*seen[name])
 
             self._models |= dict(zip(seen, side_by_side(coloured, list(seen)), strict=True))
+        self.moving = tuple(name for name in self.moving if self.kinds[name] != UNIFORM)
 
     def with_places(self, source: FrameSource) -> Silhouettes:
         """The same background models, with the regions and unknown places of another source.
@@ -169,6 +174,11 @@ class Silhouettes:
         ]
         if groups:
             reporter.note("backgrounds: " + "; ".join(groups))
+        if self.moving:
+            reporter.note(
+                f"{', '.join(self.moving)}: moves while it films, and no background can be told:"
+                " every camera must stand still, as on a tripod"
+            )
         if grey := self.by_texture:
             reporter.note(
                 f"without colour: {', '.join(grey)}: texture tells clothes from shadows there"
@@ -316,15 +326,28 @@ class Silhouettes:
     def _samples(
         self, source: FrameSource, names: Sequence[str], count: int
     ) -> dict[str, tuple[list[Frame], list[NDArray[np.float32]] | None]]:
-        """Frames of some cameras, few enough for memory, and the evidence of each."""
+        """Frames of some cameras, few enough for memory, and the evidence of each. Frames shortly
+        after some of them tell which cameras move.
+        """
         samples: dict[str, list[Frame]] = {name: [] for name in names}
         told: dict[str, list[NDArray[np.float32]]] = {name: [] for name in names}
+        rims_px: dict[str, list[float | None]] = {name: [] for name in names}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
-        for step, frames in zip(steps, source.at(steps), strict=False):
+        every = -(-count // _COMPARED)
+        later = max(1, round(source.fps / 10))
+        before = {step + later: at for at, step in enumerate(steps) if at % every == 0}
+        asked = [step for step in range(source.frame_count) if step in before or step in steps]
+        for step, frames in zip(asked, source.at(asked), strict=False):
             for name in names:
-                samples[name].append(self.scaled(name, frames[name]))
-                if (odds := self._evidence(name, samples[name][-1], step)) is not None:
+                frame = self.scaled(name, frames[name])
+                if step in before:
+                    rims_px[name].append(rim_motion(samples[name][before[step]], frame))
+                if step not in steps:
+                    continue
+                samples[name].append(frame)
+                if (odds := self._evidence(name, frame, step)) is not None:
                     told[name].append(odds)
+        self.moving += tuple(name for name in names if moves(rims_px[name]))
         return {name: (frames, told[name] or None) for name, frames in samples.items() if frames}
 
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:

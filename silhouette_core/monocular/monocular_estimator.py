@@ -114,6 +114,7 @@ class MonocularEstimator:
             )
         facts = _facts(tracked, options, settings, motion, absent)
         facts |= {"colours": coloured, "by_texture": silhouettes.by_texture}
+        facts |= {"moving_cameras": silhouettes.moving}
         return Estimate(
             motion.in_world(frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},

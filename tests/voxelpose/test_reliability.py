@@ -77,6 +77,13 @@ def test_grey_cameras_leave_a_doubt_where_much_of_the_person_might_be_a_shadow()
     assert verdict_of(numbers).level == "reliable"
 
 
+def test_a_camera_that_moves_is_doubted_before_all_else():
+    numbers = summary(right=0.9)
+    numbers["facts"] |= {"moving_cameras": ["cam_1"], "by_texture": {"cam_1": 0.9}}
+    assert verdict_of(numbers).level == "doubtful"
+    assert verdict_of(numbers).reason.startswith("cam_1: the picture moves as a whole")
+
+
 def test_numbers_that_are_not_known_leave_no_doubt():
     numbers = summary(right=0.9, agreement=None, turn=None)
     numbers["quality"]["landmark_confidence"] = {"left_wrist": None}

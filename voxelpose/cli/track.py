@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -18,12 +18,13 @@ class Track(EstimationArguments):
 
     help: ClassVar[str] = """Estimates the motion of a person from one camera.
 
-RECORDING holds a video per camera and, if possible, calibration.toml and background/ with the empty
-view. Without a calibration, typical camera parameters are assumed.
+RECORDING is a video, or a folder with a video per camera and, if possible, calibration.toml and
+background/ with the empty view. Without a calibration, typical camera parameters are assumed.
 OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
 poses of every frame with their probabilities. With the --body of a robot or an animal, a library of
 that body's motion, or poses within the limits of its joints.
 
+  voxelpose track clip.mp4 --out clip_track --stature 1.75
   voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
   voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
   voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
@@ -43,7 +44,7 @@ that body's motion, or poses within the limits of its joints.
 
     def run(self) -> int:
         """Estimates the motion; returns the exit code."""
-        from voxelpose.recording.folder import only_camera
+        from voxelpose.recording.folder import one_camera
 
         options: dict[str, bool | int | float | str] = {
             "start": self.start,
@@ -51,4 +52,5 @@ that body's motion, or poses within the limits of its joints.
         }
         if self.library is not None:
             options["library"] = str(self.library)
-        return self.estimate((self.camera or only_camera(self.recording),), options, "monocular")
+        folder, camera = one_camera(self.recording, self.camera)
+        return replace(self, recording=folder).estimate((camera,), options, "monocular")

@@ -285,18 +285,25 @@ class Recording:
         return {name: mask for name, mask in masks.items() if mask.any()}
 
 
-def only_camera(folder: Path) -> str:
-    """Name of the only camera of a recording.
+def one_camera(recording: Path, camera: str | None = None) -> tuple[Path, str]:
+    """Folder of a recording, or of a single video, and the name of its only camera.
+
+    Args:
+        camera: name of the camera that was chosen; None: the only one.
 
     Raises:
         InputError: there are others, or none.
     """
-    names = [*_paths(folder, None)[0]]
+    if recording.is_file() and recording.suffix.lower() in VIDEOS:
+        return recording.parent, recording.stem
+    if camera is not None:
+        return recording, camera
+    names = [*_paths(recording, None)[0]]
     if len(names) > 1:
         raise InputError(
-            f"{folder} has {len(names)} cameras: choose one with --camera: {', '.join(names)}"
+            f"{recording} has {len(names)} cameras: choose one with --camera: {', '.join(names)}"
         )
-    return names[0]
+    return recording, names[0]
 
 
 def frame_range(
@@ -348,10 +355,10 @@ def open_readers(
         InputError: it is no folder, or there are no pictures, or some that cannot be read.
     """
     if not folder.is_dir():
-        raise InputError(
-            f"{folder} is not a recording: give a folder with a video per camera and"
-            " calibration.toml"
-        )
+        remedy = "give a folder with a video per camera and calibration.toml"
+        if folder.suffix.lower() in VIDEOS and folder.exists():
+            remedy = f"it is one video: `voxelpose track {folder}`, or {remedy}"
+        raise InputError(f"{folder} is not a recording: {remedy}")
     paths, given = _paths(folder, cameras)
     for path in (folder.resolve(), *paths.values()):
         check_name(path)

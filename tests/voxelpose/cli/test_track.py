@@ -121,6 +121,15 @@ def test_a_library_without_a_proposal(room, capsys):
     assert "bad.vplib: the library has no proposal" in line and "voxelpose library build" in line
 
 
+def test_a_single_video_is_a_recording(room, capsys):
+    (video,) = (room / "walk").glob("cam_1.*")
+    words = str(video.relative_to(room)), "--out", "x"
+    assert run(["track", *words, "--library", "lib.vplib", "--frames", "9:12"]) == 2
+    assert "frames 9:12 are not in the recording" in capsys.readouterr().err
+    assert run(["fit", *words]) == 2
+    assert f"it is one video: `voxelpose track {words[0]}`" in capsys.readouterr().err
+
+
 def test_nobody_in_any_frame(room, capsys):
     line = refused(room, capsys, *TRACK, "--stature", "1.75")
     assert "camera cam_1 shows nobody in any frame" in line

@@ -200,6 +200,7 @@ def prepare_silhouettes(
         facts: dict[str, object] = {
             "unknown_share": shares,
             "by_texture": silhouettes.by_texture,
+            "moving_cameras": silhouettes.moving,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
             "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
