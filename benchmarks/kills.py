@@ -36,7 +36,7 @@ from silhouette_core.monocular.tree.store import read_library, write_library
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion_file import write_motion
-from voxelpose.demo.example_motions import example_motion
+from examples.bodies.example_motions import example_motion
 from voxelpose.demo.room import make_recording
 from voxelpose.results import Result
 

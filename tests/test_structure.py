@@ -69,6 +69,20 @@ def test_no_public_name_is_defined_twice():
     assert not {name: paths for name, paths in homes.items() if len(paths) > 1}
 
 
+def test_what_is_imported_of_ours_is_there():
+    ours = {path.name for path in ROOT.iterdir() if path.is_dir()}
+    missing = [
+        f"{path.relative_to(ROOT)}: {node.module}"
+        for folder in (*PACKAGES, "benchmarks", "examples", "papers", "tests", "tools")
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ours
+        for module in [ROOT.joinpath(*node.module.split("."))]
+        if not module.with_suffix(".py").exists() and not module.is_dir()
+    ]
+    assert not missing
+
+
 def test_no_file_name_is_used_twice_in_a_package():
     homes = defaultdict(list)
     for path in modules():
