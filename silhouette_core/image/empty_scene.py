@@ -70,7 +70,8 @@ class EmptyScene:
         backdrop is looked for (`auto`), is there in any case (`uniform`), or is not looked for.
         """
         stack = stack[:64]
-        median = _median(stack)
+        median = np.empty(stack.shape[1:], np.float32)
+        medians.median(stack, median)
         aligner = Aligner(median)
         frames = np.stack([aligner.aligned(frame) for frame in stack])
         height, width = median.shape[:2]
@@ -99,13 +100,6 @@ class EmptyScene:
             shaded = unseen & only_shaded(median, field, radius)
             mean[shaded], unseen = field[shaded], unseen & ~shaded
         return cls(mean, variance, unseen, frames, backdrop is not None)
-
-
-def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Median (H, W, 3) over time."""
-    median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
-    medians.median_and_deviation(stack, median, deviation)
-    return median
 
 
 def _without_people(

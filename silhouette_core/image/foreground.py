@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from silhouette_core.image.cast_shadow import only_darker
 from silhouette_core.image.cleanup import bounding_box, clean
@@ -270,12 +271,13 @@ def _decide_by_colours(
 
 
 def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Logarithm of each colour's fraction of the pixels of a mask, (16, 16, 16)."""
-    bins = 256 >> _COLOUR_SHIFT
-    counts, fractions = (np.zeros((bins, bins, bins), np.float32) for _ in range(2))
-    kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
-    kernels.log_fractions(counts, fractions)
-    return fractions
+    """Logarithm of each colour's fraction of the pixels of a mask, (16, 16, 16), smoothed."""
+    bins, half = 256 >> _COLOUR_SHIFT, np.float32(0.5)
+    counts = cv2.calcHist([frame], (0, 1, 2), where.view(np.uint8), (bins,) * 3, (0, 256) * 3)
+    whole = counts.sum() + half * counts.size
+    for axis in range(3):
+        counts = convolve1d(counts, (0.25, 0.5, 0.25), axis, mode="nearest")
+    return np.log((counts + half) / whole)
 
 
 def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

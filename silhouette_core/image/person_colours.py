@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from silhouette_core.image.cast_shadow import even_shades
+from silhouette_core.image.cast_shadow import even_shades, texture_evidence
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.difference import (
     Background,
@@ -23,7 +23,6 @@ from silhouette_core.image.difference import (
     measure_exposure,
     radius_of,
 )
-from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, FOREGROUND
 
@@ -72,8 +71,8 @@ class PersonColours:
         for those at its edge.
         """
         window = np.ones((_EDGE_PX, _EDGE_PX), np.uint8)
-        inside = np.asarray(cv2.erode(mask.view(np.uint8), window), np.uint8).view(np.bool_)
-        kernels.count_colours(np.ascontiguousarray(picture), inside, SHIFT, self._counts)
+        inside = cv2.erode(mask.view(np.uint8), window)
+        self._counts += cv2.calcHist([picture], (0, 1, 2), inside, EVEN.shape, (0, 256) * 3)
 
     def density(self) -> ColourDensity | None:
         """Density of the colours so far; None before any pixel."""
