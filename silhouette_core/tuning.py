@@ -113,16 +113,12 @@ class EmptyScene:
     """Noise. Radius of a mode: differences summed over the channels."""
     least_noise: float = 2.0
     """Grey levels. Least noise, summed over the channels."""
-    seen: float = 0.05
-    """1. Of the frames: least share of a mode."""
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
     unseen: float = 0.6
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
-    least_step: float = 1.0
-    """1. Of a mode's radius. Steps between colours that cost nothing: noise, texture."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
     piece: float = 0.05
@@ -232,8 +228,6 @@ class Plausibility:
     changed: float = 0.01
     """1. Of both silhouettes' union, between moments: what changes less is no person's that is cut
     off by two borders. People who stand still change by more, if only by noise."""
-    jump: float = 0.69
-    """Nats. Of the area, between neighbouring frames, usually: doubled. People's change by 0.06."""
 
 
 @dataclass(frozen=True)

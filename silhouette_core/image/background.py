@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -23,9 +23,9 @@ from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.foreground import (
     SilhouetteStages,
     SoftSilhouette,
-    refined_mask,
     refined_soft_silhouette,
     refined_stages,
+    segmented,
 )
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
@@ -38,30 +38,20 @@ _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
 
-@dataclass(frozen=True, eq=False)
-class _Directions:
-    """Each pixel's colour divided by its length, for the paper's method.
+_Directions = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+"""Each pixel's colour divided by its length, for the paper's method: mean (H, W, 3), half of one
+over the variance (H, W, 3), and logarithm of the density at the mean (H, W)."""
 
-    Attributes:
-        mean: (H, W, 3) float32.
-        half_precision: (H, W, 3) float32, half of one over the variance.
-        log_peak: (H, W) float32, logarithm of the density at the mean.
-    """
 
-    mean: NDArray[np.float32]
-    half_precision: NDArray[np.float32]
-    log_peak: NDArray[np.float32]
-
-    @classmethod
-    def of(
-        cls, colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
-    ) -> "_Directions":
-        """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
-        # Noise of the channels turns a colour of length L by noise / L: the direction of dark
-        # pixels is uncertain.
-        variance = np.maximum(variance, (BACKGROUND.noise / _length(colour)) ** 2)
-        peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
-        return cls(*(array.astype(np.float32) for array in (mean, 0.5 / variance, peak)))
+def _directions(
+    colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
+) -> _Directions:
+    """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
+    # Noise of the channels turns a colour of length L by noise / L: the direction of dark pixels is
+    # uncertain.
+    variance = np.maximum(variance, (BACKGROUND.noise / _length(colour)) ** 2)
+    peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
+    return mean.astype(np.float32), (0.5 / variance).astype(np.float32), peak.astype(np.float32)
 
 
 def _length(colour: NDArray) -> NDArray[np.float64]:
@@ -144,7 +134,7 @@ class BackgroundModel:
         if not unit_mean:
             return cls(mean, variance, None)
         unit_variance = np.maximum(unit_square[0] - unit_mean[0] ** 2, 0)
-        return cls(mean, variance, _Directions.of(mean, unit_mean[0], unit_variance))
+        return cls(mean, variance, _directions(mean, unit_mean[0], unit_variance))
 
     @classmethod
     def from_occupied(
@@ -178,10 +168,8 @@ class BackgroundModel:
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length, directions = _length(mean), None
         if method == "paper":
-            directions = _Directions.of(mean, mean / length, variance / length**2)
-        model = cls(mean, variance, directions)
-        model._background = replace(model._background, known=~scene.unseen)
-        model = model.as_grey(scene.frames)
+            directions = _directions(mean, mean / length, variance / length**2)
+        model = cls(mean, variance, directions)._with(known=~scene.unseen).as_grey(scene.frames)
         asked = scene.frames[::_SHADOW_STEP]
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
@@ -246,13 +234,10 @@ class BackgroundModel:
         frame = self._aligned(frame)
         if self._directions is None:
             cut = self._cut(frame, evidence)
-            return refined_mask(frame, self._background, region, exposure, cut=cut)
-        known = self._directions
+            return segmented(frame, self._background, region, exposure, cut=cut)[0]
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
-        kernels.paper_mask(
-            frame, self.mean, known.mean, known.half_precision, known.log_peak, *limits, mask
-        )
+        kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
         return mask if region is None else mask & region
 
     def soft_silhouette(
@@ -351,7 +336,7 @@ class BackgroundModel:
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
         part = np.ascontiguousarray(part)
-        return refined_mask(part, self._background, region, exposure, window)
+        return segmented(part, self._background, region, exposure, window)[0]
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
@@ -363,15 +348,16 @@ class BackgroundModel:
         Args:
             frames: each (H, W, 3) uint8, BGR.
         """
-        model = copy(self)
-        grey = all(map(is_grey, [self.mean, *frames]))
-        model._background = replace(self._background, grey=grey)
-        return model
+        return self._with(grey=all(map(is_grey, [self.mean, *frames])))
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
         """The same background with another darkest cast shadow, see `difference.Background`."""
+        return self._with(shadow=darkest)
+
+    def _with(self, **changed: Any) -> "BackgroundModel":
+        """The same model with some attributes of its background changed."""
         model = copy(self)
-        model._background = replace(self._background, shadow=darkest)
+        model._background = replace(self._background, **changed)
         return model
 
     def exposure(self, frame: np.ndarray) -> Exposure:

@@ -18,9 +18,8 @@ from silhouette_core.image.difference import (
     FrameView,
     detect,
     grown,
-    measure_exposure,
+    looked_at,
     pooled_brightness,
-    radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
@@ -49,15 +48,14 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     Returns:
         (35,) int64, of ratios from 0.25 to 0.95.
     """
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
+    view, exposure = looked_at(frame, background)
     _, pooled = detect(view, exposure.noise)
     bright = pooled_brightness(view)
     dark = only_darker(pooled, bright, exposure.noise)
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0])
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
-    inside = ~grown(~dark, radius, cv2.MORPH_RECT)
+    inside = ~grown(~dark, background.radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
 

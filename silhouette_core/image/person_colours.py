@@ -17,12 +17,7 @@ from scipy.ndimage import gaussian_filter
 
 from silhouette_core.image.cast_shadow import even_shades, texture_evidence
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.difference import (
-    Background,
-    FrameView,
-    measure_exposure,
-    radius_of,
-)
+from silhouette_core.image.difference import Background, FrameView, looked_at
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, FOREGROUND
 
@@ -131,15 +126,14 @@ def find_colours(
         region: (H, W) bool, where the person may be; None: everywhere.
         least_odds: :math:`\lambda`, nats.
     """
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
+    view, exposure = looked_at(frame, background)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
     limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
     tables = *without_tint(view), density.log_density, even_colours(background), _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)
     kernels.look_up(np.ascontiguousarray(frame), density.log_density, SHIFT, seen)
-    window = (2 * radius + 1, 2 * radius + 1)
+    window = (2 * background.radius + 1,) * 2
     owned = (seen >= np.log(density.least)).astype(np.float32)
     likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
     pieces = clean(

@@ -30,9 +30,8 @@ from silhouette_core.body.rigs.rig_checks import (
     check_rest,
     normalised_weights,
     parents_first,
-    part_of_faces,
     short,
-    strongest_four,
+    skinned_body,
 )
 from silhouette_core.body.rigs.rig_dofs import ball_joint
 
@@ -72,7 +71,6 @@ PART_OF_BONE = (
     | {"LThumb": "left_thumb", "RThumb": "right_thumb"}
 )
 """Bone of the rig -> part of the human tree. A part's joint is the head of its first bone."""
-_ARM_PARTS = ("upper_arm", "forearm", "hand", "thumb", "fingers")
 
 
 @dataclass(frozen=True)
@@ -149,15 +147,9 @@ def read_makehuman(
     skin = _Skin(names, heads - ground, vertices - ground, faces, weights)
     parents = np.array([names.index(p) if (p := bones[n][0]) else -1 for n in names], np.int32)
     if rig != CMU:
-        dofs = [(k, dof) for k in range(1, len(names)) for dof in ball_joint(_FREE_DEG)]
-        every = np.arange(len(names), dtype=np.int32)
-        tree = KinematicTree(
-            tuple(names),
-            parents,
-            tuple(dofs),
-            tuple(names),
-            every,
-            np.stack([parents[1:], every[1:]], axis=1),
+        turns = ball_joint(_FREE_DEG)
+        tree = KinematicTree.from_parts(
+            [(name, bones[name][0], turns if bones[name][0] else ()) for name in names]
         )
         return skin.body(tree, skin.heads_m)
     if missing := [bone for bone in PART_OF_BONE if bone not in names]:
@@ -178,12 +170,8 @@ class _Skin:
     def body(self, tree: KinematicTree, landmarks_m: NDArray[np.float64]) -> BodyModel:
         """The body on a tree whose parts are these bones."""
         every = np.broadcast_to(np.arange(self.weights.shape[1]), self.weights.shape)
-        parts, weights = strongest_four(every, self.weights)
-        part = part_of_faces(self.faces, parts, weights)
-        skin = parts, weights
-        return BodyModel.as_given(
-            tree, self.heads_m, self.vertices_m, self.faces, part, skin, landmarks_m
-        )
+        surface = self.vertices_m, self.faces
+        return skinned_body(tree, self.heads_m, *surface, every, self.weights, landmarks_m)
 
     def on_cmu_tree(self, parents: NDArray[np.int32]) -> BodyModel:
         """The body on the CMU rig itself, in MakeHuman's own rest pose."""
