@@ -111,8 +111,6 @@ class EmptyScene:
     """px. Shorter side of the pictures that are labelled: costs of areas and edges depend on it."""
     changed: float = 6.0
     """Noise. Radius of a mode: differences summed over the channels."""
-    least_noise: float = 2.0
-    """Grey levels. Least noise, summed over the channels."""
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
     unseen: float = 0.6
@@ -121,15 +119,9 @@ class EmptyScene:
     """1. Cost of the border of such a region, at a pixel."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
-    piece: float = 0.05
-    """1. Of the largest piece that differs from the background in a frame: least of the others."""
-    always: float = 4.0
-    """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
-    that he is."""
     least_sigma: float = 4.0
-    """Grey levels. Least standard deviation: what is left of exposure, and of lights."""
-    guess: float = 6.0
-    """Grey levels. Standard deviation of a continued colour."""
+    """Grey levels. Least standard deviation: what is left of exposure, and of lights; that of a
+    continued colour."""
 
 
 @dataclass(frozen=True)
@@ -163,8 +155,6 @@ class Cut:
     """Nats. Cost of neighbours that differ, without contrast."""
     least_link: float = 0.45
     """Nats. The same, over the sharpest edge."""
-    least_contrast: float = 4.0
-    """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
     beside: float = 3.0
     """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
     colours are first learned; a segmenter. With 5 for that, woman_white's least IoU is 0.82 instead
@@ -193,8 +183,6 @@ class Colours:
 
     smoothing_bins: float = 0.8
     """Bins. Smoothing of histograms of colours."""
-    lightness_bins: float = 0.7
-    """Bins. The same along a head's lightness."""
     any_share: float = 0.01
     """1. Of the person's pixels have any colour."""
     own_share: float = 0.95
@@ -282,14 +270,11 @@ class Retargeting:
     """Degrees by which a standing skeleton deviates from straight."""
     upright: float = 0.2
     """1. Fraction of the frames, most upright, that show the trunk's axes."""
-    hinge: float = 0.02
-    """1. Weight of a limb's turn about its axis, which matters little while it is straight."""
-    lumbar: float = 0.2
-    """1. Weight of the lumbar spine."""
-    end: float = 0.3
-    """1. Weight of head and clavicles."""
+    trunk: float = 0.2
+    """1. Weight of lumbar spine, head and clavicles."""
     foot: float = 0.03
-    """1. Weight of a foot's two directions."""
+    """1. Weight of a foot's two directions, and of a limb's turn about its axis, which matters
+    little while it is straight."""
     hand: float = 0.1
     """1. Weight of the hand."""
     rest: float = 1e-3

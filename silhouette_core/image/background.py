@@ -149,13 +149,10 @@ class BackgroundModel:
         Args:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
                 40 over the recording.
-            method: see `Method`.
             evidence: as of `with_colours`.
             kind: what it is taken from.
 
-        Raises:
-            ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
-            TypeError: a frame is not uint8.
+        Method and errors are those of `from_frames`.
         """
         stack: list[np.ndarray] = []
         for frame in frames:
@@ -247,16 +244,7 @@ class BackgroundModel:
         evidence: NDArray[np.float32] | None = None,
     ) -> SoftSilhouette:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
-        gives the silhouette only.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            region: region of interest, (H, W) bool; None means the whole image.
-            evidence: as of `silhouette`.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        gives the silhouette only. Arguments and errors are those of `silhouette`.
         """
         if self.method == "paper":
             return SoftSilhouette.of(self.silhouette(frame, region))
@@ -269,16 +257,8 @@ class BackgroundModel:
         region: np.ndarray | None = None,
         evidence: NDArray[np.float32] | None = None,
     ) -> SilhouetteStages:
-        """How a frame's silhouette comes about; of the paper's method only what it makes.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            region: region of interest, (H, W) bool; None means the whole image.
-            evidence: as of `silhouette`.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        """How a frame's silhouette comes about; of the paper's method only what it makes. Arguments
+        and errors are those of `silhouette`.
         """
         aligned_frame, known = self._aligned(frame), self._background.known
         if self.method == "paper":
@@ -297,17 +277,8 @@ class BackgroundModel:
         region: np.ndarray | None = None,
         least_odds: float = 0.0,
     ) -> ColouredSilhouette:
-        """Where a frame has a person's colours, see `find_colours`.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            density: of the person's colours.
-            region: region of interest, (H, W) bool; None means the whole image.
-            least_odds: nats by which the person has to explain a place better.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        """Where a frame has a person's colours, see `find_colours`; frame, region and errors are
+        those of `silhouette`.
         """
         frame = self._aligned(frame)
         return find_colours(frame, self._background, density, region, least_odds)
@@ -325,7 +296,7 @@ class BackgroundModel:
             part: (h, w, 3) uint8, BGR: the frame in the window.
             window: rows and columns, within the model's size.
             exposure: of the frame, or of one shortly before it.
-            region: region of interest, (H, W) bool; None means the whole image.
+            region: as of `silhouette`.
 
         Returns:
             Silhouette, (H, W) bool: nothing outside the window.

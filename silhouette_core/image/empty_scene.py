@@ -13,8 +13,7 @@ together, so that
 5. before a uniform backdrop (`image.backdrop`) it is the backdrop's colour, or was never seen.
 
 The hulls come from labels that are first chosen without them. All frames are given the same
-exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
-the noise of a guess.
+exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea).
 
 This project's extension of Okada and Stenger's section 5.1. Background estimation as a labelling
 problem: Cohen (ICCV 2005), with another cost of steps.
@@ -32,11 +31,12 @@ from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
-from silhouette_core.tuning import SCENE
+from silhouette_core.tuning import BACKGROUND, FOREGROUND, SCENE
 
 Kind = Literal["auto", "uniform", "moving"]
 """What an empty scene is taken from, see `silhouette_core.estimator.BackgroundKind`."""
 _MODES, _ROUNDS = 5, 12
+_DEVIATION = 3 * np.sqrt(2 / np.pi)  # of three channels with Gaussian noise 1: mean absolute one
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,6 @@ class EmptyScene:
             5,
             cv2.INPAINT_TELEA,
         )[unseen]
-        variance[unseen] = SCENE.guess**2
         if backdrop is not None:
             field = np.asarray(cv2.resize(backdrop[0], (width, height)), np.float32)
             shaded = unseen & only_shaded(median, field, radius)
@@ -123,7 +122,7 @@ def _radius(samples: NDArray[np.float32]) -> float:
     """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
     median = np.median(samples, axis=0)
     usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
-    return SCENE.changed * max(float(np.median(usual)), SCENE.least_noise)
+    return SCENE.changed * max(float(np.median(usual)), _DEVIATION * BACKGROUND.noise)
 
 
 def _background_frames(
@@ -181,13 +180,13 @@ def _hidden(
     for frame in np.arange(count, dtype=np.uint64):
         differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
         opened = cv2.morphologyEx(differs.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        pieces = clean(opened.view(np.bool_), min_share=SCENE.piece)
+        pieces = clean(opened.view(np.bool_), min_share=FOREGROUND.body_share)
         hull = np.zeros_like(opened)
         if pieces.any():
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
         always += hull / count
         hidden += ((shown >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
-    return np.asarray(hidden * (always**SCENE.always)[..., None], np.float32)
+    return hidden * always[..., None]
 
 
 def _moments(

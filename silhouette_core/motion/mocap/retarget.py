@@ -94,15 +94,14 @@ def _targets(
             )
 
     for axis in (_X, _Z):
-        turn("lumbar", "lumbar", axis, RETARGETING.lumbar)
+        turn("lumbar", "lumbar", axis, RETARGETING.trunk)
         turn("thorax", "thorax", axis, 1.0)
     for axis in (_Y, _Z):
-        turn("neck", "head" if "head" in recorded.roles else "neck", axis, RETARGETING.end)
+        turn("neck", "head" if "head" in recorded.roles else "neck", axis, RETARGETING.trunk)
     for side in SIDES:
         clavicle, hand, foot = (f"{side}_{name}" for name in ("clavicle", "hand", "foot"))
-        turn(
-            clavicle, clavicle, unit(joint(f"{side}_upper_arm") - joint(clavicle)), RETARGETING.end
-        )
+        collar = unit(joint(f"{side}_upper_arm") - joint(clavicle))
+        turn(clavicle, clavicle, collar, RETARGETING.trunk)
         for near, far in _BONES.items():
             own, far = f"{side}_{near}", f"{side}_{far}"
             targets.add(own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, 1.0)
@@ -112,7 +111,7 @@ def _targets(
                 flexion = model.tree.dof_axis[
                     model.tree.dof_names.index(f"{side}_{bones[1]}.flexion")
                 ]
-                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.hinge)
+                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.foot)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(
             hand,
