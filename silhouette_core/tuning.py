@@ -32,8 +32,8 @@ class Foreground:
     """Noise. Limit of the pooled chromatic residual, and of the pooled difference of brightness
     where clothes or a shadow may be."""
     possible: float = 1.2
-    """Noise. The same where clothes may resemble the background: in seed 322, 99 % of the missing
-    pixels exceed it, and 1 % of those outside."""
+    """Noise. The same where clothes may resemble the background, and of what only the light
+    explains: in seed 322, 99 % of the missing pixels exceed it, and 1 % of those outside."""
     chroma_pixel: float = 6.0
     """Noise. Limit of a single pixel's chromatic residual."""
     brightness: float = 8.0
@@ -69,8 +69,6 @@ class CastShadow:
     By eye. As a whole: docs/results.md, "Ordinary rooms".
     """
 
-    chroma: float = 1.0
-    """Noise. Largest pooled chromatic residual of what only the light explains."""
     brightness: float = 5.0
     """Noise. Least difference of its brightness."""
     margin: float = 0.1
@@ -117,8 +115,6 @@ class EmptyScene:
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
-    still: float = 0.05
-    """1. Cost of a step between colours that does not move."""
     least_sigma: float = 4.0
     """Grey levels. Least standard deviation: what is left of exposure, and of lights; that of a
     continued colour."""
@@ -189,8 +185,6 @@ class Colours:
     """1. Of the person's pixels have a colour that counts as the person's."""
     most_odds: float = 5.0
     """Nats. Largest logarithm of a single pixel's odds."""
-    smallest: float = 2e-4
-    """1. Of the image: smaller pieces are noise."""
     lit: float = 0.85
     """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
     otherwise: float = 1e-3
@@ -279,10 +273,6 @@ class Retargeting:
     """1. Weight of the hand."""
     rest: float = 1e-3
     """1. Weight of rest where the directions leave angles free: a spine bends evenly."""
-    trust_rad: float = 0.6
-    """Radians. Largest change of an angle in one step."""
-    poor: float = 0.05
-    """1. Cost from which a frame is also started from the rest pose."""
 
 
 @dataclass(frozen=True)
@@ -299,8 +289,6 @@ class Refinement:
         *(0.10, 0.08, 0.07, 0.06, 0.06, 0.06),
     )
     """m. Of a pose within 0.3 m at every joint."""
-    near_reaches_m: tuple[float, ...] = (0.15, 0.12, 0.10, 0.08, 0.06, 0.06)
-    """m. Of a pose within 0.15 m; one that is predicted leaves out the ends."""
     body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
     """m. Of a body's proportions; every other one from the third on settles the poses then."""
     contour_m: float = 0.012
@@ -319,7 +307,7 @@ class Refinement:
     trust_m: float = 0.10
     """m. Largest step of the root: beyond it the correspondences change."""
     trust_rad: float = 0.35
-    """Radians. The same of every angle."""
+    """Radians. The same of every angle, in inverse kinematics, too."""
     margin: float = 0.5
     """1. Of a silhouette's longer side: how far around it distances are computed."""
     student_freedom: float = 4.0
@@ -335,27 +323,20 @@ class Refinement:
     same_root_m: float = 0.15
     """m. Roots of single frames farther than this from their median do not count."""
 
+    @property
+    def near_reaches_m(self) -> tuple[float, ...]:
+        """Reaches of a pose within 0.15 m; one that is predicted leaves out the ends."""
+        return self.reaches_m[4:10]
+
 
 @dataclass(frozen=True)
 class Trajectory:
     """Consecutive frames refined together (`refinement.trajectory_fit`). By eye."""
 
-    reaches_m: tuple[float, ...] = (0.15, 0.10, 0.08)
-    """m. Reaches, see `Refinement`."""
-    live_reaches_m: tuple[float, ...] = (0.12, 0.08)
-    """m. The same where a camera is kept up with."""
-    contour_m: float = 0.015
-    """m. Standard deviation of a contour residual."""
-    independence: float = 0.3
-    """1. Fraction of contour points that count as independent."""
     acceleration: float = 0.35
-    """1. Standard deviation of angles' second differences, over `dynamics.pose_step_sigma`."""
+    """1. Standard deviation of a pose's second differences, over `dynamics.pose_step_sigma`."""
     other_acceleration: float = 0.12
-    """1. The same of bodies that are no person's, whose usual steps are wide."""
-    root_m: float = 0.02
-    """m. Standard deviation of the second difference of the root's position."""
-    root_rad: float = 0.05
-    """Radians. The same of its orientation."""
+    """1. The same of the angles of bodies that are no person's, whose usual steps are wide."""
     foot_m: float = 0.02
     """m. Scale of the robust weight of a standing foot's movement, and standard deviation of the
     lowest point's height above the floor: as far soles are from where the body has them."""

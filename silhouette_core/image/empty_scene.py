@@ -144,7 +144,7 @@ def _background_frames(
         height, width, _MODES
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    limits = np.float32(radius), np.float32(SCENE.still), np.float32(SCENE.border)
+    limits = np.float32(radius), np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)

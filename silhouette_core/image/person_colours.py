@@ -138,7 +138,7 @@ def find_colours(
     likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
     pieces = clean(
         likely,
-        min_area_px=round(COLOURS.smallest * odds.size),
+        min_area_px=round(FOREGROUND.area * odds.size),
         max_hole_px=round(FOREGROUND.area * odds.size),
         region=region,
     )

@@ -73,27 +73,16 @@ def fit_trajectory(
     Source: textbook sparse Gauss-Newton (bundle adjustment over time).
     """
     model = surface.model
-    contour = RefineSettings(
-        TRAJECTORY.live_reaches_m if live else TRAJECTORY.reaches_m,
-        TRAJECTORY.contour_m,
-        TRAJECTORY.independence,
-    )
+    contour = RefineSettings(REFINEMENT.near_reaches_m[2 if live else 0 :: 2])
     poses, fixed = list(poses), list(before)
     free = free_unknowns(model)
     if model.tree.root_fixed:
         free = free[6:]
     priors = landmark_arrays(landmark_priors, len(model.landmarks_m))
     size, count = len(free), len(poses)
-    acceleration = (
-        TRAJECTORY.other_acceleration if model.person is None else TRAJECTORY.acceleration
-    )
-    sigma = np.concatenate(
-        [
-            [TRAJECTORY.root_m] * 3,
-            [TRAJECTORY.root_rad] * 3,
-            acceleration * pose_step_sigma(model.tree)[6:],
-        ]
-    )
+    sigma = TRAJECTORY.acceleration * pose_step_sigma(model.tree)
+    if model.person is None:
+        sigma[6:] *= TRAJECTORY.other_acceleration / TRAJECTORY.acceleration
     for reach in contour.reaches_m:
         arrays = PoseArrays.from_poses(poses)
         together = surface.posed_many(arrays)
