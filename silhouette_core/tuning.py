@@ -115,6 +115,9 @@ class EmptyScene:
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
+    always: float = 4.0
+    """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
+    that he is."""
     least_sigma: float = 4.0
     """Grey levels. Least standard deviation: what is left of exposure, and of lights; that of a
     continued colour."""

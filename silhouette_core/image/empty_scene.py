@@ -186,7 +186,7 @@ def _hidden(
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
         always += hull / count
         hidden += ((shown >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
-    return hidden * always[..., None]
+    return np.asarray(hidden * (always**SCENE.always)[..., None], np.float32)
 
 
 def _moments(
