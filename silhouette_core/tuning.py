@@ -32,8 +32,8 @@ class Foreground:
     """Noise. Limit of the pooled chromatic residual, and of the pooled difference of brightness
     where clothes or a shadow may be."""
     possible: float = 1.2
-    """Noise. The same where clothes may resemble the background, and of what only the light
-    explains: in seed 322, 99 % of the missing pixels exceed it, and 1 % of those outside."""
+    """Noise. The same where clothes may resemble the background: in seed 322, 99 % of the missing
+    pixels exceed it, and 1 % of those outside."""
     chroma_pixel: float = 6.0
     """Noise. Limit of a single pixel's chromatic residual."""
     brightness: float = 8.0
@@ -69,6 +69,8 @@ class CastShadow:
     By eye. As a whole: docs/results.md, "Ordinary rooms".
     """
 
+    chroma: float = 1.0
+    """Noise. Largest pooled chromatic residual of what only the light explains."""
     brightness: float = 5.0
     """Noise. Least difference of its brightness."""
     margin: float = 0.1
@@ -109,18 +111,25 @@ class EmptyScene:
     """px. Shorter side of the pictures that are labelled: costs of areas and edges depend on it."""
     changed: float = 6.0
     """Noise. Radius of a mode: differences summed over the channels."""
+    least_noise: float = 2.0
+    """Grey levels. Least noise, summed over the channels."""
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
     unseen: float = 0.6
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
+    still: float = 0.05
+    """1. Cost of a step between colours that does not move."""
+    piece: float = 0.05
+    """1. Of the largest piece that differs from the background in a frame: least of the others."""
     always: float = 4.0
     """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
     that he is."""
     least_sigma: float = 4.0
-    """Grey levels. Least standard deviation: what is left of exposure, and of lights; that of a
-    continued colour."""
+    """Grey levels. Least standard deviation: what is left of exposure, and of lights."""
+    guess: float = 6.0
+    """Grey levels. Standard deviation of a continued colour."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +163,8 @@ class Cut:
     """Nats. Cost of neighbours that differ, without contrast."""
     least_link: float = 0.45
     """Nats. The same, over the sharpest edge."""
+    least_contrast: float = 4.0
+    """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
     beside: float = 3.0
     """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
     colours are first learned; a segmenter. With 5 for that, woman_white's least IoU is 0.82 instead

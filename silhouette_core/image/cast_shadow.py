@@ -71,7 +71,7 @@ def only_darker(
         noise: ratio of the frame's noise to the model's.
     """
     coloured = np.empty(bright.shape, np.bool_)
-    kernels.doubt(pooled, bright, round(FOREGROUND.possible * UNIT), np.float32(np.inf), coloured)
+    kernels.doubt(pooled, bright, round(SHADOW.chroma * UNIT), np.float32(np.inf), coloured)
     return ~coloured & (bright < -SHADOW.brightness * noise)
 
 

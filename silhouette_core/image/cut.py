@@ -20,11 +20,10 @@ from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
-from silhouette_core.tuning import BACKGROUND, COLOURS, CUT
+from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
 _LEARNED = 3  # times that the colours are learned and the samples cut
-_CONTRAST = 6 / np.sqrt(np.pi)  # of neighbours, over three channels, by Gaussian noise 1: its mean
 _GAIN = np.ones(3, np.float32)
 _SHARES = np.float32(CUT.otherwise), np.float32(1)
 
@@ -107,7 +106,7 @@ class SceneColours:
         back, odds = self.background, self._odds(frame, evidence)
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
-        scale = 2 * max(float(links.mean()), _CONTRAST * BACKGROUND.noise)
+        scale = 2 * max(float(links.mean()), CUT.least_contrast)
         links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
         return least_cut(odds, links)
 

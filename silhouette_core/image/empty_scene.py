@@ -13,7 +13,8 @@ together, so that
 5. before a uniform backdrop (`image.backdrop`) it is the backdrop's colour, or was never seen.
 
 The hulls come from labels that are first chosen without them. All frames are given the same
-exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea).
+exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
+the noise of a guess.
 
 This project's extension of Okada and Stenger's section 5.1. Background estimation as a labelling
 problem: Cohen (ICCV 2005), with another cost of steps.
@@ -31,12 +32,11 @@ from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.kernels import background as medians
 from silhouette_core.image.kernels import empty_scene as kernels
-from silhouette_core.tuning import BACKGROUND, FOREGROUND, SCENE
+from silhouette_core.tuning import SCENE
 
 Kind = Literal["auto", "uniform", "moving"]
 """What an empty scene is taken from, see `silhouette_core.estimator.BackgroundKind`."""
 _MODES, _ROUNDS = 5, 12
-_DEVIATION = 3 * np.sqrt(2 / np.pi)  # of three channels with Gaussian noise 1: mean absolute one
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +94,7 @@ class EmptyScene:
             5,
             cv2.INPAINT_TELEA,
         )[unseen]
+        variance[unseen] = SCENE.guess**2
         if backdrop is not None:
             field = np.asarray(cv2.resize(backdrop[0], (width, height)), np.float32)
             shaded = unseen & only_shaded(median, field, radius)
@@ -122,7 +123,7 @@ def _radius(samples: NDArray[np.float32]) -> float:
     """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
     median = np.median(samples, axis=0)
     usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
-    return SCENE.changed * max(float(np.median(usual)), _DEVIATION * BACKGROUND.noise)
+    return SCENE.changed * max(float(np.median(usual)), SCENE.least_noise)
 
 
 def _background_frames(
@@ -144,7 +145,7 @@ def _background_frames(
         height, width, _MODES
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    limits = np.float32(radius), np.float32(SCENE.border)
+    limits = np.float32(radius), np.float32(SCENE.still), np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)
@@ -180,7 +181,7 @@ def _hidden(
     for frame in np.arange(count, dtype=np.uint64):
         differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
         opened = cv2.morphologyEx(differs.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        pieces = clean(opened.view(np.bool_), min_share=FOREGROUND.body_share)
+        pieces = clean(opened.view(np.bool_), min_share=SCENE.piece)
         hull = np.zeros_like(opened)
         if pieces.any():
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)

@@ -38,7 +38,7 @@ def colour_modes(samples, radius, mean, share, shown):
             left &= ~members
 
 
-def step_costs(mean, share, radius, border, right, down):
+def step_costs(mean, share, radius, still, border, right, down):
     """Steps between the colours of modes, dear where one pixel shows the other's at other times."""
     modes = share.shape[2]
 
@@ -61,7 +61,7 @@ def step_costs(mean, share, radius, border, right, down):
                     apart = np.abs(colours[0] - colours[1]).sum()
                     moves = shows(first, a, colours[1]) or shows(second, b, colours[0])
                     step = np.clip((apart / radius - 1) / 2, 0, 1)
-                    table[a, b] = step * moves
+                    table[a, b] = step * (1 if moves else still)
             costs[first] = table
 
 
