@@ -109,7 +109,7 @@ def test_the_floor_decides_the_distance(walk):
 
     def distance_error(floor):
         times = np.arange(len(poses)) / 30
-        faint = partial(RefineSettings, independence=0.01)
+        faint = partial(RefineSettings, independence=0.005)
         with patch.object(trajectory_fit, "RefineSettings", faint):
             found = fit_trajectory(SURFACE, observations, far, times, wrong, floor)
         gap = joints_of(found)[:, 0] - joints_of(poses)[:, 0]
