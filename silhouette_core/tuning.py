@@ -113,16 +113,12 @@ class EmptyScene:
     """Noise. Radius of a mode: differences summed over the channels."""
     least_noise: float = 2.0
     """Grey levels. Least noise, summed over the channels."""
-    seen: float = 0.05
-    """1. Of the frames: least share of a mode."""
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
     unseen: float = 0.6
     """1. Of that: cost of a pixel whose background is taken to be unknown."""
     border: float = 0.5
     """1. Cost of the border of such a region, at a pixel."""
-    least_step: float = 1.0
-    """1. Of a mode's radius. Steps between colours that cost nothing: noise, texture."""
     still: float = 0.05
     """1. Cost of a step between colours that does not move."""
     piece: float = 0.05
@@ -197,16 +193,12 @@ class Colours:
 
     smoothing_bins: float = 0.8
     """Bins. Smoothing of histograms of colours."""
-    lightness_bins: float = 0.7
-    """Bins. The same along a head's lightness."""
     any_share: float = 0.01
     """1. Of the person's pixels have any colour."""
     own_share: float = 0.95
     """1. Of the person's pixels have a colour that counts as the person's."""
     most_odds: float = 5.0
     """Nats. Largest logarithm of a single pixel's odds."""
-    smallest: float = 2e-4
-    """1. Of the image: smaller pieces are noise."""
     lit: float = 0.85
     """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
     otherwise: float = 1e-3
@@ -232,8 +224,6 @@ class Plausibility:
     changed: float = 0.01
     """1. Of both silhouettes' union, between moments: what changes less is no person's that is cut
     off by two borders. People who stand still change by more, if only by noise."""
-    jump: float = 0.69
-    """Nats. Of the area, between neighbouring frames, usually: doubled. People's change by 0.06."""
 
 
 @dataclass(frozen=True)
@@ -301,22 +291,15 @@ class Retargeting:
     """Degrees by which a standing skeleton deviates from straight."""
     upright: float = 0.2
     """1. Fraction of the frames, most upright, that show the trunk's axes."""
-    hinge: float = 0.02
-    """1. Weight of a limb's turn about its axis, which matters little while it is straight."""
-    lumbar: float = 0.2
-    """1. Weight of the lumbar spine."""
-    end: float = 0.3
-    """1. Weight of head and clavicles."""
+    trunk: float = 0.2
+    """1. Weight of lumbar spine, head and clavicles."""
     foot: float = 0.03
-    """1. Weight of a foot's two directions."""
+    """1. Weight of a foot's two directions, and of a limb's turn about its axis, which matters
+    little while it is straight."""
     hand: float = 0.1
     """1. Weight of the hand."""
     rest: float = 1e-3
     """1. Weight of rest where the directions leave angles free: a spine bends evenly."""
-    trust_rad: float = 0.6
-    """Radians. Largest change of an angle in one step."""
-    poor: float = 0.05
-    """1. Cost from which a frame is also started from the rest pose."""
 
 
 @dataclass(frozen=True)
@@ -333,8 +316,6 @@ class Refinement:
         *(0.10, 0.08, 0.07, 0.06, 0.06, 0.06),
     )
     """m. Of a pose within 0.3 m at every joint."""
-    near_reaches_m: tuple[float, ...] = (0.15, 0.12, 0.10, 0.08, 0.06, 0.06)
-    """m. Of a pose within 0.15 m; one that is predicted leaves out the ends."""
     body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
     """m. Of a body's proportions; every other one from the third on settles the poses then."""
     contour_m: float = 0.012
@@ -353,7 +334,7 @@ class Refinement:
     trust_m: float = 0.10
     """m. Largest step of the root: beyond it the correspondences change."""
     trust_rad: float = 0.35
-    """Radians. The same of every angle."""
+    """Radians. The same of every angle, in inverse kinematics, too."""
     margin: float = 0.5
     """1. Of a silhouette's longer side: how far around it distances are computed."""
     student_freedom: float = 4.0
@@ -369,27 +350,20 @@ class Refinement:
     same_root_m: float = 0.15
     """m. Roots of single frames farther than this from their median do not count."""
 
+    @property
+    def near_reaches_m(self) -> tuple[float, ...]:
+        """Reaches of a pose within 0.15 m; one that is predicted leaves out the ends."""
+        return self.reaches_m[4:10]
+
 
 @dataclass(frozen=True)
 class Trajectory:
     """Consecutive frames refined together (`refinement.trajectory_fit`). By eye."""
 
-    reaches_m: tuple[float, ...] = (0.15, 0.10, 0.08)
-    """m. Reaches, see `Refinement`."""
-    live_reaches_m: tuple[float, ...] = (0.12, 0.08)
-    """m. The same where a camera is kept up with."""
-    contour_m: float = 0.015
-    """m. Standard deviation of a contour residual."""
-    independence: float = 0.3
-    """1. Fraction of contour points that count as independent."""
     acceleration: float = 0.35
-    """1. Standard deviation of angles' second differences, over `dynamics.pose_step_sigma`."""
+    """1. Standard deviation of a pose's second differences, over `dynamics.pose_step_sigma`."""
     other_acceleration: float = 0.12
-    """1. The same of bodies that are no person's, whose usual steps are wide."""
-    root_m: float = 0.02
-    """m. Standard deviation of the second difference of the root's position."""
-    root_rad: float = 0.05
-    """Radians. The same of its orientation."""
+    """1. The same of the angles of bodies that are no person's, whose usual steps are wide."""
     foot_m: float = 0.02
     """m. Scale of the robust weight of a standing foot's movement, and standard deviation of the
     lowest point's height above the floor: as far soles are from where the body has them."""

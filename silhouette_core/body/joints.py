@@ -112,6 +112,13 @@ PARENTS = np.array(
     [PART_NAMES.index(parent) if parent else -1 for _, parent, _ in _PARTS], np.int32
 )
 
+ARM_PARTS = tuple(
+    PART_NAMES.index(f"{side}_{name}")
+    for side in ("left", "right")
+    for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
+)
+"""Indices of the parts of both arms, without the clavicles."""
+
 LANDMARK_NAMES = tuple(
     "pelvis left_hip left_knee left_ankle right_hip right_knee right_ankle neck head_top"
     " left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist".split()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.joints import ARM_PARTS, PART_NAMES
 from silhouette_core.body.model import BodyModel, read_template
 
 DENSITY_KG_M3 = 1000
@@ -21,11 +21,6 @@ Anthropometric Relationships of Body and Body Segment Moments of Inertia (AFAMRL
 who take 1 g/cm³ for the volumes that they measure; densities of 1.04 to 1.08, as weighing under
 water gives them, leave the lungs out.
 """
-_ARM_PARTS = tuple(
-    PART_NAMES.index(f"{side}_{name}")
-    for side in ("left", "right")
-    for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
-)
 
 
 @dataclass(frozen=True)
@@ -88,7 +83,7 @@ class TapeMeasure:
             # So far outward, the man's template has the mean biacromial breadth of ANSUR II.
             found.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
         corners, weights = (np.stack(part) for part in zip(*found, strict=True))
-        trunk = body.faces[~np.isin(body.face_part, _ARM_PARTS)]
+        trunk = body.faces[~np.isin(body.face_part, ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
 
     def measure(

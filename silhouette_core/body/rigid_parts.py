@@ -29,6 +29,11 @@ class Capsule:
     radius_m: float
     end_radius_m: float | None = None
 
+    @property
+    def radii_m(self) -> tuple[float, float]:
+        """Radii at start and end."""
+        return self.radius_m, self.radius_m if self.end_radius_m is None else self.end_radius_m
+
 
 @dataclass(frozen=True)
 class Box:
@@ -174,13 +179,10 @@ def _extent(shapes: Sequence[Sequence[RigidShape]]) -> float:
     for piece in (piece for pieces in shapes for piece in pieces):
         if isinstance(piece, Capsule):
             own = np.array([piece.start_m, piece.end_m], float)
-            radii = (
-                piece.radius_m,
-                piece.radius_m if piece.end_radius_m is None else (piece.end_radius_m),
-            )
-            if not min(radii) > 0:
-                raise InputError(f"a capsule of the body has the radius {min(radii):g} m")
-            corners += [own - max(radii), own + max(radii)]
+            least, most = min(piece.radii_m), max(piece.radii_m)
+            if not least > 0:
+                raise InputError(f"a capsule of the body has the radius {least:g} m")
+            corners += [own - most, own + most]
         elif isinstance(piece, Box):
             own = np.array([piece.low_m, piece.high_m], float)
             if not (own[1] > own[0]).all():
@@ -207,8 +209,7 @@ def _surface(piece: RigidShape, edge_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _capsule(capsule: Capsule, edge_m: float) -> tuple[np.ndarray, np.ndarray]:
     start, end = np.array(capsule.start_m, float), np.array(capsule.end_m, float)
-    first = capsule.radius_m
-    last = first if capsule.end_radius_m is None else capsule.end_radius_m
+    first, last = capsule.radii_m
     length = float(np.linalg.norm(end - start))
     axis = (end - start) / length if length > 0 else np.array([0.0, 0.0, 1.0])
     across = np.linalg.svd(axis[None])[2][1:]

@@ -49,16 +49,17 @@ class ShapeSpace:
         carries; clothes move the surface outward. Vertices blend between parts by their
         skin weights, so that no seam opens.
         """
-        outward = clothing_directions(vertices, faces)
-        change = [
-            _worn(axis, joints, vertices, landmarks, skin_parts, skin_weights, outward)
-            if axis.is_clothing
-            else _change(axis, joints, vertices, landmarks, skin_parts, skin_weights)
-            for axis in SHAPE_AXES
-        ]
-        return cls(
-            joints, vertices, landmarks, *(np.stack(part) for part in zip(*change, strict=True))
-        )
+        rest, change = (joints, vertices, landmarks), []
+        outward, tall = clothing_directions(vertices, faces), np.ptp(vertices[:, 2])
+        for axis in SHAPE_AXES:
+            covered = np.array([_plain(name) in axis.parts for name in PART_NAMES])
+            if axis.is_clothing:  # as thick as the body is tall; it moves no joint
+                share = (skin_weights * covered[skin_parts]).sum(1, keepdims=True)
+                skin = tall * share * outward
+                change.append((np.zeros_like(joints), skin, np.zeros_like(landmarks)))
+            else:
+                change.append(_change(axis, covered, *rest, skin_parts, skin_weights))
+        return cls(*rest, *(np.stack(part) for part in zip(*change, strict=True)))
 
     @classmethod
     def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:
@@ -127,8 +128,14 @@ def bone_directions(joints: np.ndarray) -> np.ndarray:
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
+def _plain(name: str) -> str:
+    """Name of a part without its side."""
+    return name.removeprefix("left_").removeprefix("right_")
+
+
 def _change(
     axis: ShapeAxis,
+    covered: np.ndarray,
     joints: np.ndarray,
     vertices: np.ndarray,
     landmarks: np.ndarray,
@@ -136,17 +143,12 @@ def _change(
     skin_weights: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     stretch = np.zeros((len(joints), 3, 3))
-    for p, direction in enumerate(bone_directions(joints)):
-        if PART_NAMES[p].removeprefix("left_").removeprefix("right_") in axis.parts:
-            along = np.outer(direction, direction)
-            unit = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
-            stretch[p] = (
-                along
-                if axis.along == "length"
-                else np.eye(3) - along
-                if axis.along == "girth"
-                else np.diag(unit[axis.along])
-            )
+    for p in np.flatnonzero(covered):
+        direction = bone_directions(joints)[p]
+        along = np.outer(direction, direction)
+        kinds = {"length": along, "girth": np.eye(3) - along}
+        kinds |= {name: np.diag(unit) for name, unit in zip("xyz", np.eye(3), strict=True)}
+        stretch[p] = kinds[axis.along]
     moved = np.zeros_like(joints)
     for p, parent in enumerate(PARENTS):
         if parent >= 0:
@@ -163,21 +165,3 @@ def _change(
         "lij,lj->li", stretch[LANDMARK_PART], landmarks - joints[LANDMARK_PART]
     )
     return moved, skin, marks
-
-
-def _worn(
-    axis: ShapeAxis,
-    joints: np.ndarray,
-    vertices: np.ndarray,
-    landmarks: np.ndarray,
-    skin_parts: np.ndarray,
-    skin_weights: np.ndarray,
-    outward: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Change by clothes as thick as the body is tall; it moves no joint."""
-    covered = np.array(
-        [name.removeprefix("left_").removeprefix("right_") in axis.parts for name in PART_NAMES]
-    )
-    share = (skin_weights * covered[skin_parts]).sum(1, keepdims=True)
-    tall = np.ptp(vertices[:, 2])
-    return np.zeros_like(joints), tall * share * outward, np.zeros_like(landmarks)

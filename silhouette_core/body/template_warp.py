@@ -9,7 +9,7 @@ into each other.
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.joints import ARM_PARTS, PART_NAMES
 
 Changes = tuple[float, float, float, float]
 """Relative growth of chest, waist, hips and thighs; above -1, of the thighs below 1."""
@@ -28,11 +28,6 @@ _BREADTHS = ((_FLANKS, 65), (_WAIST, 90), (_HIP, 100))
 _DEPTHS = ((_CHEST, 135), (_WAIST, 110), (_HIP, 100))
 # Line of the trunk from which flesh grows to the front and to the back: height and y, likewise.
 _LINE = np.array([(460, 0), (520, 10), (600, 14), (745, 20)]).T / 1000
-_ARMS = tuple(
-    PART_NAMES.index(f"{side}_{name}")
-    for side in ("left", "right")
-    for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
-)
 
 
 def warp_template(
@@ -70,7 +65,7 @@ def warp_template(
         np.abs(x) / bone_x, 1
     )
     depth = depth + growth * (y - bone_y)
-    own = 1 - np.where(np.isin(skin_parts, _ARMS), skin_weights, 0.0).sum(1)
+    own = 1 - np.where(np.isin(skin_parts, ARM_PARTS), skin_weights, 0.0).sum(1)
     return vertices_m + stature * np.column_stack([own * breadth, own * depth, np.zeros_like(z)])
 
 

@@ -2,15 +2,15 @@
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
+from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow, is_grey
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import (
     Background,
@@ -23,11 +23,10 @@ from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.foreground import (
     SilhouetteStages,
     SoftSilhouette,
-    refined_mask,
     refined_soft_silhouette,
     refined_stages,
+    segmented,
 )
-from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
 from silhouette_core.tuning import BACKGROUND
@@ -39,30 +38,20 @@ _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
 
-@dataclass(frozen=True, eq=False)
-class _Directions:
-    """Each pixel's colour divided by its length, for the paper's method.
+_Directions = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+"""Each pixel's colour divided by its length, for the paper's method: mean (H, W, 3), half of one
+over the variance (H, W, 3), and logarithm of the density at the mean (H, W)."""
 
-    Attributes:
-        mean: (H, W, 3) float32.
-        half_precision: (H, W, 3) float32, half of one over the variance.
-        log_peak: (H, W) float32, logarithm of the density at the mean.
-    """
 
-    mean: NDArray[np.float32]
-    half_precision: NDArray[np.float32]
-    log_peak: NDArray[np.float32]
-
-    @classmethod
-    def of(
-        cls, colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
-    ) -> "_Directions":
-        """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
-        # Noise of the channels turns a colour of length L by noise / L: the direction of dark
-        # pixels is uncertain.
-        variance = np.maximum(variance, (BACKGROUND.noise / _length(colour)) ** 2)
-        peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
-        return cls(*(array.astype(np.float32) for array in (mean, 0.5 / variance, peak)))
+def _directions(
+    colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
+) -> _Directions:
+    """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
+    # Noise of the channels turns a colour of length L by noise / L: the direction of dark pixels is
+    # uncertain.
+    variance = np.maximum(variance, (BACKGROUND.noise / _length(colour)) ** 2)
+    peak = -0.5 * np.log(2 * np.pi * variance).sum(axis=2)
+    return mean.astype(np.float32), (0.5 / variance).astype(np.float32), peak.astype(np.float32)
 
 
 def _length(colour: NDArray) -> NDArray[np.float64]:
@@ -145,7 +134,7 @@ class BackgroundModel:
         if not unit_mean:
             return cls(mean, variance, None)
         unit_variance = np.maximum(unit_square[0] - unit_mean[0] ** 2, 0)
-        return cls(mean, variance, _Directions.of(mean, unit_mean[0], unit_variance))
+        return cls(mean, variance, _directions(mean, unit_mean[0], unit_variance))
 
     @classmethod
     def from_occupied(
@@ -160,13 +149,10 @@ class BackgroundModel:
         Args:
             frames: each (H, W, 3) uint8, BGR; all are held in memory, so give a sample, for example
                 40 over the recording.
-            method: see `Method`.
             evidence: as of `with_colours`.
             kind: what it is taken from.
 
-        Raises:
-            ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
-            TypeError: a frame is not uint8.
+        Method and errors are those of `from_frames`.
         """
         stack: list[np.ndarray] = []
         for frame in frames:
@@ -179,10 +165,8 @@ class BackgroundModel:
         mean, variance = scene.mean.astype(np.float64), scene.variance.astype(np.float64)
         length, directions = _length(mean), None
         if method == "paper":
-            directions = _Directions.of(mean, mean / length, variance / length**2)
-        model = cls(mean, variance, directions)
-        model._background = replace(model._background, known=~scene.unseen)
-        model = model.as_grey(scene.frames)
+            directions = _directions(mean, mean / length, variance / length**2)
+        model = cls(mean, variance, directions)._with(known=~scene.unseen).as_grey(scene.frames)
         asked = scene.frames[::_SHADOW_STEP]
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
@@ -247,13 +231,10 @@ class BackgroundModel:
         frame = self._aligned(frame)
         if self._directions is None:
             cut = self._cut(frame, evidence)
-            return refined_mask(frame, self._background, region, exposure, cut=cut)
-        known = self._directions
+            return segmented(frame, self._background, region, exposure, cut=cut)[0]
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
-        kernels.paper_mask(
-            frame, self.mean, known.mean, known.half_precision, known.log_peak, *limits, mask
-        )
+        kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
         return mask if region is None else mask & region
 
     def soft_silhouette(
@@ -263,16 +244,7 @@ class BackgroundModel:
         evidence: NDArray[np.float32] | None = None,
     ) -> SoftSilhouette:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
-        gives the silhouette only.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            region: region of interest, (H, W) bool; None means the whole image.
-            evidence: as of `silhouette`.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        gives the silhouette only. Arguments and errors are those of `silhouette`.
         """
         if self.method == "paper":
             return SoftSilhouette.of(self.silhouette(frame, region))
@@ -285,16 +257,8 @@ class BackgroundModel:
         region: np.ndarray | None = None,
         evidence: NDArray[np.float32] | None = None,
     ) -> SilhouetteStages:
-        """How a frame's silhouette comes about; of the paper's method only what it makes.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            region: region of interest, (H, W) bool; None means the whole image.
-            evidence: as of `silhouette`.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        """How a frame's silhouette comes about; of the paper's method only what it makes. Arguments
+        and errors are those of `silhouette`.
         """
         aligned_frame, known = self._aligned(frame), self._background.known
         if self.method == "paper":
@@ -313,17 +277,8 @@ class BackgroundModel:
         region: np.ndarray | None = None,
         least_odds: float = 0.0,
     ) -> ColouredSilhouette:
-        """Where a frame has a person's colours, see `find_colours`.
-
-        Args:
-            frame: (H, W, 3) uint8, BGR.
-            density: of the person's colours.
-            region: region of interest, (H, W) bool; None means the whole image.
-            least_odds: nats by which the person has to explain a place better.
-
-        Raises:
-            ValueError: the frame has another size than the model.
-            TypeError: the frame is not uint8.
+        """Where a frame has a person's colours, see `find_colours`; frame, region and errors are
+        those of `silhouette`.
         """
         frame = self._aligned(frame)
         return find_colours(frame, self._background, density, region, least_odds)
@@ -341,7 +296,7 @@ class BackgroundModel:
             part: (h, w, 3) uint8, BGR: the frame in the window.
             window: rows and columns, within the model's size.
             exposure: of the frame, or of one shortly before it.
-            region: region of interest, (H, W) bool; None means the whole image.
+            region: as of `silhouette`.
 
         Returns:
             Silhouette, (H, W) bool: nothing outside the window.
@@ -352,7 +307,7 @@ class BackgroundModel:
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
         part = np.ascontiguousarray(part)
-        return refined_mask(part, self._background, region, exposure, window)
+        return segmented(part, self._background, region, exposure, window)[0]
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
@@ -364,15 +319,16 @@ class BackgroundModel:
         Args:
             frames: each (H, W, 3) uint8, BGR.
         """
-        model = copy(self)
-        grey = all(map(is_grey, [self.mean, *frames]))
-        model._background = replace(self._background, grey=grey)
-        return model
+        return self._with(grey=all(map(is_grey, [self.mean, *frames])))
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
         """The same background with another darkest cast shadow, see `difference.Background`."""
+        return self._with(shadow=darkest)
+
+    def _with(self, **changed: Any) -> "BackgroundModel":
+        """The same model with some attributes of its background changed."""
         model = copy(self)
-        model._background = replace(self._background, shadow=darkest)
+        model._background = replace(self._background, **changed)
         return model
 
     def exposure(self, frame: np.ndarray) -> Exposure:

@@ -1,4 +1,10 @@
-"""The darkest cast shadow of a recording."""
+"""The darkest cast shadow of a recording, and shadows in pictures without colour, of grey and
+infra-red cameras: there texture tells them instead of tint.
+
+A shadow is evenly darker than what it falls on, whose texture it keeps; clothes have folds and a
+shading of their own. Source: own; shadows by ratios of brightness after Rosin and Ellis, Image
+difference threshold strategies and shadow detection (1995).
+"""
 
 from dataclasses import replace
 
@@ -12,16 +18,18 @@ from silhouette_core.image.difference import (
     FrameView,
     detect,
     grown,
-    measure_exposure,
+    looked_at,
     pooled_brightness,
-    radius_of,
 )
-from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
 _SHADES = 50  # bins of a ratio of brightness
+_LEVELS = 4  # grey levels between the channels of a picture without colour, at most
+_STEP = 4  # px between the pixels that are asked
+_WINDOW = 40  # of the shorter side: half of the window of a texture
+_FREEDOM = 4  # degrees of freedom of a texture within the window, as its spread on walk4 has
 
 
 def _edges() -> NDArray[np.float64]:
@@ -40,15 +48,14 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     Returns:
         (35,) int64, of ratios from 0.25 to 0.95.
     """
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
+    view, exposure = looked_at(frame, background)
     _, pooled = detect(view, exposure.noise)
     bright = pooled_brightness(view)
     dark = only_darker(pooled, bright, exposure.noise)
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0])
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
-    inside = ~grown(~dark, radius, cv2.MORPH_RECT)
+    inside = ~grown(~dark, background.radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
 
@@ -101,3 +108,32 @@ def darkest_shadow(counts: NDArray[np.int64]) -> float | None:
     if below < usual:
         return max(SHADOW.range[0], float(below))
     return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.range[1]))
+
+
+def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
+    """Whether an image (H, W, 3), of 255, has no colour, but for a thousandth of its pixels."""
+    spread = np.ptp(image[::_STEP, ::_STEP], axis=2)
+    return float(np.quantile(spread, 0.999)) <= _LEVELS
+
+
+def texture_evidence(view: FrameView) -> NDArray[np.float32]:
+    """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
+    twice the logarithm of a ratio of densities; 0 where it says nothing.
+    """
+    seen = view.planes[1] / view.gain[1]
+    empty = view.background.planes[1]
+    ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
+    darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
+    inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
+    side = 2 * (min(darker.shape) // _WINDOW) + 1
+
+    def mean(image: NDArray[np.floating]) -> NDArray[np.float32]:
+        return np.asarray(cv2.blur(image * inside, (side, side)), np.float32)
+
+    share, least = mean(np.ones_like(inside)), np.float32(1 / side)
+    both, square = mean(seen * empty), mean(empty * empty)
+    left = mean(seen * seen) - both * both / np.maximum(square, least)
+    uneven = np.sqrt(np.maximum(left * share, 0)) / np.maximum(mean(seen), least)
+    shadow, clothes = SHADOW.uneven
+    evidence = np.square(uneven / shadow) - 2 * _FREEDOM * np.log(clothes / shadow)
+    return np.where(share > least, evidence, 0).astype(np.float32)

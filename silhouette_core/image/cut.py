@@ -15,9 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.cast_shadow import rising_shades
+from silhouette_core.image.cast_shadow import rising_shades, texture_evidence
 from silhouette_core.image.difference import Background, FrameView, noise_scale
-from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
@@ -94,7 +93,7 @@ class SceneColours:
     def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
         """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""
         people = np.stack([self.cut(frame) for frame in frames])
-        views = (FrameView.of(frame, self.background, _GAIN, 1) for frame in frames)
+        views = (FrameView.of(frame, self.background, _GAIN) for frame in frames)
         told = np.stack([texture_evidence(view) != 0 for view in views])
         return float(np.count_nonzero(people & told) / max(np.count_nonzero(people), 1))
 
@@ -128,7 +127,7 @@ class SceneColours:
         for the person.
         """
         back = self.background
-        view = FrameView.of(frame, back, _GAIN, 1)
+        view = FrameView.of(frame, back, _GAIN)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
         flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
         limits = np.float32(noise_scale(view)), flicker, rising_shades(back.shadow)

@@ -25,6 +25,7 @@ class Background:
         planes: (3, H, W) float32, the same, channel by channel.
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
         known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
+        radius: half width of the window over which evidence is pooled, px.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
         grey: whether the camera films without colour, so that no tint tells a shadow.
     """
@@ -33,6 +34,7 @@ class Background:
     planes: NDArray[np.float32]
     scales: NDArray[np.float32]
     known: NDArray[np.bool_]
+    radius: int
     shadow: float = FOREGROUND.shadow
     grey: bool = False
 
@@ -42,7 +44,8 @@ class Background:
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
         scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise]).astype(np.float32)
         planes = np.ascontiguousarray(mean.transpose(2, 0, 1))
-        return cls(mean, planes, scales, np.ones(mean.shape[:2], np.bool_))
+        size = mean.shape[:2]
+        return cls(mean, planes, scales, np.ones(size, np.bool_), window_radius(size))
 
     def part(self, window: tuple[slice, slice]) -> "Background":
         """Background in a window of rows and columns."""
@@ -68,39 +71,29 @@ class Exposure:
 
 @dataclass(frozen=True, eq=False)
 class FrameView:
-    """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background, gain
-    (3,) and radius (px).
+    """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background and
+    gain (3,).
     """
 
     frame: NDArray[np.uint8]
     planes: NDArray[np.uint8]
     background: Background
     gain: NDArray[np.float32]
-    radius: int
 
     @property
     def arrays(
         self,
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """First arguments of the kernels; the gain is that from frame to background."""
-        return (
-            self.planes,
-            self.background.planes,
-            self.background.scales,
-            np.asarray(1 / self.gain, np.float32),
-        )
+        back, gain = self.background, np.asarray(1 / self.gain, np.float32)
+        return self.planes, back.planes, back.scales, gain
 
     @classmethod
     def of(
-        cls,
-        frame: NDArray[np.uint8],
-        background: Background,
-        gain: NDArray[np.float32],
-        radius: int,
+        cls, frame: NDArray[np.uint8], background: Background, gain: NDArray[np.float32]
     ) -> "FrameView":
         """FrameView of a frame (H, W, 3), or of a window of it, and of its background."""
-        planes = np.asarray(cv2.split(frame), np.uint8)
-        return cls(frame, planes, background, gain, radius)
+        return cls(frame, np.asarray(cv2.split(frame), np.uint8), background, gain)
 
     def part(self, window: tuple[slice, slice]) -> "FrameView":
         """FrameView of a window of rows and columns."""
@@ -114,9 +107,14 @@ class FrameView:
 
 def measure_exposure(frame: NDArray[np.uint8], background: Background) -> Exposure:
     """Exposure of a whole frame (H, W, 3) uint8."""
+    return looked_at(frame, background)[1]
+
+
+def looked_at(frame: NDArray[np.uint8], background: Background) -> tuple[FrameView, Exposure]:
+    """A whole frame (H, W, 3) uint8 and its exposure."""
     gain = measure_gain(frame, background)
-    view = FrameView.of(frame, background, gain, radius_of(background))
-    return Exposure(gain, noise_scale(view))
+    view = FrameView.of(frame, background, gain)
+    return view, Exposure(gain, noise_scale(view))
 
 
 def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np.float32]:
@@ -145,13 +143,8 @@ def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np
     return np.clip(gain, 0.5, 2.0)
 
 
-def radius_of(background: Background) -> int:
-    """Half width of the window over which evidence is pooled, px."""
-    return window_radius(background.mean.shape[:2])
-
-
 def window_radius(size: tuple[int, ...]) -> int:
-    """The same for images of a size, px."""
+    """Half width of the window over which evidence is pooled in images of a size, px."""
     return max(1, round(min(size) / 240))
 
 
@@ -160,13 +153,13 @@ def noise_scale(view: FrameView) -> float:
     height, width = view.frame.shape[:2]
     sampled = np.empty((-(-height // _GRID), -(-width // _GRID)), np.float32)
     clip = np.float32(FOREGROUND.chroma_pixel)
-    kernels.sampled_chroma(*view.arrays, clip, view.radius, _GRID, sampled)
+    kernels.sampled_chroma(*view.arrays, clip, view.background.radius, _GRID, sampled)
     return max(1.0, float(np.median(sampled)) / FOREGROUND.usual_chroma)
 
 
 def detect(view: FrameView, scale: float) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
     """Mask (H, W) and pooled evidence (4, H, W) in 1 / UNIT of the frame's noise."""
-    side = 2 * view.radius + 1
+    side = 2 * view.background.radius + 1
     height, width = view.frame.shape[:2]
     parts, strong = np.empty((4, height, width), np.int16), np.empty((height, width), np.bool_)
     unit, clip, beyond = (
@@ -195,5 +188,5 @@ def pooled_brightness(view: FrameView) -> NDArray[np.float32]:
     """Signed difference along the background's colour, averaged over windows, (H, W), in noise."""
     bright = np.empty(view.frame.shape[:2], np.float32)
     kernels.brightness(*view.arrays, bright)
-    side = 2 * view.radius + 1
+    side = 2 * view.background.radius + 1
     return np.asarray(cv2.blur(bright, (side, side)), np.float32)

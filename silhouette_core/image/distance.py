@@ -83,7 +83,7 @@ def pixel_weights(
     pixels = mask.view(np.uint8)
     if weighting == "xor" or not mask.any() or mask.all():
         return np.ones(mask.shape, np.float32)  # eq. (6)
-    weights = _outside_distances(pixels, _REACH * len(mask) if weighting == "balanced" else None)
+    weights = _distances(1 - pixels)
     # All that counts inside lies in the silhouette's box; one of the two terms is zero in every
     # pixel.
     left, top, width, height = cv2.boundingRect(pixels)
@@ -99,21 +99,6 @@ def pixel_weights(
         weights /= _largest(weights, bounds_px)
     weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))  # eq. (9)
     return weights
-
-
-def _outside_distances(pixels: NDArray[np.uint8], enough_px: float | None) -> NDArray[np.float32]:
-    """Distance (h, w) of every pixel from a silhouette; where it is at least `enough_px`, any such
-    number.
-    """
-    if enough_px is None:
-        return _distances(1 - pixels)
-    left, top, width, height = cv2.boundingRect(pixels)
-    room = int(np.ceil(enough_px)) + 1
-    rows = slice(max(top - room, 0), top + height + room)
-    columns = slice(max(left - room, 0), left + width + room)
-    distances = np.full(pixels.shape, room, np.float32)
-    distances[rows, columns] = _distances(1 - pixels[rows, columns])
-    return distances
 
 
 def _largest(weights: NDArray[np.float32], bounds_px: Rectangle | None) -> np.float32:

@@ -70,10 +70,11 @@ class EmptyScene:
         backdrop is looked for (`auto`), is there in any case (`uniform`), or is not looked for.
         """
         stack = stack[:64]
-        median = _median(stack)
+        median = np.empty(stack.shape[1:], np.float32)
+        medians.median(stack, median)
         aligner = Aligner(median)
         frames = np.stack([aligner.aligned(frame) for frame in stack])
-        height, width = median.shape[:2]
+        height, width = stack.shape[1:3]
         factor = min(1.0, SCENE.side_px / min(height, width))
         size = max(round(width * factor), 1), max(round(height * factor), 1)
         small = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames]
@@ -99,13 +100,6 @@ class EmptyScene:
             shaded = unseen & only_shaded(median, field, radius)
             mean[shaded], unseen = field[shaded], unseen & ~shaded
         return cls(mean, variance, unseen, frames, backdrop is not None)
-
-
-def _median(stack: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Median (H, W, 3) over time."""
-    median, deviation = (np.empty(stack.shape[1:], np.float32) for _ in range(2))
-    medians.median_and_deviation(stack, median, deviation)
-    return median
 
 
 def _without_people(
@@ -145,14 +139,13 @@ def _background_frames(
     shown = np.zeros((pixels, _MODES), np.uint64)
     kernels.colour_modes(small.reshape(count, pixels, 3), np.float32(radius), mean, share, shown)
     # What is seen once is a mixture: the edge of somebody in motion.
-    share[(share < SCENE.seen) & (np.arange(_MODES) > 0)] = 0
+    share[(np.rint(share * count) < 2) & (np.arange(_MODES) > 0)] = 0
     own = np.full((height, width, _MODES + 1), SCENE.hidden * SCENE.unseen, np.float32)
     own[..., :-1] = np.where(share > 0, SCENE.hidden * (1 - share), np.inf).reshape(
         height, width, _MODES
     )
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    least, still = np.float32(SCENE.least_step), np.float32(SCENE.still)
-    limits = np.float32(radius), least, still, np.float32(SCENE.border)
+    limits = np.float32(radius), np.float32(SCENE.still), np.float32(SCENE.border)
     modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
     kernels.step_costs(*modes, *limits, right, down)
     frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from silhouette_core.image.cast_shadow import only_darker
 from silhouette_core.image.cleanup import bounding_box, clean
@@ -33,11 +34,10 @@ from silhouette_core.image.difference import (
     FrameView,
     detect,
     grown,
-    measure_exposure,
+    looked_at,
     measure_gain,
     noise_scale,
     pooled_brightness,
-    radius_of,
 )
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
@@ -99,37 +99,15 @@ class SilhouetteStages:
     shadow: NDArray[np.bool_] | None = None
 
 
-def refined_mask(
-    frame: NDArray[np.uint8],
-    background: Background,
-    region: NDArray[np.bool_] | None = None,
-    exposure: Exposure | None = None,
-    window: tuple[slice, slice] | None = None,
-    cut: NDArray[np.bool_] | None = None,
-) -> NDArray[np.bool_]:
-    """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above.
-
-    Args:
-        frame: the frame, or its part in the window.
-        background: of the whole frame's size.
-        region: (H, W) bool, where the person may be; None: everywhere.
-        exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
-        window: rows and columns outside of which nothing is looked for; None: the whole frame.
-        cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
-            background alone.
-    """
-    return _segmented(frame, background, region, exposure, window, cut)[0]
-
-
 def refined_soft_silhouette(
     frame: NDArray[np.uint8],
     background: Background,
     region: NDArray[np.bool_] | None = None,
     cut: NDArray[np.bool_] | None = None,
 ) -> SoftSilhouette:
-    """Silhouette as `refined_mask`, and where else the frame differs from the background."""
+    """Silhouette as `segmented`, and where else the frame differs from the background."""
     looked = _Looked.at(frame, background, region, cut)
-    noise, radius = looked.exposure.noise, looked.view.radius
+    noise, radius = looked.exposure.noise, background.radius
     brightness = np.abs(looked.bright) / np.float32(noise)
 
     def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
@@ -151,7 +129,7 @@ def refined_stages(
     region: NDArray[np.bool_] | None = None,
     cut: NDArray[np.bool_] | None = None,
 ) -> SilhouetteStages:
-    """Silhouette as `refined_mask`, and how it came about; without the odds by which it was cut."""
+    """Silhouette as `segmented`, and how it came about; without the odds by which it was cut."""
     looked = _Looked.at(frame, background, region, cut)
     brightness = 1 + looked.bright / background.scales[2]
     dark = only_darker(looked.pooled, looked.bright, looked.exposure.noise)
@@ -189,9 +167,8 @@ class _Looked:
         region: NDArray[np.bool_] | None,
         cut: NDArray[np.bool_] | None,
     ) -> "_Looked":
-        exposure = measure_exposure(frame, background)
-        view = FrameView.of(frame, background, exposure.gain, radius_of(background))
-        found = _segmented(frame, background, region, exposure, None, cut)
+        view, exposure = looked_at(frame, background)
+        found = segmented(frame, background, region, exposure, None, cut)
         return cls(exposure, view, *found, detect(view, exposure.noise)[1], pooled_brightness(view))
 
 
@@ -201,23 +178,33 @@ def _chroma(pooled: NDArray[np.int16]) -> NDArray[np.float32]:
     return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
-def _segmented(
+def segmented(
     frame: NDArray[np.uint8],
     background: Background,
-    region: NDArray[np.bool_] | None,
-    exposure: Exposure | None,
-    window: tuple[slice, slice] | None,
-    cut: NDArray[np.bool_] | None,
+    region: NDArray[np.bool_] | None = None,
+    exposure: Exposure | None = None,
+    window: tuple[slice, slice] | None = None,
+    cut: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Silhouette of `refined_mask`, and the first mask, in the window."""
+    """Silhouette (H, W) bool of a frame (H, W, 3) uint8 by the steps named above, and the mask of
+    the first steps, in the window.
+
+    Args:
+        frame: the frame, or its part in the window.
+        background: of the whole frame's size.
+        region: (H, W) bool, where the person may be; None: everywhere.
+        exposure: of the whole frame, by `measure_exposure`; None: measured here, on a whole frame.
+        window: rows and columns outside of which nothing is looked for; None: the whole frame.
+        cut: (H, W) bool, the silhouette before its edges are sharpened (`image.cut`); None: by the
+            background alone.
+    """
     everywhere = silhouette = np.zeros(background.mean.shape[:2], np.bool_)
-    radius = radius_of(background)
     gain = measure_gain(frame, background) if exposure is None else exposure.gain
     if window is not None:
         background = background.part(window)
         region = None if region is None else region[window]
         silhouette = silhouette[window]
-    view = FrameView.of(frame, background, gain, radius)
+    view = FrameView.of(frame, background, gain)
     first, decide = cut, None
     if first is None:
         scale = noise_scale(view) if exposure is None else exposure.noise
@@ -226,7 +213,7 @@ def _segmented(
     mask = _clean(first, region, everywhere.size)
     if not mask.any():
         return everywhere, first
-    box = bounding_box(mask, margin=8 * radius)
+    box = bounding_box(mask, margin=8 * background.radius)
     view, mask = view.part(box), mask[box]
     mask = _sharpen(view, mask)
     if decide is not None:
@@ -242,7 +229,7 @@ def _decide_by_colours(
     view: FrameView, mask: NDArray[np.bool_], pooled: NDArray[np.int16], scale: float
 ) -> NDArray[np.bool_]:
     """Mask in which the colours inside and around the silhouette decide the doubtful pixels."""
-    radius = view.radius
+    radius = view.background.radius
     near = grown(mask, 7 * radius, cv2.MORPH_RECT)
     odds = _log_fractions(view.frame, ~grown(~mask, 1)) - _log_fractions(
         view.frame, near & ~grown(mask, 2)
@@ -270,19 +257,20 @@ def _decide_by_colours(
 
 
 def _log_fractions(frame: NDArray[np.uint8], where: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Logarithm of each colour's fraction of the pixels of a mask, (16, 16, 16)."""
-    bins = 256 >> _COLOUR_SHIFT
-    counts, fractions = (np.zeros((bins, bins, bins), np.float32) for _ in range(2))
-    kernels.count_colours(frame, where, _COLOUR_SHIFT, counts)
-    kernels.log_fractions(counts, fractions)
-    return fractions
+    """Logarithm of each colour's fraction of the pixels of a mask, (16, 16, 16), smoothed."""
+    bins, half = 256 >> _COLOUR_SHIFT, np.float32(0.5)
+    counts = cv2.calcHist([frame], (0, 1, 2), where.view(np.uint8), (bins,) * 3, (0, 256) * 3)
+    whole = counts.sum() + half * counts.size
+    for axis in range(3):
+        counts = convolve1d(counts, (0.25, 0.5, 0.25), axis, mode="nearest")
+    return np.log((counts + half) / whole)
 
 
 def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask with edges moved by at most `radius` pixels, to where person and background each make up
     half of a pixel.
     """
-    radius = view.radius
+    radius = view.background.radius
     near, shrunk = grown(mask, radius), ~grown(~mask, radius)
     gap = max(1, radius // 2)  # pixels at the edge are mixed: they show neither colour
     inside, outside = ~grown(~mask, gap), ~grown(mask, gap)

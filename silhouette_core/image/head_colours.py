@@ -96,9 +96,8 @@ class HeadColours:
         """
         if self._head.sum() < _LEAST_PX or self._rest.sum() < _LEAST_PX:
             return None
-        smoothing = COLOURS.lightness_bins, COLOURS.smoothing_bins, COLOURS.smoothing_bins
         head, rest = (
-            gaussian_filter(counts.reshape(_BINS), smoothing).ravel() / counts.sum()
+            gaussian_filter(counts.reshape(_BINS), COLOURS.smoothing_bins).ravel() / counts.sum()
             for counts in (self._head, self._rest)
         )
         return (head / (head + rest + COLOURS.unseen / len(head))).astype(np.float32)

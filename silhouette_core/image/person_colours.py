@@ -15,15 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from silhouette_core.image.cast_shadow import even_shades
+from silhouette_core.image.cast_shadow import even_shades, texture_evidence
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.difference import (
-    Background,
-    FrameView,
-    measure_exposure,
-    radius_of,
-)
-from silhouette_core.image.grey import texture_evidence
+from silhouette_core.image.difference import Background, FrameView, looked_at
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, FOREGROUND
 
@@ -72,8 +66,8 @@ class PersonColours:
         for those at its edge.
         """
         window = np.ones((_EDGE_PX, _EDGE_PX), np.uint8)
-        inside = np.asarray(cv2.erode(mask.view(np.uint8), window), np.uint8).view(np.bool_)
-        kernels.count_colours(np.ascontiguousarray(picture), inside, SHIFT, self._counts)
+        inside = cv2.erode(mask.view(np.uint8), window)
+        self._counts += cv2.calcHist([picture], (0, 1, 2), inside, EVEN.shape, (0, 256) * 3)
 
     def density(self) -> ColourDensity | None:
         """Density of the colours so far; None before any pixel."""
@@ -132,20 +126,19 @@ def find_colours(
         region: (H, W) bool, where the person may be; None: everywhere.
         least_odds: :math:`\lambda`, nats.
     """
-    exposure, radius = measure_exposure(frame, background), radius_of(background)
-    view = FrameView.of(frame, background, exposure.gain, radius)
+    view, exposure = looked_at(frame, background)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
     limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
     tables = *without_tint(view), density.log_density, even_colours(background), _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)
     kernels.look_up(np.ascontiguousarray(frame), density.log_density, SHIFT, seen)
-    window = (2 * radius + 1, 2 * radius + 1)
+    window = (2 * background.radius + 1,) * 2
     owned = (seen >= np.log(density.least)).astype(np.float32)
     likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
     pieces = clean(
         likely,
-        min_area_px=round(COLOURS.smallest * odds.size),
+        min_area_px=round(FOREGROUND.area * odds.size),
         max_hole_px=round(FOREGROUND.area * odds.size),
         region=region,
     )

@@ -21,15 +21,15 @@ from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.kernels.steps import bounded_steps
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    LandmarkPriors,
     add_landmark_priors,
+    landmark_arrays,
 )
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
-    PosePriors,
     RefineSettings,
     add_pose_priors,
     free_unknowns,
+    pose_arrays,
     refine,
     residuals,
     solve_steps,
@@ -177,9 +177,9 @@ class _FrameSystem:
         self.pose, self.cross, self.shape = matrix[:n, :n].copy(), matrix[:n, n:], matrix[n:, n:]
         self.pose_gradient, self.shape_gradient = gradient[:n].copy(), gradient[n:]
         terms = self.pose[None], self.pose_gradient[None]
-        priors = PosePriors.from_priors(poses, [None], [settings.usual])
+        priors = pose_arrays(poses, [None], [settings.usual])
         add_pose_priors(*terms, poses, model, priors)
-        add_landmark_priors(*terms, model, posed_many, LandmarkPriors.from_priors([prior]))
+        add_landmark_priors(*terms, model, posed_many, landmark_arrays([prior]))
 
 
 def _add_stature(

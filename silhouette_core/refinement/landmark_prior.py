@@ -40,48 +40,23 @@ class LandmarkPrior:
         return self.pelvis_m + self.relative_m
 
 
-@dataclass(frozen=True, eq=False)
-class LandmarkPriors:
-    """Priors of K poses as arrays for kernels; the others are those of `LandmarkPrior`.
+def landmark_arrays(
+    priors: Sequence[LandmarkPrior | None], landmarks: int = len(LANDMARK_NAMES)
+) -> tuple[np.ndarray, ...]:
+    """Priors of K poses, None where a pose has none, as `add_landmark_terms` takes them: whether
+    there is one (K,) bool, and what `LandmarkPrior` has, with a first axis of K, float64.
 
-    Attributes:
-        given: (K,) bool, whether a pose has a prior.
-        relative_m: (K, 15, 3) float64.
-        precision: (K, 15, 3, 3) float64.
-        pelvis_m: (K, 3) float64.
-        pelvis_precision: (K, 3, 3) float64.
+    Args:
+        landmarks: L, their number.
     """
-
-    given: NDArray[np.bool_]
-    relative_m: NDArray[np.float64]
-    precision: NDArray[np.float64]
-    pelvis_m: NDArray[np.float64]
-    pelvis_precision: NDArray[np.float64]
-
-    @classmethod
-    def from_priors(
-        cls, priors: Sequence[LandmarkPrior | None], landmarks: int = len(LANDMARK_NAMES)
-    ) -> LandmarkPriors:
-        """Copies priors of L `landmarks`, None where a pose has none."""
-        count = len(priors)
-        filled = cls(
-            np.array([prior is not None for prior in priors]),
-            np.zeros((count, landmarks, 3)),
-            np.zeros((count, landmarks, 3, 3)),
-            np.zeros((count, 3)),
-            np.zeros((count, 3, 3)),
-        )
-        for k, prior in enumerate(priors):
-            if prior is not None:
-                filled.relative_m[k], filled.precision[k] = prior.relative_m, prior.precision
-                filled.pelvis_m[k] = prior.pelvis_m
-                filled.pelvis_precision[k] = prior.pelvis_precision
-        return filled
-
-    def first(self, count: int) -> tuple[np.ndarray, ...]:
-        """Arrays of the first poses, as the kernel takes them."""
-        both = (self.relative_m, self.precision), (self.pelvis_m, self.pelvis_precision)
-        return tuple(one[:count] for one in (self.given, *both[0], *both[1]))
+    shapes = (landmarks, 3), (landmarks, 3, 3), (3,), (3, 3)
+    arrays = tuple(np.zeros((len(priors), *shape)) for shape in shapes)
+    for k, prior in enumerate(priors):
+        if prior is not None:
+            own = prior.relative_m, prior.precision, prior.pelvis_m, prior.pelvis_precision
+            for array, value in zip(arrays, own, strict=True):
+                array[k] = value
+    return np.array([prior is not None for prior in priors]), *arrays
 
 
 def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
@@ -100,7 +75,7 @@ def add_landmark_priors(
     gradient: NDArray[np.float64],
     model: BodyModel,
     posed: PosedSurface,
-    priors: LandmarkPriors,
+    priors: tuple[np.ndarray, ...],
 ) -> None:
     r"""Adds priors to the normal equations of K poses, in place.
 
@@ -113,17 +88,18 @@ def add_landmark_priors(
     Args:
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
-        priors: of K poses or more, of which the first ones count.
+        priors: `landmark_arrays` of K poses or more, of which the first ones count.
 
     Source: iteratively reweighted least squares for Student's t (Lange, Little and Taylor 1989).
     """
-    if not priors.given[: len(matrix)].any():
+    first = tuple(array[: len(matrix)] for array in priors)
+    if not first[0].any():
         return
     local = model.landmarks_m - model.joints_m[model.tree.landmark_part]
     add_landmark_terms(
         (model.tree.landmark_part, local, model.tree.descends, model.tree.dof_part),
         posed.placed,
-        priors.first(len(matrix)),
+        first,
         DEGREES_OF_FREEDOM,
         matrix,
         gradient,

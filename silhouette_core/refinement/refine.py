@@ -26,8 +26,8 @@ from silhouette_core.refinement.kernels.refine import add_silhouette_terms, meas
 from silhouette_core.refinement.kernels.steps import add_pose_terms, bounded_steps, move_poses
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    LandmarkPriors,
     add_landmark_priors,
+    landmark_arrays,
 )
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.surface import PosedSurface, Surface
@@ -156,13 +156,13 @@ def _refined_together(
     starts, steps = [starts[k] for k in order], steps[order]
     model = surface.model
     poses = PoseArrays.from_poses([start.pose for start in starts])
-    priors = PosePriors.from_priors(
+    priors = pose_arrays(
         poses,
         [start.prior for start in starts],
         [start.settings.usual for start in starts],
         model.tree,
     )
-    landmark_priors = LandmarkPriors.from_priors(
+    landmark_priors = landmark_arrays(
         [start.landmark_prior for start in starts], len(model.landmarks_m)
     )
     size = 6 + model.dof_count
@@ -362,44 +362,32 @@ def residuals(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class PosePriors:
-    """Priors of K poses as arrays for kernels.
+PosePriors = tuple[PoseArrays, np.ndarray, np.ndarray]
+"""Priors of K poses as arrays for kernels: the means; inverse variances (K, 6 + D) in the order of
+`Pose.moved`, 0 where nothing is known; and those of the resting stance (K, D), 1/rad²."""
 
-    Attributes:
-        means: the K means.
-        precision: (K, 6 + D) float64, inverse variances in the order of `Pose.moved`; 0 where
-            nothing is known.
-        usual_precision: (K, D) float64, inverse variances of the resting stance, 1/rad².
+
+def pose_arrays(
+    poses: PoseArrays,
+    priors: Sequence[PosePrior | None],
+    usual: Sequence[float],
+    tree: KinematicTree = HUMAN,
+) -> PosePriors:
+    """Copies priors.
+
+    Args:
+        poses: K poses, of which the shape counts alone.
+        priors: K priors, None where nothing but the resting stance is expected.
+        usual: K weights of the resting stance.
     """
-
-    means: PoseArrays
-    precision: np.ndarray
-    usual_precision: np.ndarray
-
-    @classmethod
-    def from_priors(
-        cls,
-        poses: PoseArrays,
-        priors: Sequence[PosePrior | None],
-        usual: Sequence[float],
-        tree: KinematicTree = HUMAN,
-    ) -> PosePriors:
-        """Copies priors.
-
-        Args:
-            poses: K poses, of which the shape counts alone.
-            priors: K priors, None where nothing but the resting stance is expected.
-            usual: K weights of the resting stance.
-        """
-        means = PoseArrays(*(one.copy() for one in poses.arrays))
-        precision = np.zeros((len(poses), 6 + poses.angles_rad.shape[1]))
-        for k, prior in enumerate(priors):
-            if prior is not None:
-                mean = prior.pose
-                means.root_m[k], means.root_rotation[k] = mean.root_m, mean.root_rotation
-                means.angles_rad[k], precision[k] = mean.angles_rad, 1 / prior.sigma**2
-        return cls(means, precision, np.asarray(usual, float)[:, None] / usual_rad(tree) ** 2)
+    means = PoseArrays(*(one.copy() for one in poses.arrays))
+    precision = np.zeros((len(poses), 6 + poses.angles_rad.shape[1]))
+    for k, prior in enumerate(priors):
+        if prior is not None:
+            mean = prior.pose
+            means.root_m[k], means.root_rotation[k] = mean.root_m, mean.root_rotation
+            means.angles_rad[k], precision[k] = mean.angles_rad, 1 / prior.sigma**2
+    return means, precision, np.asarray(usual, float)[:, None] / usual_rad(tree) ** 2
 
 
 def add_pose_priors(
@@ -417,12 +405,12 @@ def add_pose_priors(
         gradient: (K, 6 + D) float64.
         priors: of K poses or more, of which the first ones count.
     """
-    count = len(poses)
+    count, (means, precision, usual_precision) = len(poses), priors
     add_pose_terms(
         poses.arrays,
-        priors.means.first(count).arrays,
-        priors.precision[:count],
-        (priors.usual_precision[:count], relaxed_rad(model.tree)),
+        means.first(count).arrays,
+        precision[:count],
+        (usual_precision[:count], relaxed_rad(model.tree)),
         model.tree.dof_limits_rad,
         1 / np.radians(REFINEMENT.limit_deg) ** 2,
         matrix,

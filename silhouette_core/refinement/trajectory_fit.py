@@ -20,18 +20,18 @@ from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    LandmarkPriors,
     add_landmark_priors,
+    landmark_arrays,
     landmark_jacobian,
 )
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import (
-    PosePriors,
     RefineSettings,
     add_pose_priors,
     add_silhouettes,
     contour_weights,
     free_unknowns,
+    pose_arrays,
 )
 from silhouette_core.refinement.surface import PosedSurface, Surface
 from silhouette_core.tuning import REFINEMENT, TRAJECTORY
@@ -73,27 +73,16 @@ def fit_trajectory(
     Source: textbook sparse Gauss-Newton (bundle adjustment over time).
     """
     model = surface.model
-    contour = RefineSettings(
-        TRAJECTORY.live_reaches_m if live else TRAJECTORY.reaches_m,
-        TRAJECTORY.contour_m,
-        TRAJECTORY.independence,
-    )
+    contour = RefineSettings(REFINEMENT.near_reaches_m[2 if live else 0 :: 2])
     poses, fixed = list(poses), list(before)
     free = free_unknowns(model)
     if model.tree.root_fixed:
         free = free[6:]
-    priors = LandmarkPriors.from_priors(landmark_priors, len(model.landmarks_m))
+    priors = landmark_arrays(landmark_priors, len(model.landmarks_m))
     size, count = len(free), len(poses)
-    acceleration = (
-        TRAJECTORY.other_acceleration if model.person is None else TRAJECTORY.acceleration
-    )
-    sigma = np.concatenate(
-        [
-            [TRAJECTORY.root_m] * 3,
-            [TRAJECTORY.root_rad] * 3,
-            acceleration * pose_step_sigma(model.tree)[6:],
-        ]
-    )
+    sigma = TRAJECTORY.acceleration * pose_step_sigma(model.tree)
+    if model.person is None:
+        sigma[6:] *= TRAJECTORY.other_acceleration / TRAJECTORY.acceleration
     for reach in contour.reaches_m:
         arrays = PoseArrays.from_poses(poses)
         together = surface.posed_many(arrays)
@@ -128,11 +117,6 @@ class _Banded:
             offset = below + first - k
             self.bands[offset : offset + size - first, column * size + k] += block[first:, k]
 
-    def add_diagonal(self, row: int, column: int, values: NDArray[np.float64]) -> None:
-        """Adds a diagonal block, given by its diagonal (n,), at frames row >= column."""
-        below, start = (row - column) * self.size, column * self.size
-        self.bands[below, start : start + self.size] += values
-
     def solve(self) -> NDArray[np.float64]:
         """Steps (T, n)."""
         self.bands[0] += 1e-6
@@ -146,7 +130,7 @@ def _own_terms(
     posed: PosedSurface,
     observations: Sequence[Observation],
     poses: PoseArrays,
-    landmark_priors: LandmarkPriors,
+    landmark_priors: tuple[np.ndarray, ...],
     floor: bool,
     reach_m: float,
     contour: RefineSettings,
@@ -164,7 +148,7 @@ def _own_terms(
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed[t])
     stances = [contour.usual] * count
-    usual = PosePriors.from_priors(poses, [None] * count, stances, model.tree)
+    usual = pose_arrays(poses, [None] * count, stances, model.tree)
     add_pose_priors(matrix, gradient, poses, model, usual)
     add_landmark_priors(matrix, gradient, model, posed, landmark_priors)
     return matrix, gradient
@@ -224,7 +208,7 @@ def _add_accelerations(
             banded.gradient[first + a] += factor_a * precision * change
             for b, factor_b in enumerate((1.0, -2.0, 1.0)):
                 if 0 <= first + b <= first + a:
-                    banded.add_diagonal(first + a, first + b, factor_a * factor_b * precision)
+                    banded.add(first + a, first + b, np.diag(factor_a * factor_b * precision))
 
 
 def _add_standing(

@@ -47,8 +47,9 @@ class Backend(Protocol):
     """Scores of many candidates against one observation.
 
     All backends give the same numbers, for any number of threads: sums whose order is not defined
-    agree to 1e-9. Wherever K placements of a rigid part are scored, `rotations` (K, 3, 3) and
-    `translations_m` (K, 3) are world from part.
+    agree to 1e-9. Wherever K placements of a rigid part are scored, `points` (P, 3) m fill the
+    part, in its own frame, and `rotations` (K, 3, 3) and `translations_m` (K, 3) are world from
+    part.
     """
 
     def span_distances(
@@ -147,9 +148,6 @@ class Backend(Protocol):
 
         Args:
             images: (C, h, w) int8, the score of each pixel.
-            points: (P, 3) m, points that fill the part, in the part's frame.
-            rotations: (K, 3, 3).
-            translations_m: (K, 3).
 
         Returns:
             (K,) int64.
@@ -169,10 +167,7 @@ class Backend(Protocol):
 
         Args:
             occupancy: (nx, ny, nz) bool; what lies outside of it is empty.
-            points: (P, 3) m, points that fill the part, in the part's frame.
             weights: (P,) what each point counts, for example its volume.
-            rotations: (K, 3, 3).
-            translations_m: (K, 3).
 
         Returns:
             Weight in occupied voxels (K,) float64, and in empty ones (K,) float64.
@@ -196,9 +191,6 @@ class Backend(Protocol):
             numbers: (nx, ny, nz) int32, the number of each free voxel; -1 for empty space, -2 for
                 voxels that a part already placed has taken.
             words: W; all numbers are below 64 W.
-            points: (P, 3) m, points that fill the part, in the part's frame.
-            rotations: (K, 3, 3).
-            translations_m: (K, 3).
 
         Returns:
             Sets (K, W) uint64, bit n % 64 of word n // 64 for voxel n; points in empty space or

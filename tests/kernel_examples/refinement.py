@@ -34,15 +34,6 @@ def measure_outside(rng):
     return Example((points, intrinsics, *placement, outside, *filled), rtol=1e-5, atol=1e-5)
 
 
-def pose_surface(rng):
-    rest, parts, weights = skinned(rng, 20)
-    joints = rng.normal(size=(PARTS, 3))
-    placed = rotations(rng, PARTS), rng.normal(size=(PARTS, 3))
-    filled = np.empty((20, 3)), np.empty((20, 3))
-    arguments = rest, directions(rng, 20), joints, parts, weights, *placed, *filled
-    return Example(arguments, atol=1e-12)
-
-
 def pose_surfaces(rng):
     rest, parts, weights = skinned(rng, 20)
     joints = rng.normal(size=(PARTS, 3))

@@ -3,7 +3,6 @@ with. Each takes the arguments of the kernel of its name and fills the same arra
 """
 
 import numpy as np
-from scipy.ndimage import convolve1d
 
 
 def paper_mask(
@@ -17,11 +16,9 @@ def paper_mask(
     )
 
 
-def median_and_deviation(stack, median, deviation):
-    """Lower median over time, and lower median of the distances from it."""
-    half = (len(stack) + 1) // 2
-    median[:] = np.sort(stack, axis=0)[half - 1]
-    deviation[:] = np.sort(np.abs(stack - median), axis=0)[half - 1]
+def median(stack, out):
+    """Lower median over time."""
+    out[:] = np.sort(stack, axis=0)[(len(stack) + 1) // 2 - 1]
 
 
 def colour_modes(samples, radius, mean, share, shown):
@@ -41,7 +38,7 @@ def colour_modes(samples, radius, mean, share, shown):
             left &= ~members
 
 
-def step_costs(mean, share, radius, least, still, border, right, down):
+def step_costs(mean, share, radius, still, border, right, down):
     """Steps between the colours of modes, dear where one pixel shows the other's at other times."""
     modes = share.shape[2]
 
@@ -63,7 +60,7 @@ def step_costs(mean, share, radius, least, still, border, right, down):
                     colours = mean[first][a], mean[second][b]
                     apart = np.abs(colours[0] - colours[1]).sum()
                     moves = shows(first, a, colours[1]) or shows(second, b, colours[0])
-                    step = np.clip((apart / radius - least) / 2, 0, 1)
+                    step = np.clip((apart / radius - 1) / 2, 0, 1)
                     table[a, b] = step * (1 if moves else still)
             costs[first] = table
 
@@ -154,19 +151,6 @@ def doubt(pooled, bright, chroma_limit, bright_limit, mask):
 def brightness(frame, mean, scales, gain, out):
     """Signed difference along the background's colour, in noise."""
     out[:] = (_split(frame, mean, scales, gain)[1] - 1) * scales[2]
-
-
-def count_colours(frame, where, shift, counts):
-    """Histogram of the colours under a mask."""
-    np.add.at(counts, tuple((frame[where] >> shift).T), 1)
-
-
-def log_fractions(counts, out):
-    """Logarithm of the fractions of a histogram smoothed by (1, 2, 1) / 4 along each axis."""
-    smooth = counts.astype(np.float64)
-    for axis in range(3):
-        smooth = convolve1d(smooth, (0.25, 0.5, 0.25), axis=axis, mode="nearest")
-    out[:] = np.log((smooth + 0.5) / (counts.sum() + 0.5 * counts.size))
 
 
 def look_up(frame, table, shift, out):

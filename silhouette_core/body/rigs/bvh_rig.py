@@ -45,13 +45,13 @@ def read_bvh_rig(path: Path) -> BodyModel:
     """
     table = read_rig_table(path)
     joints, _ = split_bvh(load_text(path, _LARGEST, errors="replace"), path)
-    if table.unit_m is None:
+    if table.unit is None:
         raise InputError(
             f'{path} does not say its unit of length: which is it? Write unit = "cm" (or'
             f" {', '.join(unit for unit in UNITS_M if unit != 'cm')}) into {path.stem}.rig.toml"
             " beside it"
         )
-    names = [joint.name for joint in joints]
+    unit_m, names = UNITS_M[table.unit], [joint.name for joint in joints]
     check_different(path, names)
     parents_first(path, {j.name: names[j.parent] if j.parent >= 0 else "" for j in joints})
     table.check_joints(path, names)
@@ -63,9 +63,9 @@ def read_bvh_rig(path: Path) -> BodyModel:
         {f"{j.name}_end": j.name for j in joints if j.end is not None},
         root_fixed=table.root_fixed,
     )
-    positions = _positions(joints, table.unit_m)
+    positions = _positions(joints, unit_m)
     ends = {
-        number: positions[number] + table.unit_m * z_up(joint.end)
+        number: positions[number] + unit_m * z_up(joint.end)
         for number, joint in enumerate(joints)
         if joint.end is not None
     }
@@ -76,10 +76,10 @@ def read_bvh_rig(path: Path) -> BodyModel:
     for number, joint in enumerate(joints):
         if joint.parent >= 0:
             shapes[joint.parent].append(
-                _capsule(positions[joint.parent], positions[number], table.radius_m)
+                _capsule(positions[joint.parent], positions[number], table.radius)
             )
         if number in ends and np.any(ends[number] != positions[number]):
-            shapes[number].append(_capsule(positions[number], ends[number], table.radius_m))
+            shapes[number].append(_capsule(positions[number], ends[number], table.radius))
     if not any(shapes):
         raise InputError(f"{path} has no bone: a skeleton needs two joints or an end site")
     return body_of_parts(tree, positions, shapes, marks)
@@ -87,7 +87,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
 
 def _dofs(joint: BvhJoint, table: RigTable) -> tuple[Dof, ...]:
     """Turns of a joint about the axes of its rotation channels, each once."""
-    given = table.limits_deg.get(joint.name, {})
+    given = table.limits.get(joint.name, {})
     dofs = []
     for axis in dict.fromkeys(axis for axis, kind in joint.channels if kind == "rotation"):
         name, sign = _TABLE_AXES[axis]

@@ -20,9 +20,8 @@ from silhouette_core.body.rigs.rig_checks import (
     check_rest,
     normalised_weights,
     parents_first,
-    part_of_faces,
     short,
-    strongest_four,
+    skinned_body,
     z_up,
 )
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
@@ -111,9 +110,7 @@ def _body(
     shares = np.concatenate(
         [np.pad(s.weights, more) for s, more in zip(surfaces, room, strict=True)]
     )
-    parts, weights = strongest_four(every[kept], shares[kept])
-    part = part_of_faces(faces, parts, weights)
-    return BodyModel.as_given(tree, joints, vertices, faces, part, (parts, weights), joints)
+    return skinned_body(tree, joints, vertices, faces, every[kept], shares[kept], joints)
 
 
 def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float64]], list[int]]:

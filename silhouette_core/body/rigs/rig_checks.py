@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.errors import InputError
+from silhouette_core.body.kinematic_tree import KinematicTree
+from silhouette_core.body.model import BodyModel
 
 MOST_PARTS = 250
 """Parts of a body; the image of part numbers holds 254."""
@@ -156,15 +158,25 @@ def normalised_weights(
     return weights.astype(float) / sums[:, None]
 
 
-def strongest_four(
-    parts: NDArray[np.integer], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The four largest weights of each vertex, summing to 1: parts (V, 4) int32 and weights (V, 4)
-    float64, largest first.
+def skinned_body(
+    tree: KinematicTree,
+    joints_m: NDArray[np.float64],
+    vertices_m: NDArray[np.float64],
+    faces: NDArray[np.integer],
+    parts: NDArray[np.integer],
+    weights: NDArray[np.float64],
+    landmarks_m: NDArray[np.float64],
+) -> BodyModel:
+    """Body of a skin, of whose weights the four largest of each vertex count; a face belongs to the
+    part with the largest weight over its corners.
 
     Args:
+        joints_m: (P, 3).
+        vertices_m: (V, 3).
+        faces: (F, 3).
         parts: (V, K) number of each weight's part.
         weights: (V, K).
+        landmarks_m: (L, 3).
     """
     if weights.shape[1] < 4:
         room = ((0, 0), (0, 4 - weights.shape[1]))
@@ -173,19 +185,13 @@ def strongest_four(
     kept = np.take_along_axis(weights, order, axis=1)
     kept /= kept.sum(1, keepdims=True)
     own = np.take_along_axis(parts, order, axis=1)
-    return np.where(kept > 0, own, own[:, :1]).astype(np.int32), kept
-
-
-def part_of_faces(
-    faces: NDArray[np.integer], skin_parts: NDArray[np.int32], skin_weights: NDArray[np.float64]
-) -> NDArray[np.int32]:
-    """Part (F,) int32 with the largest weight over each face's corners."""
-    parts = skin_parts[faces].reshape(len(faces), -1)
-    weights = skin_weights[faces].reshape(len(faces), -1)
-    total = np.stack(
-        [(weights * (parts == parts[:, k : k + 1])).sum(1) for k in range(parts.shape[1])], axis=1
-    )
-    return np.take_along_axis(parts, total.argmax(1)[:, None], axis=1)[:, 0].astype(np.int32)
+    own = np.where(kept > 0, own, own[:, :1]).astype(np.int32)
+    of_corners = own[faces].reshape(len(faces), -1)
+    share = kept[faces].reshape(len(faces), -1)
+    total = np.stack([(share * (of_corners == part[:, None])).sum(1) for part in of_corners.T], 1)
+    face_part = np.take_along_axis(of_corners, total.argmax(1)[:, None], axis=1)[:, 0]
+    skin = own, kept
+    return BodyModel.as_given(tree, joints_m, vertices_m, faces, face_part, skin, landmarks_m)
 
 
 def short(name: object) -> str:

@@ -37,10 +37,8 @@ def paper_mask(
 
 
 @kernel
-def median_and_deviation(stack, median, deviation):
-    """Fills median and deviation (H, W, 3) float32: the lower median over time of a stack of frames
-    (T, H, W, 3) uint8, and the lower median of the distances from it.
-    """
+def median(stack, out):
+    """Fills out (H, W, 3) float32: the lower median over time of frames (T, H, W, 3) uint8."""
     count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
     half = (count + 1) // 2
     for row in range(height):
@@ -55,13 +53,4 @@ def median_and_deviation(stack, median, deviation):
                 while seen < half:
                     middle += 1
                     seen += histogram[middle]
-                distance = 0
-                seen = histogram[middle]
-                while seen < half:
-                    distance += 1
-                    if middle - distance >= 0:
-                        seen += histogram[middle - distance]
-                    if middle + distance < 256:
-                        seen += histogram[middle + distance]
-                median[row, column, channel] = middle
-                deviation[row, column, channel] = distance
+                out[row, column, channel] = middle

@@ -50,13 +50,13 @@ def colour_modes(samples, radius, mean, share, shown):
 
 
 @kernel
-def step_costs(mean, share, radius, least, still, border, right, down):
+def step_costs(mean, share, radius, still, border, right, down):
     """Fills the costs of labels of neighbours: numbers of their modes, or K where the background
     was never seen.
 
     Mean (h, w, K, 3) and share (h, w, K) float32 as of `colour_modes`; right and down (h, w, K + 1,
     K + 1) float32, by the labels of a pixel and of its neighbour. A step between two colours costs
-    half of what it is larger than `least`, in radii, and up to 1, if it moves: if one of the two
+    half of what it is larger than the radius, in radii, and up to 1, if it moves: if one of the two
     pixels shows, at other times, what the other one is labelled with. The edge of something in
     motion does. Of others it costs the fraction `still`. Seen beside never seen costs `border`.
     """
@@ -77,9 +77,10 @@ def step_costs(mean, share, radius, least, still, border, right, down):
                         if share[row, column, a] == 0 or share[y, x, b] == 0:
                             continue
                         apart = _apart(mean[row, column, a], mean[y, x, b])
-                        if apart <= least * radius:
+                        if apart <= radius:
                             continue
-                        cost = min((apart / radius - least) * np.float32(0.5), np.float32(1.0))
+                        beyond = apart / radius - np.float32(1.0)
+                        cost = min(beyond * np.float32(0.5), np.float32(1.0))
                         here, there = mean[row, column], mean[y, x]
                         moving = _shows(here, share[row, column], a, there[b], radius)
                         moving = moving or _shows(there, share[y, x], b, here[a], radius)

@@ -141,53 +141,6 @@ def brightness(frame, mean, scales, gain, out):
 
 
 @kernel
-def count_colours(frame, where, shift, counts):
-    """Adds the pixels of where (H, W) bool to counts (n, n, n) float32, n = 256 >> shift."""
-    for row in range(where.shape[0]):
-        for column in range(where.shape[1]):
-            if where[row, column]:
-                counts[
-                    frame[row, column, 0] >> shift,
-                    frame[row, column, 1] >> shift,
-                    frame[row, column, 2] >> shift,
-                ] += np.float32(1.0)
-
-
-@kernel
-def log_fractions(counts, out):
-    """Fills out (n, n, n) float32: logarithm of each colour's fraction, after smoothing over the 26
-    neighbouring colours.
-    """
-    bins = counts.shape[0]
-    total = np.float64(0.0)
-    for blue in range(bins):
-        for green in range(bins):
-            for red in range(bins):
-                total += counts[blue, green, red]
-                smooth = np.float32(0.0)
-                for b in range(-1, 2):
-                    for g in range(-1, 2):
-                        for r in range(-1, 2):
-                            weight = (
-                                np.float32(2 - abs(b))
-                                * np.float32(2 - abs(g))
-                                * np.float32(2 - abs(r))
-                                / np.float32(64.0)
-                            )
-                            y = min(max(blue + b, 0), bins - 1)
-                            x = min(max(green + g, 0), bins - 1)
-                            z = min(max(red + r, 0), bins - 1)
-                            smooth += weight * counts[y, x, z]
-                out[blue, green, red] = smooth
-    floor = np.float32(0.5)
-    whole = np.float32(total) + floor * np.float32(bins * bins * bins)
-    for blue in range(bins):
-        for green in range(bins):
-            for red in range(bins):
-                out[blue, green, red] = np.log((out[blue, green, red] + floor) / whole)
-
-
-@kernel
 def look_up(frame, table, shift, out):
     """Fills out (H, W) float32: the entry of the table (n, n, n) for each pixel's colour."""
     height, width = out.shape

@@ -33,10 +33,10 @@ from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, Landma
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.tuning import REFINEMENT, TRAJECTORY
+from silhouette_core.tuning import REFINEMENT
 
 _STARTED = 4  # modes of a frame that become hypotheses, at most
-_FROM_MODE = RefineSettings(MODES.reaches_m, TRAJECTORY.contour_m, TRAJECTORY.independence)
+_FROM_MODE = RefineSettings(MODES.reaches_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from silhouette_core.refinement.joint_placement import held_joints, place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.tuning import REFINEMENT, TRAJECTORY
+from silhouette_core.tuning import REFINEMENT
 
 _LIMBS = np.array(
     [
@@ -34,9 +34,7 @@ _LIMBS = np.array(
 )
 _ENDS = 2  # hands and feet looked for in a pose
 _TRIED = 2  # limbs tried for each
-_REFINING = RefineSettings(
-    REFINEMENT.near_reaches_m[:-1], TRAJECTORY.contour_m, TRAJECTORY.independence
-)
+_REFINING = RefineSettings(REFINEMENT.near_reaches_m[:-1])
 
 
 def reach_uncovered(

@@ -8,10 +8,10 @@ Reference: `tests.oracles.motion`.
 import numpy as np
 
 from silhouette_core.jit import kernel, parallel_kernel, prange
-from silhouette_core.tuning import RETARGETING
+from silhouette_core.tuning import REFINEMENT
 
 _STEPS = 30
-_TRUST_RAD, _POOR = RETARGETING.trust_rad, RETARGETING.poor
+_TRUST_RAD = REFINEMENT.trust_rad
 
 
 @kernel
@@ -183,7 +183,7 @@ def _descends(parents, ancestor, part):
 def _solve_frame(
     parents, joints, dof_part, dof_axis, limits, root, targets, directions, rest, angles
 ):
-    """Improves angles (D,) of one frame in place, as `solve_angles`; returns the cost.
+    """Improves angles (D,) of one frame in place, as `solve_angles`.
 
     An angle at its limit that is pushed outward is fixed for the step, so that the next part
     takes over what it cannot do.
@@ -194,7 +194,7 @@ def _solve_frame(
     axes, zero = np.empty((count, 3)), np.zeros(3)
     normal, gradient = np.empty((count, count)), np.empty(count)
     columns, members = np.empty((count, 3)), np.empty(count, np.int64)
-    cost, previous = 0.0, np.inf
+    previous = np.inf
     for _ in range(_STEPS):
         place_parts_and_axes(
             parents, joints, dof_part, dof_axis, root, zero, angles, rotation, origin, axes
@@ -234,7 +234,6 @@ def _solve_frame(
         scale = max(1.0, np.abs(gradient).max() / _TRUST_RAD)
         for d in range(count):
             angles[d] = min(max(angles[d] + gradient[d] / scale, limits[d, 0]), limits[d, 1])
-    return cost
 
 
 @kernel
@@ -244,18 +243,12 @@ def solve_angles(
     """Fills angles (T, D), each within limits (D, 2), by Gauss-Newton steps on the cost
     sum_k w_k |R_k a_k - t_k|^2 + rest |q|^2.
 
-    Each frame starts from the angles of the previous one and, where the result is poor, also from
-    the rest pose. Targets are parts (K,), axes a (K, 3) in those parts and weights w (K,), with
-    directions t (T, K, 3); roots (T, 3, 3) are world from body.
+    Each frame starts from the angles of the previous one, the first from those given. Targets are
+    parts (K,), axes a (K, 3) in those parts and weights w (K,), with directions t (T, K, 3); roots
+    (T, 3, 3) are world from body.
     """
-    restarted = np.empty(angles.shape[1])
     body = (parents, joints, dof_part, dof_axis, limits)
     for t in range(angles.shape[0]):
         if t > 0:
             angles[t] = angles[t - 1]
-        cost = _solve_frame(*body, roots[t], targets, directions[t], rest, angles[t])
-        if t == 0 or cost > _POOR:
-            restarted[:] = 0.0
-            other = _solve_frame(*body, roots[t], targets, directions[t], rest, restarted)
-            if other < 0.8 * cost:
-                angles[t] = restarted
+        _solve_frame(*body, roots[t], targets, directions[t], rest, angles[t])

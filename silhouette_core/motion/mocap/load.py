@@ -11,9 +11,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.mocap.bvh import local_transforms, read_bvh
 from silhouette_core.motion.mocap.expmap import read_expmap
-from silhouette_core.motion.mocap.joint_frames import JointFrames, find_joint_frames
 from silhouette_core.motion.mocap.names import find_roles
-from silhouette_core.motion.mocap.retarget import retarget
+from silhouette_core.motion.mocap.retarget import JointFrames, find_joint_frames, retarget
 from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.motion.motion import Motion
 

@@ -9,31 +9,39 @@ to its neighbours. Degrees of freedom that silhouettes do not show (`KinematicTr
 at rest.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.rotation import nearest_rotation
 from calib.upright import UprightFrame
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
-from silhouette_core.motion.mocap.joint_frames import (
-    SIDES,
-    JointFrames,
-    direction,
-    find_joint_frames,
-    hinge_axis,
-    mean_axis,
-    sole,
-    unit,
-    up_axis,
-)
-from silhouette_core.motion.mocap.skeleton import MocapClip
+from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.motion.motion import Motion
 from silhouette_core.tuning import RETARGETING
 
+SIDES = ("left", "right")
+_TRUNK = ("pelvis", "lumbar", "thorax", "neck", "head", "left_clavicle", "right_clavicle")
 _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
 _HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")
 _X, _Y, _Z = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrames:
+    """Axes of a trunk that stands upright and looks ahead.
+
+    Attributes:
+        joint_from_body: by role, (3, 3), the body's axes (columns: left, back, up) in the joint's
+            axes.
+        doubt_deg: deviation from standing straight.
+    """
+
+    joint_from_body: dict[str, NDArray[np.float64]]
+    doubt_deg: float
 
 
 def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | None = None) -> Motion:
@@ -86,15 +94,14 @@ def _targets(
             )
 
     for axis in (_X, _Z):
-        turn("lumbar", "lumbar", axis, RETARGETING.lumbar)
+        turn("lumbar", "lumbar", axis, RETARGETING.trunk)
         turn("thorax", "thorax", axis, 1.0)
     for axis in (_Y, _Z):
-        turn("neck", "head" if "head" in recorded.roles else "neck", axis, RETARGETING.end)
+        turn("neck", "head" if "head" in recorded.roles else "neck", axis, RETARGETING.trunk)
     for side in SIDES:
         clavicle, hand, foot = (f"{side}_{name}" for name in ("clavicle", "hand", "foot"))
-        turn(
-            clavicle, clavicle, unit(joint(f"{side}_upper_arm") - joint(clavicle)), RETARGETING.end
-        )
+        collar = unit(joint(f"{side}_upper_arm") - joint(clavicle))
+        turn(clavicle, clavicle, collar, RETARGETING.trunk)
         for near, far in _BONES.items():
             own, far = f"{side}_{near}", f"{side}_{far}"
             targets.add(own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, 1.0)
@@ -104,7 +111,7 @@ def _targets(
                 flexion = model.tree.dof_axis[
                     model.tree.dof_names.index(f"{side}_{bones[1]}.flexion")
                 ]
-                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.hinge)
+                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.foot)
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(
             hand,
@@ -155,3 +162,162 @@ def _heights(
     above = scale * (level - floor).min(axis=1)
     slack = 0.02 * model.sizes.stature_m  # the foot rolls while it stands
     return np.maximum(above - slack, 0.0) - lowest_foot(model, quaternion, angles)
+
+
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (…, 3) scaled to length 1."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def direction(recorded: MocapClip, near: str, far: str) -> NDArray[np.float64]:
+    """Unit vectors (T, 3) from one role's joint to another's."""
+    return unit(
+        recorded.positions[:, recorded.roles[far]] - recorded.positions[:, recorded.roles[near]]
+    )
+
+
+def up_axis(recorded: MocapClip) -> NDArray[np.float64]:
+    """Signed axis (3,) of the file that points from the feet to the shoulders on average."""
+    legs = sum(
+        (direction(recorded, f"{side}_foot", f"{side}_thigh") for side in SIDES), np.zeros(3)
+    )
+    mean = (2 * _trunk(recorded) + legs).mean(axis=0)
+    axis = np.zeros(3)
+    axis[np.abs(mean).argmax()] = np.sign(mean[np.abs(mean).argmax()])
+    return axis
+
+
+def find_joint_frames(recorded: MocapClip) -> JointFrames:
+    """Axes of the trunk.
+
+    They are those at zero rotations or in the straightest frame (many files begin with a T-pose),
+    if that is straight; else the mean over the fifth of the frames whose trunk is most upright,
+    which assumes that the person looks ahead on average.
+
+    Straight means that thighs, shins and trunk are within 15 degrees of the vertical, forearms of
+    their upper arms, and an arm of the other one's mirror image.
+    """
+    zero_rotations, zero_positions = place_joints(
+        recorded.parents,
+        recorded.offsets[None],
+        np.broadcast_to(np.eye(3), (1, len(recorded.joints), 3, 3)),
+    )
+    zero = recorded.posed(zero_rotations, zero_positions)
+    best: JointFrames | None = None
+    for clip in (zero, recorded):
+        up = up_axis(clip)
+        bends = _crookedness(clip, up)
+        frame = int(bends.argmin())
+        if bends[frame] <= RETARGETING.straight_deg and (
+            best is None or bends[frame] < best.doubt_deg
+        ):
+            best = _mean_axes(clip, up, np.array([frame]), float(bends[frame]))
+    if best is not None:
+        return best
+    up = up_axis(recorded)
+    lean = np.degrees(_angle(_trunk(recorded), up))
+    count = max(1, round(RETARGETING.upright * len(recorded)))
+    upright = np.argsort(lean, kind="stable")[:count]
+    doubt_deg = RETARGETING.straight_deg + float(lean[upright].mean())
+    return _mean_axes(recorded, up, upright, doubt_deg)
+
+
+def hinge_axis(
+    recorded: MocapClip, side: str, bones: tuple[str, str, str]
+) -> NDArray[np.float64] | None:
+    """Axis (3,) about which a limb bends, in the axes of its upper bone's joint.
+
+    None if the clip hardly bends it.
+
+    Args:
+        side: "left" or "right".
+        bones: roles of the limb's three joints without their side; it bends positively from the
+            first bone toward the second.
+    """
+    near, middle, far = (f"{side}_{name}" for name in bones)
+    across = np.cross(direction(recorded, near, middle), direction(recorded, middle, far))
+    mean = np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[near]], across).mean(axis=0)
+    return unit(mean) if np.linalg.norm(mean) > 0.1 else None
+
+
+def mean_axis(
+    recorded: MocapClip, role: str, directions: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Axis (3,) of a joint that is nearest to given directions (T, 3) on average."""
+    return unit(
+        np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[role]], directions).mean(
+            axis=0
+        )
+    )
+
+
+def sole(recorded: MocapClip, side: str) -> NDArray[np.float64]:
+    """Rotation joint_from_body (3, 3) of a foot, level and pointing ahead while it stands.
+
+    It stands while ankle and toes are low.
+    """
+    foot, toes = f"{side}_foot", f"{side}_toes"
+    up = up_axis(recorded)
+    level = (
+        recorded.positions[
+            :, [recorded.roles[role] for role in (foot, toes) if role in recorded.roles]
+        ]
+        @ up
+    )
+    height = (level - level.min(axis=0)).max(axis=1)
+    standing = height <= np.quantile(height, 0.3)
+    ahead = (
+        direction(recorded, foot, toes)
+        if toes in recorded.roles
+        else np.cross(direction(recorded, "right_thigh", "left_thigh"), up)
+    )
+    back = -unit(ahead - (ahead @ up)[:, None] * up)
+    body = np.stack(
+        [np.cross(back, np.broadcast_to(up, back.shape)), back, np.broadcast_to(up, back.shape)],
+        axis=-1,
+    )[standing]
+    axes = np.swapaxes(recorded.rotations[standing, recorded.roles[foot]], 1, 2) @ body
+    return nearest_rotation(axes.mean(axis=0))
+
+
+def _mean_axes(recorded: MocapClip, up: NDArray, rows: NDArray, doubt_deg: float) -> JointFrames:
+    left = direction(recorded, "right_thigh", "left_thigh")[rows]
+    left = unit(left - (left @ up)[:, None] * up)
+    body = np.stack([left, np.cross(up, left), np.broadcast_to(up, left.shape)], axis=-1)
+    roles = {role: recorded.roles[role] for role in _TRUNK if role in recorded.roles}
+    axes = {
+        role: nearest_rotation(
+            (np.swapaxes(recorded.rotations[rows, joint], 1, 2) @ body).mean(axis=0)
+        )
+        for role, joint in roles.items()
+    }
+    return JointFrames(axes, doubt_deg)
+
+
+def _trunk(recorded: MocapClip) -> NDArray:
+    place = lambda role: recorded.positions[:, recorded.roles[role]]  # noqa: E731
+    return unit(
+        place("left_upper_arm")
+        + place("right_upper_arm")
+        - place("left_thigh")
+        - place("right_thigh")
+    )
+
+
+def _crookedness(recorded: MocapClip, up: NDArray) -> NDArray[np.float64]:
+    across = direction(recorded, "right_thigh", "left_thigh")
+    across = unit(across - (across @ up)[:, None] * up)
+    angles = [_angle(_trunk(recorded), up)]
+    arms = []
+    for side in SIDES:
+        for near, far in (("thigh", "shin"), ("shin", "foot")):
+            angles.append(_angle(direction(recorded, f"{side}_{far}", f"{side}_{near}"), up))
+        arms.append(direction(recorded, f"{side}_upper_arm", f"{side}_forearm"))
+        angles.append(_angle(arms[-1], direction(recorded, f"{side}_forearm", f"{side}_hand")))
+    reflected = arms[1] - 2 * np.einsum("ti,ti->t", arms[1], across)[:, None] * across
+    angles.append(_angle(arms[0], reflected))
+    return np.degrees(np.max(angles, axis=0))
+
+
+def _angle(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))

@@ -11,79 +11,39 @@ from silhouette_core.jit import kernel
 
 
 @kernel
-def _measure_one(points, intrinsics, rotation, translation, outside, gap, direction):
-    """One surface of `measure_outside`."""
-    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    height, width = outside.shape
-    for v in range(points.shape[0]):
-        gap[v] = 0.0
-        p = points[v]
-        x = rotation[0, 0] * p[0] + rotation[0, 1] * p[1] + rotation[0, 2] * p[2] + translation[0]
-        y = rotation[1, 0] * p[0] + rotation[1, 1] * p[1] + rotation[1, 2] * p[2] + translation[1]
-        z = rotation[2, 0] * p[0] + rotation[2, 1] * p[1] + rotation[2, 2] * p[2] + translation[2]
-        if z <= 0.05:
-            continue
-        u, w = fx * x / z + cx, fy * y / z + cy
-        if not (1.0 <= u < width - 2.0 and 1.0 <= w < height - 2.0):
-            continue
-        i, j = int(u), int(w)
-        a, b = u - i, w - j
-        d00, d01 = outside[j, i], outside[j, i + 1]
-        d10, d11 = outside[j + 1, i], outside[j + 1, i + 1]
-        distance = (1 - b) * ((1 - a) * d00 + a * d01) + b * ((1 - a) * d10 + a * d11) - 0.5
-        if distance <= 0.0:
-            continue
-        gx = (1 - b) * (d01 - d00) + b * (d11 - d10)
-        gy = (1 - a) * (d10 - d00) + a * (d11 - d01)
-        gz = -(gx * x + gy * y) / z
-        for k in range(3):
-            direction[v, k] = rotation[0, k] * gx + rotation[1, k] * gy + rotation[2, k] * gz
-        gap[v] = distance * z / fx
-
-
-@kernel
 def measure_outside(points, intrinsics, rotation, translation, outside, gap, direction):
     """Fills gap (K, V): distance of each point of K surfaces (K, V, 3) outside one camera's
     silhouette, in metres at the point's depth (0 inside the silhouette and outside the image), and
     direction (K, V, 3), the world direction in which it grows, where it is not 0.
     """
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    r, t = rotation, translation
+    height, width = outside.shape
+    gap[:] = 0.0
     for k in range(points.shape[0]):
-        _measure_one(points[k], intrinsics, rotation, translation, outside, gap[k], direction[k])
-
-
-@kernel
-def pose_surface(
-    rest,
-    rest_normals,
-    joints,
-    skin_parts,
-    skin_weights,
-    part_rotation,
-    part_origin,
-    points,
-    normals,
-):
-    """Fills points (V, 3) by linear blend skinning and normals (V, 3) by the blended rotation."""
-    for v in range(rest.shape[0]):
-        for i in range(3):
-            points[v, i] = 0.0
-            normals[v, i] = 0.0
-        for k in range(skin_parts.shape[1]):
-            w = skin_weights[v, k]
-            if w == 0.0:
+        for v in range(points.shape[1]):
+            p = points[k, v]
+            x = r[0, 0] * p[0] + r[0, 1] * p[1] + r[0, 2] * p[2] + t[0]
+            y = r[1, 0] * p[0] + r[1, 1] * p[1] + r[1, 2] * p[2] + t[1]
+            z = r[2, 0] * p[0] + r[2, 1] * p[1] + r[2, 2] * p[2] + t[2]
+            if z <= 0.05:
                 continue
-            p = skin_parts[v, k]
-            for i in range(3):
-                position, normal = part_origin[p, i], 0.0
-                for j in range(3):
-                    position += part_rotation[p, i, j] * (rest[v, j] - joints[p, j])
-                    normal += part_rotation[p, i, j] * rest_normals[v, j]
-                points[v, i] += w * position
-                normals[v, i] += w * normal
-        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
-        if length > 0.0:
-            for i in range(3):
-                normals[v, i] /= length
+            u, w = fx * x / z + cx, fy * y / z + cy
+            if not (1.0 <= u < width - 2.0 and 1.0 <= w < height - 2.0):
+                continue
+            i, j = int(u), int(w)
+            a, b = u - i, w - j
+            d00, d01 = outside[j, i], outside[j, i + 1]
+            d10, d11 = outside[j + 1, i], outside[j + 1, i + 1]
+            distance = (1 - b) * ((1 - a) * d00 + a * d01) + b * ((1 - a) * d10 + a * d11) - 0.5
+            if distance <= 0.0:
+                continue
+            gx = (1 - b) * (d01 - d00) + b * (d11 - d10)
+            gy = (1 - a) * (d10 - d00) + a * (d11 - d01)
+            gz = -(gx * x + gy * y) / z
+            for c in range(3):
+                direction[k, v, c] = r[0, c] * gx + r[1, c] * gy + r[2, c] * gz
+            gap[k, v] = distance * z / fx
 
 
 @kernel
@@ -98,73 +58,31 @@ def pose_surfaces(
     points,
     normals,
 ):
-    """Fills points and normals (K, V, 3) of K poses, each as `pose_surface` does."""
-    for k in range(points.shape[0]):
-        pose_surface(
-            rest,
-            rest_normals,
-            joints,
-            skin_parts,
-            skin_weights,
-            part_rotation[k],
-            part_origin[k],
-            points[k],
-            normals[k],
-        )
-
-
-@kernel
-def _fill_row(v, n, body, part_rotation, part_origin, world_axis, columns, values):
-    """Derivatives of n . point v of the surface that are not 0: their columns and values, as many
-    as the number returned.
+    """Fills points (K, V, 3) of K poses by linear blend skinning, and normals (K, V, 3) by the
+    blended rotation.
     """
-    rest, joints, skin_parts, skin_weights, descends, dof_part = body
-    placed, whole = np.empty((4, 3)), np.zeros(3)
-    used = 0  # skinning parts of weight 0 come last, or are skipped below
-    for k in range(4):
-        w = skin_weights[v, k]
-        if w == 0.0:
-            continue
-        used = k + 1
-        p = skin_parts[v, k]
-        for a in range(3):
-            position = part_origin[p, a]
-            for b in range(3):
-                position += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
-            placed[k, a] = w * position
-            whole[a] += w * position
-    lx, ly = whole[0] - part_origin[0, 0], whole[1] - part_origin[0, 1]
-    lz = whole[2] - part_origin[0, 2]
-    for a in range(6):
-        columns[a] = a
-    values[0], values[1], values[2] = n[0], n[1], n[2]
-    values[3] = ly * n[2] - lz * n[1]
-    values[4] = lz * n[0] - lx * n[2]
-    values[5] = lx * n[1] - ly * n[0]
-    count, part, fraction = 6, -1, 0.0
-    tx, ty, tz = 0.0, 0.0, 0.0
-    for d in range(dof_part.shape[0]):
-        if dof_part[d] != part:  # the angles of one part lie next to each other
-            part = dof_part[d]
-            fraction, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
-            for k in range(used):
+    points[:] = 0.0
+    normals[:] = 0.0
+    for pose in range(points.shape[0]):
+        turns, origins = part_rotation[pose], part_origin[pose]
+        posed, facing = points[pose], normals[pose]
+        for v in range(rest.shape[0]):
+            for k in range(skin_parts.shape[1]):
                 w = skin_weights[v, k]
-                if w > 0.0 and descends[part, skin_parts[v, k]]:
-                    fraction += w
-                    lx += placed[k, 0]
-                    ly += placed[k, 1]
-                    lz += placed[k, 2]
-            if fraction != 0.0:
-                lx -= fraction * part_origin[part, 0]
-                ly -= fraction * part_origin[part, 1]
-                lz -= fraction * part_origin[part, 2]
-                tx, ty, tz = ly * n[2] - lz * n[1], lz * n[0] - lx * n[2], lx * n[1] - ly * n[0]
-        if fraction != 0.0:
-            a = world_axis[d]
-            columns[count] = 6 + d
-            values[count] = a[0] * tx + a[1] * ty + a[2] * tz
-            count += 1
-    return count
+                if w == 0.0:
+                    continue
+                p = skin_parts[v, k]
+                for i in range(3):
+                    position, normal = origins[p, i], 0.0
+                    for j in range(3):
+                        position += turns[p, i, j] * (rest[v, j] - joints[p, j])
+                        normal += turns[p, i, j] * rest_normals[v, j]
+                    posed[v, i] += w * position
+                    facing[v, i] += w * normal
+            length = np.sqrt(facing[v, 0] ** 2 + facing[v, 1] ** 2 + facing[v, 2] ** 2)
+            if length > 0.0:
+                for i in range(3):
+                    facing[v, i] /= length
 
 
 @kernel
@@ -185,22 +103,49 @@ def fill_jacobian(
     """Fills rows (N, 6 + D): derivatives of direction . point by root position, root rotation
     vector (world) and joint angles.
     """
-    body = rest, joints, skin_parts, skin_weights, descends, dof_part
-    columns, values = np.empty(rows.shape[1], np.int64), np.empty(rows.shape[1])
+    placed, whole = np.empty((4, 3)), np.empty(3)
     rows[:] = 0.0
     for i in range(index.shape[0]):
-        count = _fill_row(
-            index[i],
-            direction[i],
-            body,
-            part_rotation,
-            part_origin,
-            world_axis,
-            columns,
-            values,
-        )
-        for c in range(count):
-            rows[i, columns[c]] = values[c]
+        v, n, row = index[i], direction[i], rows[i]
+        whole[:] = 0.0
+        for k in range(4):
+            w = skin_weights[v, k]
+            if w == 0.0:
+                continue
+            p = skin_parts[v, k]
+            for a in range(3):
+                position = part_origin[p, a]
+                for b in range(3):
+                    position += part_rotation[p, a, b] * (rest[v, b] - joints[p, b])
+                placed[k, a] = w * position
+                whole[a] += w * position
+        lx, ly = whole[0] - part_origin[0, 0], whole[1] - part_origin[0, 1]
+        lz = whole[2] - part_origin[0, 2]
+        row[0], row[1], row[2] = n[0], n[1], n[2]
+        row[3] = ly * n[2] - lz * n[1]
+        row[4] = lz * n[0] - lx * n[2]
+        row[5] = lx * n[1] - ly * n[0]
+        part, fraction = -1, 0.0
+        tx, ty, tz = 0.0, 0.0, 0.0
+        for d in range(dof_part.shape[0]):
+            if dof_part[d] != part:  # the angles of one part lie next to each other
+                part = dof_part[d]
+                fraction, lx, ly, lz = 0.0, 0.0, 0.0, 0.0
+                for k in range(4):
+                    w = skin_weights[v, k]
+                    if w > 0.0 and descends[part, skin_parts[v, k]]:
+                        fraction += w
+                        lx += placed[k, 0]
+                        ly += placed[k, 1]
+                        lz += placed[k, 2]
+                if fraction != 0.0:
+                    lx -= fraction * part_origin[part, 0]
+                    ly -= fraction * part_origin[part, 1]
+                    lz -= fraction * part_origin[part, 2]
+                    tx, ty, tz = ly * n[2] - lz * n[1], lz * n[0] - lx * n[2], lx * n[1] - ly * n[0]
+            if fraction != 0.0:
+                a = world_axis[d]
+                row[6 + d] = a[0] * tx + a[1] * ty + a[2] * tz
 
 
 @kernel

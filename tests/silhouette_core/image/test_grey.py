@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel
+from silhouette_core.image.cast_shadow import is_grey, texture_evidence
 from silhouette_core.image.difference import Background, FrameView
-from silhouette_core.image.grey import is_grey, texture_evidence
 
 SIZE = (240, 320)
 SHIRT, SHADOW = (slice(60, 150), slice(120, 170)), (slice(180, 215), slice(150, 250))
@@ -41,7 +41,7 @@ def test_a_picture_is_grey_unless_a_person_is_coloured(filmed):
 def test_texture_speaks_against_a_shadow_where_folds_are_and_for_one_where_the_floor_shows(filmed):
     empty, frame = filmed
     background = Background.from_noise(empty.astype(np.float32), np.full(SIZE, 1.5))
-    told = texture_evidence(FrameView.of(frame, background, np.ones(3, np.float32), 1))
+    told = texture_evidence(FrameView.of(frame, background, np.ones(3, np.float32)))
     assert (told[SHADOW] < 0).mean() > 0.9
     assert told[SHIRT].mean() > told[SHADOW].mean() + 3
     assert not told[:40].any()

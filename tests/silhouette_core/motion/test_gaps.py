@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
-from silhouette_core.motion.gaps import frames_in_gaps, gap_limit_frames, poses_between
+from silhouette_core.motion.conditioning import frames_in_gaps, gap_limit_frames, poses_between
 
 
 @pytest.mark.parametrize(

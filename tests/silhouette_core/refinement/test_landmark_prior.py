@@ -6,8 +6,8 @@ import pytest
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
-    LandmarkPriors,
     add_landmark_priors,
+    landmark_arrays,
     landmark_jacobian,
 )
 from silhouette_core.refinement.refine import RefineSettings, refine
@@ -49,7 +49,7 @@ def test_the_gradient_is_that_of_students_t():
     size = 6 + MODEL.dof_count
     matrix, gradient = np.zeros((1, size, size)), np.zeros((1, size))
     posed = SURFACE.posed_many(PoseArrays.from_poses([pose]))
-    add_landmark_priors(matrix, gradient, MODEL, posed, LandmarkPriors.from_priors([prior]))
+    add_landmark_priors(matrix, gradient, MODEL, posed, landmark_arrays([prior]))
     step = random_step(2, 1e-5)
     slope = (energy(pose.moved(step)) - energy(pose.moved(-step))) / 2
     assert gradient[0] @ step == pytest.approx(slope, rel=1e-3)

@@ -62,7 +62,7 @@ def test_what_cannot_be_a_body_is_refused_in_one_line(rig_files, tmp_path, old, 
         ('unit = "cm"\nradius = -1', "radius"),
         ('unit = "cm"\n[limits.toe]\nx = [0, 1]', "has limits of"),
         ('unit = "cm"\n[limits.knee]\nx = [9, 1]', "smaller first"),
-        ('unit = "cm"\nlimit = 3', "can have"),
+        ('unit = "cm"\nlimit = 3', "unknown field"),
     ],
 )
 def test_a_wrong_table_is_refused_by_its_name(rig_files, tmp_path, table, words):

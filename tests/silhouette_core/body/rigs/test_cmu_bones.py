@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import HUMAN
-from silhouette_core.body.rigs.cmu_bones import native_dofs, turns_to_human_rest
+from silhouette_core.body.rigs.makehuman import native_dofs, turns_to_human_rest
 
 _BEND_DEG = 30.0
 
