@@ -28,6 +28,7 @@ import numpy as np
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
 from calib.files import read_rig
+from examples.bodies.example_motions import example_motion
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular.making.from_motion import make_library
@@ -36,7 +37,6 @@ from silhouette_core.monocular.tree.store import read_library, write_library
 from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion_file import write_motion
-from examples.bodies.example_motions import example_motion
 from voxelpose.demo.room import make_recording
 from voxelpose.results import Result
 

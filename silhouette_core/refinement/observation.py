@@ -97,6 +97,7 @@ class Observation:
         masks: list[np.ndarray],
         distance_m: float = 4.0,
         spacing_m: float = USUAL_SPACING_M,
+        margin: float = REFINEMENT.margin,
     ) -> Observation:
         """Prepares the silhouettes of one frame.
 
@@ -104,6 +105,7 @@ class Observation:
             masks: C silhouettes (h, w) bool, as the cameras' images.
             distance_m: typical distance of the body from the cameras, to space the contour points.
             spacing_m: approximate distance between contour points on the body.
+            margin: see `outside_distances`.
         """
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
@@ -115,7 +117,7 @@ class Observation:
             rays.append(ray)
             normals.append(normal)
             possible = mask if unknown is None else mask | unknown
-            outside.append(outside_distances(possible))
+            outside.append(outside_distances(possible, margin))
         return cls(
             views,
             tuple(masks),
@@ -127,7 +129,7 @@ class Observation:
         )
 
 
-def outside_distances(mask: np.ndarray) -> np.ndarray:
+def outside_distances(mask: np.ndarray, margin: float = REFINEMENT.margin) -> np.ndarray:
     """Distance (h, w) float32 of every pixel from a silhouette (h, w) bool, px; 0 inside.
 
     Beyond a margin about the silhouette, a fraction of its longer side, it stays what it is there:
@@ -137,7 +139,7 @@ def outside_distances(mask: np.ndarray) -> np.ndarray:
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     if not width:
         return cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
-    around = int(REFINEMENT.margin * max(width, height))
+    around = int(margin * max(width, height))
     right, bottom = min(left + width + around, mask.shape[1]), min(top + height + around, len(mask))
     left, top = max(left - around, 0), max(top - around, 0)
     near = cv2.distanceTransform(
