@@ -4,7 +4,7 @@ Slow imports are left to the commands' `run`, so that help is printed at once.
 """
 
 import errno
-import importlib
+import inspect
 import os
 import shutil
 import signal
@@ -121,7 +121,7 @@ def run(arguments: Sequence[str]) -> int:
         if not os.access(os.path.expanduser("~"), os.W_OK):  # noqa: PTH111, pathlib's raises
             # matplotlib would make a folder of its own, and say so, every time.
             os.environ.setdefault("MPLCONFIGDIR", str(private_folder()))
-        return _parse(name, rest).run()
+        return _parse(name, rest).run() or 0
     except InputError as error:
         print(f"voxelpose: {message(error)}", file=sys.stderr)
         return _USER_ERROR
@@ -139,21 +139,17 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _parse(name: str, words: list[str]):
-    """Returns a command with its arguments.
+    """Returns a command with its arguments; its `run` returns the exit code, or None for 0."""
+    from voxelpose.cli.options import commands_of, parse_with_settings, settings_notes
 
-    The command's class has the name of its module, is named by the module's COMMAND, or is listed
-    in the module's SUBCOMMANDS.
-    """
-    from voxelpose.cli.options import load_command, parse_with_settings, settings_notes
-
-    section = name
-    module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-    if hasattr(module, "SUBCOMMANDS"):
-        word, words = _subcommand(name, module.SUBCOMMANDS, words)
+    section, commands = name, commands_of(name)
+    if name not in commands:
+        subcommands = {known.partition(".")[2]: command for known, command in commands.items()}
+        word, words = _subcommand(name, subcommands, words)
         section = f"{name}.{word}"
     if not {"-h", "--help"}.isdisjoint(words):
         # tyro would join the lines of a description, and not wrap them.
-        print(_wrapped(load_command(section).help))
+        print(_wrapped(f"{inspect.getdoc(commands[section])}\n"))
     command, taken = parse_with_settings(section, words, f"voxelpose {section.replace('.', ' ')}")
     for line in settings_notes(section, taken):
         print(f"voxelpose: {message(line)}", file=sys.stderr)
@@ -164,7 +160,8 @@ def _subcommand(name: str, commands: Mapping[str, Any], words: list[str]) -> tup
     """Returns name and arguments of a subcommand; prints a list where help is requested."""
     word, *rest = words or ["--help"]
     if word in ("-h", "--help"):
-        listing = _listing({word: cls.help.splitlines()[0] for word, cls in commands.items()})
+        docs = {word: inspect.getdoc(command) or "" for word, command in commands.items()}
+        listing = _listing({word: text.splitlines()[0] for word, text in docs.items()})
         print(
             f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{listing}\n\n"
             f"voxelpose {name} COMMAND --help lists the arguments of a command"

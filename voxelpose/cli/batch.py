@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -17,28 +17,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """Arguments of `voxelpose batch`."""
+    """Estimates the motion in many recordings, several at a time.
 
-    help: ClassVar[str] = """Estimates the motion in many recordings, several at a time.
+    Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
+    receives a folder with result and report for each, table.csv, table.md and index.html, which
+    shows all with their verdicts, the doubtful ones first. A recording that fails does not stop the
+    others. Run again, the same command does what is missing, what failed, and what has other
+    settings now.
 
-Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
-receives a folder with result and report for each, table.csv, table.md and index.html, which shows
-all with their verdicts, the doubtful ones first. A recording that fails does not stop the others.
-Run again, the same command does what is missing, what failed, and what has other settings now.
+      voxelpose batch subjects/*/walk --out walks --set stature=1.75
+      voxelpose batch subjects.toml --out results --jobs 4
+      voxelpose batch clips --command track --set camera=cam_1 --out tracked
+      voxelpose batch long_take --out result --pieces 60
+      voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
 
-  voxelpose batch subjects/*/walk --out walks --set stature=1.75
-  voxelpose batch subjects.toml --out results --jobs 4
-  voxelpose batch clips --command track --set camera=cam_1 --out tracked
-  voxelpose batch long_take --out result --pieces 60
-  voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
+    A list (docs/guide.md has more): [settings] for all, then for each
+      [[recording]]
+      folder = "anna/walk"
+      stature = 1.62
 
-A list (docs/guide.md has more): [settings] for all, then for each
-  [[recording]]
-  folder = "anna/walk"
-  stature = 1.62
-
-Exit code 0: all done; 1: one failed.
-"""
+    Exit code 0: all done; 1: one failed.
+    """
 
     paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
     """Recordings, folders of recordings, or TOML lists."""

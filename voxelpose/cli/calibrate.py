@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -40,16 +40,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateBoard:
-    """Arguments of `voxelpose calibrate board`."""
+    """Writes a calibration board to scale, as a PDF.
 
-    help: ClassVar[str] = """Writes a calibration board to scale, as a PDF.
+    Print it at 100 % ("actual size"), measure the print, and glue it to something flat and stiff.
 
-Print it at 100 % ("actual size"), measure the print, and glue it to something flat and stiff.
-
-  voxelpose calibrate board --out board.pdf
-  voxelpose calibrate board --board 8x5 --paper a3 --out board.pdf
-  voxelpose calibrate board --board 8x5 --square 0.1 --paper large --charuco --out board.pdf
-"""
+      voxelpose calibrate board --out board.pdf
+      voxelpose calibrate board --board 8x5 --paper a3 --out board.pdf
+      voxelpose calibrate board --board 8x5 --square 0.1 --paper large --charuco --out board.pdf
+    """
 
     out: Annotated[Path, arg(metavar="FILE")]
     """PDF to be written."""
@@ -64,8 +62,8 @@ Print it at 100 % ("actual size"), measure the print, and glue it to something f
     dictionary: Dictionary = "DICT_4X4_50"
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Writes the PDF and prints what to measure; returns the exit code."""
+    def run(self) -> None:
+        """Writes the PDF and prints what to measure."""
         from calib.board import Board
         from calib.board_sheet import largest_square_m, write_pdf
 
@@ -98,26 +96,24 @@ Print it at 100 % ("actual size"), measure the print, and glue it to something f
                 "note: this board looks the same after half a turn: with one even and one odd"
                 " number, its first corner is unique"
             )
-        return 0
 
 
 @dataclass(frozen=True)
 class CalibrateConvert:
-    """Arguments of `voxelpose calibrate convert`."""
+    """Converts a calibration into another format; lengths become metres.
 
-    help: ClassVar[str] = """Converts a calibration into another format; lengths become metres.
+    Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
+    OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
+    nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4
+    matrices. The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none
+    (EasyMocap).
 
-Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
-OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
-nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4 matrices.
-The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none (EasyMocap).
-
-  voxelpose calibrate convert Calib.qca.txt calibration.toml
-  voxelpose calibrate convert freemocap.toml calibration.toml --unit mm
-  voxelpose calibrate convert projections.json calibration.yml --unit m --size 780x582
-  voxelpose calibrate convert board.toml calibration.toml --up cameras
-  voxelpose calibrate convert board.toml calibration.toml --up person --result walk_fit
-"""
+      voxelpose calibrate convert Calib.qca.txt calibration.toml
+      voxelpose calibrate convert freemocap.toml calibration.toml --unit mm
+      voxelpose calibrate convert projections.json calibration.yml --unit m --size 780x582
+      voxelpose calibrate convert board.toml calibration.toml --up cameras
+      voxelpose calibrate convert board.toml calibration.toml --up person --result walk_fit
+    """
 
     source: Annotated[Positional[Path], arg(metavar="IN")]
     """Calibration to be read: a file or a folder."""
@@ -137,8 +133,8 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
     """PNG to be written: the cameras from above and from the side."""
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Converts the calibration; returns the exit code."""
+    def run(self) -> None:
+        """Converts the calibration."""
         from calib.files import read_rig, write_rig
         from calib.files.notes import read_notes
         from calib.upright import axis_name
@@ -168,7 +164,6 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
 
             write_whole(self.picture, png(rig_picture(rig)))
             print(f"{self.picture}: the cameras from above and from the side")
-        return 0
 
     def _upright_frame(self, rig: Rig) -> UprightFrame | None:
         """Returns the frame that becomes the world; None where IN's world stays."""
@@ -190,18 +185,16 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
 
 @dataclass(frozen=True)
 class CalibrateCheck:
-    """Arguments of `voxelpose calibrate check`."""
+    """Checks from silhouettes that calibration and videos agree.
 
-    help: ClassVar[str] = """Checks from silhouettes that calibration and videos agree.
+    Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of
+    step, and by how much. No board is needed: a person who moves in view of all cameras is enough.
+    Exit code 0: all cameras agree; 1: one does not.
 
-Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of step,
-and by how much. No board is needed: a person who moves in view of all cameras is enough.
-Exit code 0: all cameras agree; 1: one does not.
-
-  voxelpose calibrate check walk
-  voxelpose calibrate check walk --png check.png
-  voxelpose calibrate check walk --repair repaired
-"""
+      voxelpose calibrate check walk
+      voxelpose calibrate check walk --png check.png
+      voxelpose calibrate check walk --repair repaired
+    """
 
     recording: RecordingFolder
     repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
@@ -221,7 +214,6 @@ Exit code 0: all cameras agree; 1: one does not.
 
     def run(self) -> int:
         """Checks the recording; returns the exit code."""
-
         refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
             raise InputError(f"{self.repair} exists: give --repair another name")

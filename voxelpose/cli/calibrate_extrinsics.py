@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
@@ -30,23 +30,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateExtrinsics:
-    """Arguments of `voxelpose calibrate extrinsics`."""
+    """Calibrates positions and directions of cameras.
 
-    help: ClassVar[str] = """Calibrates positions and directions of cameras.
+    They are determined from a board that is carried through the view of all cameras, or from a list
+    of points. RECORDING: a folder with a video per camera, recorded at the same time and named as
+    in the calibration of the lenses. Cameras that are out of step, or film at different rates, need
+    timestamps.csv there: `voxelpose calibrate sync RECORDING --by board` makes it. Let the board
+    lie on the floor for a moment and give that frame as --floor: its first corner becomes the
+    origin of the world, with z up. Next to OUT, an image of the cameras and a report in JSON are
+    written.
 
-They are determined from a board that is carried through the view of all cameras, or from a list of
-points. RECORDING: a folder with a video per camera, recorded at the same time and named as in the
-calibration of the lenses. Cameras that are out of step, or film at different rates, need
-timestamps.csv there: `voxelpose calibrate sync RECORDING --by board` makes it. Let the board lie on
-the floor for a moment and give that frame as --floor: its first corner becomes the origin of the
-world, with z up.
-Next to OUT, an image of the cameras and a report in JSON are written.
-
-  voxelpose calibrate extrinsics board_walk --intrinsics lenses.toml --board 8x5 --square 0.029 \\
-    --floor 0 --out calibration.toml
-  voxelpose calibrate extrinsics --points points.csv --intrinsics lenses.toml \\
-    --out calibration.toml
-"""
+      voxelpose calibrate extrinsics board_walk --intrinsics lenses.toml --board 8x5 --square 0.029 \\
+        --floor 0 --out calibration.toml
+      voxelpose calibrate extrinsics --points points.csv --intrinsics lenses.toml \\
+        --out calibration.toml
+    """  # noqa: E501
 
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
@@ -75,8 +73,8 @@ Next to OUT, an image of the cameras and a report in JSON are written.
     unit: Unit = None
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Calibrates positions and directions; returns the exit code."""
+    def run(self) -> None:
+        """Calibrates positions and directions."""
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
@@ -111,7 +109,6 @@ Next to OUT, an image of the cameras and a report in JSON are written.
                 " usual for OpenCV's boards; points may be mirrored): `fit` and `track` turn the"
                 " world by themselves; for others `voxelpose calibrate convert --up cameras`"
             )
-        return 0
 
     def _extrinsics(self, lenses: Rig, progress: Progress) -> Extrinsics:
         """Returns the calibration from a board or from points."""

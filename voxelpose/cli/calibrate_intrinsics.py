@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -27,16 +27,14 @@ _MAX_LINES = 60  # with more pictures, those left out are counted by reason
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateIntrinsics(BoardArguments):
-    """Arguments of `voxelpose calibrate intrinsics`."""
+    """Calibrates the lens of every camera from pictures of a board.
 
-    help: ClassVar[str] = """Calibrates the lens of every camera from pictures of a board.
+    PICTURES: a folder of images or a video (one camera), or a folder that holds one of these per
+    camera. Next to OUT, an image of where boards were seen and a report in JSON are written.
 
-PICTURES: a folder of images or a video (one camera), or a folder that holds one of these per
-camera. Next to OUT, an image of where boards were seen and a report in JSON are written.
-
-  voxelpose calibrate intrinsics boards --board 8x5 --square 0.029 --out lenses.toml
-  voxelpose calibrate intrinsics cam_1.mp4 cam_2.mp4 --board 8x5 --square 0.029 --out lenses.toml
-"""
+      voxelpose calibrate intrinsics boards --board 8x5 --square 0.029 --out lenses.toml
+      voxelpose calibrate intrinsics cam_1.mp4 cam_2.mp4 --board 8x5 --square 0.029 --out lenses.toml
+    """  # noqa: E501
 
     pictures: Annotated[Positional[tuple[Path, ...]], arg(metavar="PICTURES")]
     """Folders of images, videos, images, or a folder of these."""
@@ -49,8 +47,8 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
     cameras: Cameras = None
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Calibrates the lenses; returns the exit code."""
+    def run(self) -> None:
+        """Calibrates the lenses."""
         with Progress() as progress:
             progress.stage("opening")
             from voxelpose.calibration.board_views import cameras_in
@@ -89,7 +87,6 @@ camera. Next to OUT, an image of where boards were seen and a report in JSON are
             " voxelpose calibrate extrinsics)"
         )
         print(f"{picture}: where boards were seen")
-        return 0
 
 
 def print_lenses(lenses: list[Lens]) -> None:

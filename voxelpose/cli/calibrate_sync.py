@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
@@ -47,23 +47,21 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class CalibrateSync:
-    """Arguments of `voxelpose calibrate sync`."""
+    """Estimates the time offsets of cameras, calibrated or not.
 
-    help: ClassVar[str] = """Estimates the time offsets of cameras, calibrated or not.
+    Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who
+    moves (with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried
+    board (1 to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap
+    (1 ms, and 3 ms for each metre that a camera is nearer to it than another). With --out, the time
+    of every frame is written; save the file as timestamps.csv in the recording, and all commands
+    use the frames that match in time.
 
-Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who moves
-(with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried board (1
-to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap (1 ms, and 3
-ms for each metre that a camera is nearer to it than another). With --out, the time of every frame
-is written; save the file as timestamps.csv in the recording, and all commands use the frames that
-match in time.
-
-  voxelpose calibrate sync walk
-  voxelpose calibrate sync walk --out walk/timestamps.csv
-  voxelpose calibrate sync walk --by sound --out walk/timestamps.csv
-  voxelpose calibrate sync board_walk --by board --board 8x5 --intrinsics lenses.toml \\
-    --out board_walk/timestamps.csv
-"""
+      voxelpose calibrate sync walk
+      voxelpose calibrate sync walk --out walk/timestamps.csv
+      voxelpose calibrate sync walk --by sound --out walk/timestamps.csv
+      voxelpose calibrate sync board_walk --by board --board 8x5 --intrinsics lenses.toml \\
+        --out board_walk/timestamps.csv
+    """
 
     recording: RecordingFolder
     out: OptionalFile = None
@@ -94,9 +92,8 @@ match in time.
     label: Label = None
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Estimates the offsets; returns the exit code."""
-
+    def run(self) -> None:
+        """Estimates the offsets."""
         refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
             progress.stage("opening")
@@ -133,7 +130,6 @@ match in time.
                 f"{self.out}: time of every frame; as timestamps.csv in the recording, all commands"
                 " use it"
             )
-        return 0
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:

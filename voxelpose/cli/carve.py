@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
@@ -20,13 +20,14 @@ from voxelpose.cli.arguments import (
 
 @dataclass(frozen=True)
 class Carve:
-    """Arguments of `voxelpose carve`."""
+    """
+    Carves the visual hull of one frame and writes it as a PLY file.
 
-    help: ClassVar[str] = """Carves the visual hull of one frame and writes it as a PLY file.
+    Its volume is printed, and the number and the size of its voxels.
 
-  voxelpose carve walk --frame 40 --out hull.ply
-  voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
-"""
+    voxelpose carve walk --frame 40 --out hull.ply
+    voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
+    """
 
     recording: RecordingFolder
     out: Annotated[Path, arg(metavar="FILE")]
@@ -53,8 +54,8 @@ class Carve:
     label: Label = None
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Carves the frame; returns the exit code."""
+    def run(self) -> None:
+        """Carves the frame."""
         from voxelpose.hull import CarveSettings, carve_recording
         from voxelpose.multiview.carving.carver import CarveRule
 
@@ -84,4 +85,3 @@ class Carve:
             f"{self.out}: {hull.volume_l:.1f} litres, {int(hull.occupancy.sum())} of {shape} voxels"
             f" of {hull.grid.voxel_size_m:.4g} m"
         )
-        return 0

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
@@ -11,15 +11,13 @@ from voxelpose.cli.terminal import plain, rich_console
 
 @dataclass(frozen=True)
 class Doctor:
-    """Arguments of `voxelpose doctor`."""
+    """Checks what works on this machine, with remedies for the rest.
 
-    help: ClassVar[str] = """Checks what works on this machine, with remedies for the rest.
+    Exit code 0: fitting works; 1: something that fitting needs does not work.
 
-Exit code 0: fitting works; 1: something that fitting needs does not work.
-
-  voxelpose doctor
-  voxelpose doctor --clean .
-"""
+      voxelpose doctor
+      voxelpose doctor --clean .
+    """
 
     clean: Annotated[tuple[Path, ...], arg(metavar="FOLDER...", help_behavior_hint="")] = ()
     """Check nothing, but remove what killed runs left in these folders: results and files
@@ -28,7 +26,8 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
     def run(self) -> int:
         """Runs all checks and prints their results, or cleans up; returns the exit code."""
         if self.clean:
-            return self._clean()
+            self._clean()
+            return 0
         from rich.table import Table
 
         from voxelpose.machine_checks import examine
@@ -59,7 +58,7 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
             console.print("everything works")
         return 1 if failing else 0
 
-    def _clean(self) -> int:
+    def _clean(self) -> None:
         from calib.atomic_folder import remove_leftovers
 
         removed = [path for folder in self.clean for path in remove_leftovers(folder)]
@@ -67,4 +66,3 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
             print(f"removed {path}")
         if not removed:
             print("killed runs have left nothing there")
-        return 0

@@ -111,8 +111,8 @@ class EstimationArguments:
         cameras: tuple[str, ...] | None,
         options: Mapping[str, bool | int | float | str],
         estimator: str,
-    ) -> int:
-        """Estimates the motion, writes the result, prints a summary; returns the exit code."""
+    ) -> None:
+        """Estimates the motion, writes the result, prints a summary."""
         with Progress(_SHARES.get(estimator)) as progress:
             progress.note_compilation(estimator)
             progress.stage("opening")
@@ -153,26 +153,23 @@ class EstimationArguments:
         from voxelpose.cli.summary import print_result
 
         print_result(result, self.verbose)
-        return 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(EstimationArguments):
-    """Arguments of `voxelpose fit`."""
+    """Estimates the motion of a person from several cameras.
 
-    help: ClassVar[str] = """Estimates the motion of a person from several cameras.
+    RECORDING holds a video per camera, calibration.toml and, if possible, background/ with videos
+    or images of the empty view. OUT receives joints.csv, motion.bvh, motion.safetensors,
+    summary.json, overlay videos and contact_sheet.png.
 
-RECORDING holds a video per camera, calibration.toml and, if possible, background/ with videos or
-images of the empty view. OUT receives joints.csv, motion.bvh, motion.safetensors, summary.json,
-overlay videos and contact_sheet.png.
-
-  voxelpose fit walk --out walk_fit --stature 1.75
-  voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
-  voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
-  voxelpose fit run --out run_fit --body walk_fit
-  voxelpose fit run --out run_fit --body 92A5
-  voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
-"""
+      voxelpose fit walk --out walk_fit --stature 1.75
+      voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
+      voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
+      voxelpose fit run --out run_fit --body walk_fit
+      voxelpose fit run --out run_fit --body 92A5
+      voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
+    """
 
     cameras: Cameras = None
     interference: bool = True
@@ -187,8 +184,8 @@ overlay videos and contact_sheet.png.
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""
 
-    def run(self) -> int:
-        """Estimates the motion; returns the exit code."""
+    def run(self) -> None:
+        """Estimates the motion."""
         options: dict[str, bool | int | float | str] = {}
         if not self.interference:
             options["interference"] = False
@@ -198,4 +195,4 @@ overlay videos and contact_sheet.png.
             options["tolerance"] = self.tolerance
         if self.repair != "auto":
             options["repair"] = self.repair
-        return self.estimate(camera_names(self.cameras), options, self.estimator)
+        self.estimate(camera_names(self.cameras), options, self.estimator)

@@ -86,20 +86,18 @@ def print_session(session: LiveSession) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Live(PageArguments):
-    """Arguments of `voxelpose live`."""
+    """Follows a person before running cameras, shows and sends the motion.
 
-    help: ClassVar[str] = """Follows a person before running cameras, shows and sends the motion.
+    FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
+    played at their own rate where no --source is given. With several cameras the body is followed
+    in space; with --camera NAME, or a single source, by the network as in `voxelpose track`. Ctrl-C
+    ends the session.
 
-FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
-played at their own rate where no --source is given. With several cameras the body is followed in
-space; with --camera NAME, or a single source, by the network as in `voxelpose track`.
-Ctrl-C ends the session.
-
-  voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
-  voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
-  voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
-  voxelpose live walk --loop --record rehearsal --private
-"""
+      voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
+      voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
+      voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
+      voxelpose live walk --loop --record rehearsal --private
+    """
 
     groups: ClassVar = GROUPS
     folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
@@ -142,8 +140,8 @@ Ctrl-C ends the session.
     label: Label = None
     up: Up = None
 
-    def run(self) -> int:
-        """Runs the session; returns the exit code."""
+    def run(self) -> None:
+        """Runs the session."""
         self._check()
         with Progress() as progress:
             progress.note_compilation("multiview")
@@ -203,7 +201,6 @@ Ctrl-C ends the session.
             except KeyboardInterrupt:  # how a session usually ends
                 print(file=sys.stderr)
         print_session(session)
-        return 0
 
     def _check(self) -> None:
         """Refuses what cannot be done, before anything is begun.

@@ -149,13 +149,20 @@ class FolderSetting(NamedTuple):
     file: str
 
 
-def load_command(section: str) -> Any:
-    """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
-    name, _, word = section.partition(".")
+def commands_of(name: str) -> dict[str, Any]:
+    """Classes of a command by their sections in a voxelpose.toml: `fit`, `calibrate.board`, ….
+
+    They are listed in its module's SUBCOMMANDS, or one has the module's name or that in COMMAND.
+    """
     module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
     if hasattr(module, "SUBCOMMANDS"):
-        return module.SUBCOMMANDS[word]
-    return getattr(module, getattr(module, "COMMAND", name.capitalize()))
+        return {f"{name}.{word}": command for word, command in module.SUBCOMMANDS.items()}
+    return {name: getattr(module, getattr(module, "COMMAND", name.title().replace("-", "")))}
+
+
+def load_command(section: str) -> Any:
+    """The class of a command by its section."""
+    return commands_of(section.partition(".")[0])[section]
 
 
 def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
@@ -286,11 +293,11 @@ def _sections(file: Path) -> dict[str, dict[str, Any]]:
     _check_sections(content, COMMANDS, file)
     sections = {}
     for name, table in content.items():
-        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-        if not hasattr(module, "SUBCOMMANDS"):
+        commands = commands_of(name)
+        if name in commands:
             sections[name] = table
             continue
-        _check_sections(table, module.SUBCOMMANDS, file, f"{name}.")
+        _check_sections(table, [known.partition(".")[2] for known in commands], file, f"{name}.")
         sections |= {f"{name}.{word}": inner for word, inner in table.items()}
     return sections
 

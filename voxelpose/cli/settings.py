@@ -3,12 +3,19 @@
 import json
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.options import folder_settings, load_command, nearest, options_of, sections_in
+from voxelpose.cli.options import (
+    commands_of,
+    folder_settings,
+    load_command,
+    nearest,
+    options_of,
+    sections_in,
+)
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
@@ -17,25 +24,23 @@ _WITH_SUBJECT = "fit", "track", "live"
 
 @dataclass(frozen=True)
 class ShowSettings:
-    """Arguments of `voxelpose settings`."""
+    """Shows the value of every setting, and where it comes from.
 
-    help: ClassVar[str] = """Shows the value of every setting, and where it comes from.
+    Every option of every command can be set in files called voxelpose.toml: in the recording, in
+    the folders above it, and in the user's configuration folder. The nearest counts, and the
+    command line before all. Paths are relative to the file. Values of subject.toml are shown, too.
 
-Every option of every command can be set in files called voxelpose.toml: in the recording, in the
-folders above it, and in the user's configuration folder. The nearest counts, and the command line
-before all. Paths are relative to the file. Values of subject.toml are shown, too.
+      voxelpose settings walk
+      voxelpose settings walk --command track
+      voxelpose settings --command "calibrate board" --json
 
-  voxelpose settings walk
-  voxelpose settings walk --command track
-  voxelpose settings --command "calibrate board" --json
-
-A voxelpose.toml has a section for each command, with the names of its options:
-  [fit]
-  stature = 1.75
-  smooth = false
-  [calibrate.board]
-  paper = "a3"
-"""
+    A voxelpose.toml has a section for each command, with the names of its options:
+      [fit]
+      stature = 1.75
+      smooth = false
+      [calibrate.board]
+      paper = "a3"
+    """
 
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
@@ -46,8 +51,8 @@ A voxelpose.toml has a section for each command, with the names of its options:
     json: bool = False
     """Print JSON instead of a table."""
 
-    def run(self) -> int:
-        """Prints the settings; returns the exit code."""
+    def run(self) -> None:
+        """Prints the settings."""
         from voxelpose.results import as_json
 
         folder = self.recording or Path()
@@ -61,30 +66,23 @@ A voxelpose.toml has a section for each command, with the names of its options:
             print(as_json(tables), end="")
         else:
             _print_tables(tables)
-        return 0
 
 
 def _section(command: str) -> str:
     """The section of a command, as in `calibrate board`."""
     section = ".".join(command.replace(".", " ").split())
-    sections = _all_sections()
+    sections = all_sections()
     if section not in sections:
         near = nearest(section, sections) or f": there are {', '.join(sections)}"
         raise InputError(f"--command {command}: there is no such command{near}")
     return section
 
 
-def _all_sections() -> list[str]:
-    import importlib
-
+def all_sections() -> list[str]:
+    """Sections that a voxelpose.toml may have: one of every command and subcommand."""
     from voxelpose.cli import COMMANDS
 
-    sections = []
-    for name in COMMANDS:
-        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-        words = getattr(module, "SUBCOMMANDS", None)
-        sections += [name] if words is None else [f"{name}.{word}" for word in words]
-    return sections
+    return [section for name in COMMANDS for section in commands_of(name)]
 
 
 def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
@@ -14,22 +14,20 @@ from voxelpose.cli.fit import EstimationArguments
 
 @dataclass(frozen=True, kw_only=True)
 class Track(EstimationArguments):
-    """Arguments of `voxelpose track`."""
+    """Estimates the motion of a person from one camera.
 
-    help: ClassVar[str] = """Estimates the motion of a person from one camera.
+    RECORDING holds a video per camera and, if possible, calibration.toml and background/ with the
+    empty view. Without a calibration, typical camera parameters are assumed. OUT receives the same
+    files as from `voxelpose fit`, and hypotheses.csv: the five most probable poses of every frame
+    with their probabilities. With the --body of a robot or an animal, a library of that body's
+    motion, or poses within the limits of its joints.
 
-RECORDING holds a video per camera and, if possible, calibration.toml and background/ with the empty
-view. Without a calibration, typical camera parameters are assumed.
-OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
-poses of every frame with their probabilities. With the --body of a robot or an animal, a library of
-that body's motion, or poses within the limits of its joints.
-
-  voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
-  voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
-  voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
-  voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
-  voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
-"""
+      voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
+      voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
+      voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
+      voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
+      voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
+    """
 
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
@@ -41,8 +39,8 @@ that body's motion, or poses within the limits of its joints.
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """Leave out the colours inside the outline, which show arms before the body."""
 
-    def run(self) -> int:
-        """Estimates the motion; returns the exit code."""
+    def run(self) -> None:
+        """Estimates the motion."""
         from voxelpose.recording.folder import only_camera
 
         options: dict[str, bool | int | float | str] = {
@@ -51,4 +49,4 @@ that body's motion, or poses within the limits of its joints.
         }
         if self.library is not None:
             options["library"] = str(self.library)
-        return self.estimate((self.camera or only_camera(self.recording),), options, "monocular")
+        self.estimate((self.camera or only_camera(self.recording),), options, "monocular")

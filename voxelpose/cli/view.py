@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
@@ -25,18 +25,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class View(PageArguments):
-    """Arguments of `voxelpose view`."""
+    """Shows cameras, voxels, body and skeleton over time in the browser.
 
-    help: ClassVar[str] = """Shows cameras, voxels, body and skeleton over time in the browser.
+    The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends
+    it. The visual hull is carved from the recording of the result. For a recording without a
+    result, cameras and hull are shown.
 
-The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends it.
-The visual hull is carved from the recording of the result. For a recording without a result,
-cameras and hull are shown.
-
-  voxelpose view walk_fit
-  voxelpose view walk_fit --frame 40 --png hull.png
-  voxelpose view walk_fit --video hull.webm
-"""
+      voxelpose view walk_fit
+      voxelpose view walk_fit --frame 40 --png hull.png
+      voxelpose view walk_fit --video hull.webm
+    """
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
     """Folder of a result, or a recording."""
@@ -55,8 +53,8 @@ cameras and hull are shown.
     unit: Unit = None
     overwrite: OverwriteFile = False
 
-    def run(self) -> int:
-        """Shows or writes the scenes; returns the exit code."""
+    def run(self) -> None:
+        """Shows or writes the scenes."""
         refuse_existing([self.png], self.overwrite, "--png")
         refuse_existing([self.video], self.overwrite, "--video")
         if not (self.open3d or self.png or self.video):
@@ -77,7 +75,6 @@ cameras and hull are shown.
             self._show(scenes)
         finally:
             scenes.close()
-        return 0
 
     def _show(self, scenes: ResultScenes) -> None:
         pictures = self.open3d or self.png is not None or self.video is not None
