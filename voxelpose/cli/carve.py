@@ -25,8 +25,8 @@ class Carve:
 
     Its volume is printed, and the number and the size of its voxels.
 
-    voxelpose carve walk --frame 40 --out hull.ply
-    voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
+      voxelpose carve walk --frame 40 --out hull.ply
+      voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
     """
 
     recording: RecordingFolder

@@ -86,8 +86,10 @@ class Info:
     """
     Describes a pose library.
 
-    voxelpose library info me.vplib
-    voxelpose library info me.vplib --png sheet.png
+    Its size, its poses and its body are printed.
+
+      voxelpose library info me.vplib
+      voxelpose library info me.vplib --png sheet.png
     """
 
     library: Annotated[Positional[Path], arg(metavar="LIB")]
