@@ -10,13 +10,7 @@ from tyro.conf import Positional, arg
 
 from calib.atomic import write_whole
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    Sex,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -74,13 +68,13 @@ class ShowBody:
 
     body: Annotated[Positional[str], arg(metavar="BODY")]
     """Name of a body, body.toml, earlier result, or all."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """Picture to be written: from three sides and bent; of all: each from the front."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Prints the measurements."""
-        refuse_existing([self.png], self.overwrite, "--png")
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
         if self.body.lower() == _ALL:
             self._show_all()
             return
@@ -129,9 +123,9 @@ class ChooseBody:
 
     stature: Annotated[float, arg(metavar="M")]
     """Height in metres."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest or bust girth in metres. Default: only the stature counts."""
-    sex: Sex = "unknown"
+    sex: arguments.Sex = "unknown"
 
     def run(self) -> None:
         """Prints the name."""
@@ -157,28 +151,28 @@ class MakeBody:
     """Height in metres, without shoes."""
     out: Annotated[Path, arg(metavar="FILE.toml")]
     """File to be made."""
-    sex: Sex = "unknown"
-    chest: OptionalLength = None
+    sex: arguments.Sex = "unknown"
+    chest: arguments.OptionalLength = None
     """Chest or bust girth at the nipples, metres."""
-    waist: OptionalLength = None
+    waist: arguments.OptionalLength = None
     """Girth of the natural waist, metres."""
-    hip: OptionalLength = None
+    hip: arguments.OptionalLength = None
     """Largest girth over the buttocks, metres."""
-    arm: OptionalLength = None
+    arm: arguments.OptionalLength = None
     """From the tip of the shoulder over the elbow to the wrist, metres."""
-    leg: OptionalLength = None
+    leg: arguments.OptionalLength = None
     """Inside leg, from the crotch to the sole, metres."""
-    shoulders: OptionalLength = None
+    shoulders: arguments.OptionalLength = None
     """Breadth between the tips of the shoulders, metres."""
     mass: Annotated[float | None, arg(metavar="KG", help_behavior_hint="")] = None
     """Mass in kilograms."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Writes the body."""
         if self.out.suffix.lower() != ".toml":
             raise InputError(f"--out {self.out} is no body file: give a name that ends in .toml")
-        refuse_existing([self.out], self.overwrite)
+        arguments.refuse_existing([self.out], self.overwrite)
         from silhouette_core.body.body_file import write_body
         from silhouette_core.body.measured_body import body_from_measurements
         from silhouette_core.body.mesh_measurements import BodyMeasurements

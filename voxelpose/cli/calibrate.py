@@ -10,23 +10,7 @@ from tyro.conf import Positional, arg
 
 from calib.atomic import write_whole
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    Cameras,
-    Dictionary,
-    Fps,
-    Frames,
-    Label,
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-    corner_counts,
-    refuse_existing,
-    two_numbers,
-    up_direction,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.calibrate_extrinsics import CalibrateExtrinsics
 from voxelpose.cli.calibrate_intrinsics import CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
@@ -55,20 +39,20 @@ class CalibrateBoard:
     """Paper size; large: a page of the size of the board, for a print shop."""
     board: Annotated[str, arg(metavar="COLUMNSxROWS")] = "8x5"
     """Inner corners along and down; one even and one odd, so that the first corner is unique."""
-    square: OptionalLength = None
+    square: arguments.OptionalLength = None
     """Side of a square in metres. Default: as large as the paper allows."""
     charuco: bool = False
     """Put markers into the white squares: boards that are partly visible can then be used."""
-    dictionary: Dictionary = "DICT_4X4_50"
-    overwrite: OverwriteFile = False
+    dictionary: arguments.Dictionary = "DICT_4X4_50"
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Writes the PDF and prints what to measure."""
         from calib.board import Board
         from calib.board_sheet import largest_square_m, write_pdf
 
-        refuse_existing([self.out], self.overwrite)
-        columns, rows = corner_counts(self.board)
+        arguments.refuse_existing([self.out], self.overwrite)
+        columns, rows = arguments.corner_counts(self.board)
         if self.paper == "large" and self.square is None:
             raise InputError(
                 "--paper large has no size of its own: say how large a square is, for example"
@@ -119,7 +103,7 @@ class CalibrateConvert:
     """Calibration to be read: a file or a folder."""
     out: Annotated[Positional[Path], arg(metavar="OUT")]
     """Calibration to be written."""
-    unit: Unit = None
+    unit: arguments.Unit = None
     size: Annotated[str | None, arg(metavar="WIDTHxHEIGHT", help_behavior_hint="")] = None
     """Image size in pixels, where IN does not state it."""
     to: Literal["anipose", "easymocap", "json", "opencv", "projections", "qualisys"] | None = None
@@ -128,10 +112,10 @@ class CalibrateConvert:
     """What becomes z: an axis of IN (-z, y ...), what is up for the cameras, or in --result."""
     result: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
     """Result of a fit with IN, for --up person: up and the floor as found there."""
-    cameras: Cameras = None
-    picture: OptionalFile = None
+    cameras: arguments.Cameras = None
+    picture: arguments.OptionalFile = None
     """PNG to be written: the cameras from above and from the side."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Converts the calibration."""
@@ -139,9 +123,11 @@ class CalibrateConvert:
         from calib.files.notes import read_notes
         from calib.upright import axis_name
 
-        refuse_existing([self.out, self.picture], self.overwrite)
-        size = self.size and two_numbers(self.size, "--size", "width and height, as in 1920x1080")
-        names = camera_names(self.cameras)
+        arguments.refuse_existing([self.out, self.picture], self.overwrite)
+        size = self.size and arguments.two_numbers(
+            self.size, "--size", "width and height, as in 1920x1080"
+        )
+        names = arguments.camera_names(self.cameras)
         rig = read_rig(self.source, self.unit, size or None, names)
         left_out = rig.notes
         if names is not None:
@@ -179,7 +165,7 @@ class CalibrateConvert:
             return Result.open(self.result).motion.upright_frame
         if self.up == "cameras":
             return UprightFrame.from_up(up_candidates(rig)[0])
-        up = up_direction(self.up)
+        up = arguments.up_direction(self.up)
         return None if up is None else UprightFrame.from_up(up)
 
 
@@ -196,25 +182,25 @@ class CalibrateCheck:
       voxelpose calibrate check walk --repair repaired
     """
 
-    recording: RecordingFolder
+    recording: arguments.RecordingFolder
     repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """PNG to be written: every camera with the outlines that the others predict."""
     moments: Annotated[int, arg(metavar="N")] = 12
     """Number of time steps to check, spread over the recording."""
     most_late: Annotated[int, arg(metavar="FRAMES")] = 12
     """Largest time offset of a camera that is searched for."""
-    frames: Frames = None
-    cameras: Cameras = None
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    frames: arguments.Frames = None
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> int:
         """Checks the recording; returns the exit code."""
-        refuse_existing([self.png], self.overwrite, "--png")
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
             raise InputError(f"{self.repair} exists: give --repair another name")
         with Progress() as progress:
@@ -223,7 +209,7 @@ class CalibrateCheck:
             from voxelpose.recording.folder import Recording, frame_range
 
             settings = CheckSettings(self.moments, self.most_late)
-            frames, names = frame_range(self.frames), camera_names(self.cameras)
+            frames, names = frame_range(self.frames), arguments.camera_names(self.cameras)
             recording = Recording.open(
                 self.recording, frames, names, self.unit, self.fps, self.label
             )

@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    BoardArguments,
-    Cameras,
-    Dictionary,
-    MarkerSide,
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    Unit,
-    camera_names,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
@@ -56,22 +45,22 @@ class CalibrateExtrinsics:
     """Calibration to be written; .toml preserves most."""
     board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
     """Number of inner corners, where four squares meet, along and down."""
-    square: OptionalLength = None
+    square: arguments.OptionalLength = None
     """Side of a square in metres, measured on the print."""
-    marker: MarkerSide = None
-    dictionary: Dictionary = "DICT_4X4_50"
+    marker: arguments.MarkerSide = None
+    dictionary: arguments.Dictionary = "DICT_4X4_50"
     floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
     """Frame (of the first camera) in which the board lies on the floor. Default: the first camera
     is the world."""
-    points: OptionalFile = None
+    points: arguments.OptionalFile = None
     """CSV of camera,point,x_px,y_px,x_m,y_m,z_m instead of a board; metres only where known."""
     refine_lenses: bool = False
     """Adjust the lenses too, if they were not calibrated with boards at such distances."""
     moments: Annotated[int, arg(metavar="N")] = 150
     """Maximum number of time steps used of the recording."""
-    cameras: Cameras = None
-    unit: Unit = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Calibrates positions and directions."""
@@ -83,7 +72,7 @@ class CalibrateExtrinsics:
             from voxelpose.calibration.pictures import beside, rig_picture, write_calibration
 
             picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
-            refuse_existing([self.out, picture, report], self.overwrite)
+            arguments.refuse_existing([self.out, picture, report], self.overwrite)
             lenses = read_rig(self.intrinsics, self.unit, lenses=True)
             extrinsics = self._extrinsics(lenses, progress)
         from calib.upright import axis_name, other_up
@@ -122,7 +111,7 @@ class CalibrateExtrinsics:
             from voxelpose.calibration.points_file import read_points
 
             points = read_points(self.points)
-            names = camera_names(self.cameras) or [
+            names = arguments.camera_names(self.cameras) or [
                 name for name in lenses.names if name in points.cameras()
             ]
             return calibrate_from_points(lenses.select(names), points)
@@ -133,11 +122,11 @@ class CalibrateExtrinsics:
                 "what does the board look like? give --board, as in 8x5, and --square in metres, as"
                 " in 0.029"
             )
-        board = BoardArguments(
+        board = arguments.BoardArguments(
             board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary
         ).to_board()
         settings = ExtrinsicsSettings(
-            self.floor, self.moments, camera_names(self.cameras), self.refine_lenses
+            self.floor, self.moments, arguments.camera_names(self.cameras), self.refine_lenses
         )
         return extrinsics_from_recording(board, lenses, self.recording, settings, progress)
 

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    BoardArguments,
-    Cameras,
-    OverwriteFile,
-    camera_names,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
@@ -26,7 +20,7 @@ _MAX_LINES = 60  # with more pictures, those left out are counted by reason
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrateIntrinsics(BoardArguments):
+class CalibrateIntrinsics(arguments.BoardArguments):
     """Calibrates the lens of every camera from pictures of a board.
 
     PICTURES: a folder of images or a video (one camera), or a folder that holds one of these per
@@ -44,8 +38,8 @@ class CalibrateIntrinsics(BoardArguments):
     """Pinhole with k1 k2 p1 p2; rational, for wide lenses; fisheye, from about 120 degrees."""
     frames: Annotated[int, arg(metavar="N")] = 40
     """Maximum number of frames of a video to use: those in which the board stands still."""
-    cameras: Cameras = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Calibrates the lenses."""
@@ -61,10 +55,10 @@ class CalibrateIntrinsics(BoardArguments):
             from voxelpose.calibration.pictures import beside, coverage_picture, write_calibration
 
             picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
-            refuse_existing([self.out, picture, report], self.overwrite)
+            arguments.refuse_existing([self.out, picture, report], self.overwrite)
             board = self.to_board()
             cameras = cameras_in(self.pictures)
-            if (selected := camera_names(self.cameras)) is not None:
+            if (selected := arguments.camera_names(self.cameras)) is not None:
                 if missing := [name for name in selected if name not in cameras]:
                     raise InputError(
                         f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}"

@@ -9,21 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    BoardArguments,
-    Cameras,
-    Dictionary,
-    Label,
-    MarkerSide,
-    OptionalFile,
-    OptionalLength,
-    OptionalName,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
@@ -63,13 +49,13 @@ class CalibrateSync:
         --out board_walk/timestamps.csv
     """
 
-    recording: RecordingFolder
-    out: OptionalFile = None
+    recording: arguments.RecordingFolder
+    out: arguments.OptionalFile = None
     """Table of times to be written (cam_id,frame_time). Default: offsets are only printed."""
     by: Literal["auto", "geometry", "board", "sound", "silhouettes"] = "auto"
     """What offsets are found from; geometry: silhouettes with a calibration. Default: the first of
     a board (if --board is given), geometry, sound and silhouettes that there is."""
-    reference: OptionalName = None
+    reference: arguments.OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
     most: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
@@ -79,22 +65,22 @@ class CalibrateSync:
     silhouettes, 60 by a board; by sound the first 600."""
     board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
     """Number of inner corners of the carried board, along and down."""
-    square: OptionalLength = None
+    square: arguments.OptionalLength = None
     """Side of its squares in metres; only needed with --marker."""
-    marker: MarkerSide = None
-    dictionary: Dictionary = "DICT_4X4_50"
-    intrinsics: OptionalFile = None
+    marker: arguments.MarkerSide = None
+    dictionary: arguments.Dictionary = "DICT_4X4_50"
+    intrinsics: arguments.OptionalFile = None
     """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
     rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
-    cameras: Cameras = None
-    unit: Unit = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Estimates the offsets."""
-        refuse_existing([self.out], self.overwrite)
+        arguments.refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
@@ -104,7 +90,7 @@ class CalibrateSync:
             if self.board is not None:
                 # Speeds are compared in shape, not in size: any square does.
                 square = 0.1 if self.square is None else self.square
-                board = BoardArguments(
+                board = arguments.BoardArguments(
                     board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
                 ).to_board()
             settings = SyncSettings(
@@ -120,7 +106,9 @@ class CalibrateSync:
                 else read_rig(self.intrinsics, self.unit, lenses=True),
                 self.label,
             )
-            sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
+            sync = sync_recording(
+                self.recording, settings, arguments.camera_names(self.cameras), progress
+            )
         print_sync(sync)
         if self.out is not None:
             if not sync.result.agreed:

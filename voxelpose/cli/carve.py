@@ -7,15 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    Cameras,
-    Label,
-    OptionalLength,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-)
+from voxelpose.cli import arguments
 
 
 @dataclass(frozen=True)
@@ -29,12 +21,12 @@ class Carve:
       voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
     """
 
-    recording: RecordingFolder
+    recording: arguments.RecordingFolder
     out: Annotated[Path, arg(metavar="FILE")]
     """PLY file to be written, in metres."""
     frame: Annotated[int, arg(metavar="N")] = 0
     """Number of the frame."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: the volume's longest edge divided by --resolution."""
     resolution: Annotated[int, arg(metavar="N")] = 192
     """Number of voxels along the longest edge of the volume."""
@@ -49,10 +41,10 @@ class Carve:
     """Whether a voxel outside a camera's image is kept."""
     style: Literal["surface", "voxels"] = "surface"
     """Triangle mesh, or centres of the voxels as points."""
-    cameras: Cameras = None
-    unit: Unit = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Carves the frame."""
@@ -68,7 +60,7 @@ class Carve:
             volume_m=self.volume,
             rule=CarveRule(self.tolerance, self.outside),
             style=self.style,
-            cameras=camera_names(self.cameras),
+            cameras=arguments.camera_names(self.cameras),
             unit=self.unit,
             label=self.label,
         )

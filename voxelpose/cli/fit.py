@@ -9,28 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Suppress, arg
 
-from voxelpose.cli.arguments import (
-    GROUPS,
-    BodyName,
-    Cameras,
-    Cutoff,
-    Filter,
-    FilterOrder,
-    Fps,
-    Frames,
-    GapLimit,
-    GapMethod,
-    Label,
-    OptionalLength,
-    OverwriteResult,
-    RecordingFolder,
-    Sex,
-    Threads,
-    Unit,
-    Up,
-    camera_names,
-    up_direction,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 # Of a hundred seconds of the recording of `voxelpose demo`, 2026-11, with pictures.
@@ -66,29 +45,29 @@ _SHARES = {
 class EstimationArguments:
     """Arguments of `voxelpose fit` and `voxelpose track` alike."""
 
-    groups: ClassVar = GROUPS
-    recording: RecordingFolder
+    groups: ClassVar = arguments.GROUPS
+    recording: arguments.RecordingFolder
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
-    stature: OptionalLength = None
+    stature: arguments.OptionalLength = None
     """Height in metres. Default: from subject.toml, else estimated (fit) or 1.70 (track)."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
-    body: BodyName = None
-    sex: Sex = "unknown"
-    frames: Frames = None
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    up: Up = None
-    overwrite: OverwriteResult = False
+    body: arguments.BodyName = None
+    sex: arguments.Sex = "unknown"
+    frames: arguments.Frames = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    up: arguments.Up = None
+    overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
-    filter: Filter = "butterworth"
-    cutoff: Cutoff = 7.0
-    filter_order: FilterOrder = None
-    gap_limit: GapLimit = "0"
-    gap_method: GapMethod = "linear"
+    filter: arguments.Filter = "butterworth"
+    cutoff: arguments.Cutoff = 7.0
+    filter_order: arguments.FilterOrder = None
+    gap_limit: arguments.GapLimit = "0"
+    gap_method: arguments.GapMethod = "linear"
     background: Literal["auto", "uniform", "moving", "paper"] = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
@@ -98,7 +77,7 @@ class EstimationArguments:
     without an empty view. Default: none."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
-    threads: Threads = None
+    threads: arguments.Threads = None
     pictures: bool = True
     """Draw the overlay videos and the contact sheet."""
     verbose: bool = False
@@ -130,7 +109,7 @@ class EstimationArguments:
                 background=self.background,
                 segmenter=self.segmenter and resolved_segmenter(self.segmenter),
                 smooth=self.smooth,
-                up=up_direction(self.up),
+                up=arguments.up_direction(self.up),
                 threads=self.threads,
                 backend=self.backend,
                 conditioning=Conditioning(
@@ -171,10 +150,10 @@ class Fit(EstimationArguments):
       voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
     """
 
-    cameras: Cameras = None
+    cameras: arguments.Cameras = None
     interference: bool = True
     """Match body parts jointly where their movable areas overlap; else one after the other."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: chosen by the program."""
     tolerance: Annotated[int, arg(metavar="N")] = 0
     """Number of cameras that may see background where the body is; 1 tolerates one bad camera."""
@@ -195,4 +174,4 @@ class Fit(EstimationArguments):
             options["tolerance"] = self.tolerance
         if self.repair != "auto":
             options["repair"] = self.repair
-        self.estimate(camera_names(self.cameras), options, self.estimator)
+        self.estimate(arguments.camera_names(self.cameras), options, self.estimator)

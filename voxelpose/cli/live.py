@@ -13,19 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    GROUPS,
-    Cameras,
-    Fps,
-    Label,
-    OptionalLength,
-    PageArguments,
-    Sex,
-    Unit,
-    Up,
-    camera_names,
-    up_direction,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, rich_console
 
 if TYPE_CHECKING:
@@ -85,7 +73,7 @@ def print_session(session: LiveSession) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live(PageArguments):
+class Live(arguments.PageArguments):
     """Follows a person before running cameras, shows and sends the motion.
 
     FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
@@ -99,19 +87,19 @@ class Live(PageArguments):
       voxelpose live walk --loop --record rehearsal --private
     """
 
-    groups: ClassVar = GROUPS
+    groups: ClassVar = arguments.GROUPS
     folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
     """Number of a webcam, address of a stream (rtsp://, http://) or a video; may be repeated."""
     camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     """Use this camera alone."""
-    cameras: Cameras = None
-    stature: OptionalLength = None
+    cameras: arguments.Cameras = None
+    stature: arguments.OptionalLength = None
     """Height in metres. Default: from subject.toml, else estimated (several cameras) or 1.70."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
-    sex: Sex = "unknown"
+    sex: arguments.Sex = "unknown"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
     start: Literal["facing", "any"] = "any"
@@ -135,10 +123,10 @@ class Live(PageArguments):
     """Seconds to step out of the picture before the empty view is learned."""
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    up: Up = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    up: arguments.Up = None
 
     def run(self) -> None:
         """Runs the session."""
@@ -154,9 +142,11 @@ class Live(PageArguments):
 
             progress.stage("reading calibration and empty view")
             sources = [CameraSource.parse(text) for text in self.source]
-            names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
+            names = (
+                (self.camera,) if self.camera is not None else arguments.camera_names(self.cameras)
+            )
             live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
-            live = live.upright(up_direction(self.up), progress)
+            live = live.upright(arguments.up_direction(self.up), progress)
             known = live.recording.subject
             subject = replace(
                 known,

@@ -8,14 +8,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.options import (
-    commands_of,
-    folder_settings,
-    load_command,
-    nearest,
-    options_of,
-    sections_in,
-)
+from voxelpose.cli import options
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
@@ -58,7 +51,7 @@ class ShowSettings:
         folder = self.recording or Path()
         if not folder.is_dir():
             raise InputError(f"there is no folder {folder}: give a recording, or no folder")
-        sections = dict.fromkeys(["fit", *sections_in(folder)])
+        sections = dict.fromkeys(["fit", *options.sections_in(folder)])
         if self.command is not None:
             sections = [_section(self.command)]
         tables = {section: _values(section, folder) for section in sections}
@@ -73,7 +66,7 @@ def _section(command: str) -> str:
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:
-        near = nearest(section, sections) or f": there are {', '.join(sections)}"
+        near = options.nearest(section, sections) or f": there are {', '.join(sections)}"
         raise InputError(f"--command {command}: there is no such command{near}")
     return section
 
@@ -82,15 +75,15 @@ def all_sections() -> list[str]:
     """Sections that a voxelpose.toml may have: one of every command and subcommand."""
     from voxelpose.cli import COMMANDS
 
-    return [section for name in COMMANDS for section in commands_of(name)]
+    return [section for name in COMMANDS for section in options.commands_of(name)]
 
 
 def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     """Value and source of every option, by name."""
-    found = folder_settings(section, folder)
+    found = options.folder_settings(section, folder)
     known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
     values = {}
-    for name, option in options_of(load_command(section)).items():
+    for name, option in options.options_of(options.load_command(section)).items():
         if name in found:
             value, source = found[name]
         elif name in known:

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    PageArguments,
-    Unit,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
@@ -24,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class View(PageArguments):
+class View(arguments.PageArguments):
     """Shows cameras, voxels, body and skeleton over time in the browser.
 
     The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends
@@ -42,21 +35,21 @@ class View(PageArguments):
     """Number of the frame. Default: the middle one."""
     open3d: bool = False
     """Open a window with hull and skeleton of one frame instead of the browser."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """PNG of one frame to be written instead; no screen is needed."""
-    video: OptionalFile = None
+    video: arguments.OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
     """The recording, if it was moved after the fit."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: that of the fit."""
-    unit: Unit = None
-    overwrite: OverwriteFile = False
+    unit: arguments.Unit = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> None:
         """Shows or writes the scenes."""
-        refuse_existing([self.png], self.overwrite, "--png")
-        refuse_existing([self.video], self.overwrite, "--video")
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
+        arguments.refuse_existing([self.video], self.overwrite, "--video")
         if not (self.open3d or self.png or self.video):
             self.address()  # refused before the work, not after
         if self.open3d:

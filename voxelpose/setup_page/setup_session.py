@@ -16,6 +16,7 @@ from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
+from voxelpose.setup_page import page_requests
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
@@ -33,23 +34,9 @@ from voxelpose.setup_page.drawn_places import (
     save_choices,
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
-from voxelpose.setup_page.page_requests import (
-    GroundRequest,
-    PlacesDrawn,
-    PointsRequest,
-    SaveRequest,
-    SilhouetteRequest,
-    StageRequest,
-)
 from voxelpose.view.images.canvas import encoded
 from voxelpose.view.serving.page_answers import check_camera_names
-from voxelpose.view.viewer.previews import (
-    SILHOUETTE,
-    BackgroundModels,
-    MomentFrames,
-    overlay_png,
-    stage_answer,
-)
+from voxelpose.view.viewer import previews
 
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
@@ -73,8 +60,8 @@ class SetupSession:
         self._recording = opened.recording
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
-        self._moments = MomentFrames(self._recording)
-        self._backgrounds = BackgroundModels(self._learned)
+        self._moments = previews.MomentFrames(self._recording)
+        self._backgrounds = previews.BackgroundModels(self._learned)
         self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
         self.check = CheckJob(self._recording)
@@ -147,12 +134,12 @@ class SetupSession:
         """
         file, mask = self._places.regions.get(camera), self._places.painted.get(camera)
         if kind == "region" and file is not None:
-            return overlay_png(file.mask, _REGION, 0)
+            return previews.overlay_png(file.mask, _REGION, 0)
         if kind == "unknown" and mask is not None:
-            return overlay_png(mask, _UNKNOWN, 110)
+            return previews.overlay_png(mask, _UNKNOWN, 110)
         raise InputError("nothing is painted there")
 
-    def silhouettes(self, asked: SilhouetteRequest) -> dict[str, Any]:
+    def silhouettes(self, asked: page_requests.SilhouetteRequest) -> dict[str, Any]:
         """Silhouettes of a moment: `ready` with a PNG by camera, or not yet.
 
         Raises:
@@ -168,14 +155,16 @@ class SetupSession:
             "guessed": list(model.without_background),
             "cameras": {
                 name: {
-                    "png": base64.b64encode(overlay_png(mask, SILHOUETTE, 120)).decode(),
+                    "png": base64.b64encode(
+                        previews.overlay_png(mask, previews.SILHOUETTE, 120)
+                    ).decode(),
                     "share": float(np.mean(mask)),
                 }
                 for name, mask in masks.items()
             },
         }
 
-    def stage(self, asked: StageRequest) -> dict[str, Any]:
+    def stage(self, asked: page_requests.StageRequest) -> dict[str, Any]:
         """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
         yet.
 
@@ -187,9 +176,9 @@ class SetupSession:
             stages = self._stages(asked)
         if stages is None:
             return {"ready": False}
-        return stage_answer(stages, asked, self._recording.rig[asked.camera].size)
+        return previews.stage_answer(stages, asked, self._recording.rig[asked.camera].size)
 
-    def _stages(self, asked: StageRequest) -> SilhouetteStages | None:
+    def _stages(self, asked: page_requests.StageRequest) -> SilhouetteStages | None:
         """Stages of a silhouette, the last of which are kept; None while the model is learned."""
         key = msgspec.json.encode((asked.camera, asked.moment, asked.background, asked.places))
         if self._staged[0] != key:
@@ -200,7 +189,9 @@ class SetupSession:
             self._staged = key, model.stages(asked.camera, frame)
         return self._staged[1]
 
-    def _model(self, asked: SilhouetteRequest | StageRequest) -> Silhouettes | None:
+    def _model(
+        self, asked: page_requests.SilhouetteRequest | page_requests.StageRequest
+    ) -> Silhouettes | None:
         """Silhouettes with what is drawn; None while their backgrounds are learned.
 
         Raises:
@@ -222,7 +213,7 @@ class SetupSession:
         source = DrawnRecording(**vars(self._recording))
         return Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
 
-    def errors(self, asked: PointsRequest) -> dict[str, Any]:
+    def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points.
 
         Raises:
@@ -232,7 +223,7 @@ class SetupSession:
         check_points(asked.points)
         return point_errors(asked.points, self._recording.rig)
 
-    def ground(self, asked: GroundRequest) -> dict[str, Any]:
+    def ground(self, asked: page_requests.GroundRequest) -> dict[str, Any]:
         """Lines of the floor by camera.
 
         Raises:
@@ -254,7 +245,7 @@ class SetupSession:
         self.check.start()
         return self.check.status()
 
-    def save(self, asked: SaveRequest) -> dict[str, Any]:
+    def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
         """Writes what is asked for; returns the files, what is left out, and the new state.
 
         Everything is checked before anything is written.
@@ -283,7 +274,7 @@ class SetupSession:
             "state": self.state(),
         }
 
-    def _check_places(self, places: PlacesDrawn) -> None:
+    def _check_places(self, places: page_requests.PlacesDrawn) -> None:
         check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)
 
     def _need(self, part: str) -> None:

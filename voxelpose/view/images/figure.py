@@ -11,32 +11,18 @@ from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
-from voxelpose.view.images.canvas import (
-    INK,
-    LEFT,
-    MIDDLE,
-    PAPER,
-    RIGHT,
-    Colour,
-    Image,
-    colour_of,
-    dots,
-    hatched,
-    segments,
-    stroke,
-    tint,
-)
+from voxelpose.view.images import canvas
 
-_SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
+_SIDES: tuple[canvas.Colour, ...] = (canvas.MIDDLE, canvas.LEFT, canvas.RIGHT)
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
-def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
+def skeleton_bones(model: BodyModel) -> list[tuple[int, int, canvas.Colour]]:
     """Lines of the skeleton: joints at both ends, as rows of `skeleton_joints`, and the colour."""
     if model.names != PART_NAMES:
         marks, first = model.tree.landmark_names, len(model.names)
         bones = model.tree.landmark_bones.tolist()
-        return [(first + start, first + end, colour_of(marks[end])) for start, end in bones]
+        return [(first + start, first + end, canvas.colour_of(marks[end])) for start, end in bones]
     joints = (*PART_NAMES, "head_top")
     chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
     for side in ("left_", "right_"):
@@ -45,13 +31,13 @@ def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
             for names in (limb.split() for limb in _LIMBS)
         ]
     return [
-        (joints.index(start), joints.index(end), colour_of(end))
+        (joints.index(start), joints.index(end), canvas.colour_of(end))
         for chain in chains
         for start, end in pairwise(chain)
     ]
 
 
-def bone_ends(bones: list[tuple[int, int, Colour]]) -> NDArray[np.int64]:
+def bone_ends(bones: list[tuple[int, int, canvas.Colour]]) -> NDArray[np.int64]:
     """Joints (B, 2) int64 at both ends of the lines of `skeleton_bones`; a body may have none."""
     return np.array([bone[:2] for bone in bones], np.int64).reshape(-1, 2)
 
@@ -107,22 +93,22 @@ class FigurePainter:
         self._unknown = unknown
         self.ideal = camera.pinhole(scale)
         self.size = self.ideal.size
-        self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
+        self._side = np.array([-1] + [_SIDES.index(canvas.colour_of(name)) for name in model.names])
         self._bones = skeleton_bones(model)
         self._ends = bone_ends(self._bones)
 
-    def resized(self, frame: Image) -> Image:
+    def resized(self, frame: canvas.Image) -> canvas.Image:
         """Copy of a recorded frame at the working size."""
         if self._unknown is not None:
-            frame = hatched(frame, self._unknown)
+            frame = canvas.hatched(frame, self._unknown)
         if self.scale == 1.0:
             return frame.copy()
         method = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC
         return np.asarray(cv2.resize(frame, self.size, interpolation=method), np.uint8)
 
     def paint(
-        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> Image:
+        self, image: canvas.Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> canvas.Image:
         """Draws one pose, and returns the image.
 
         Args:
@@ -138,11 +124,11 @@ class FigurePainter:
         line = max(1, round((height - 1) / 300))
         for side, colour in enumerate(_SIDES):
             outlines = self._outlines(self._side[parts] == side, (left, top))
-            tint(image, outlines, colour, 0.33)
+            canvas.tint(image, outlines, colour, 0.33)
             for outline in outlines:
-                stroke(image, outline, colour, line, closed=True)
+                canvas.stroke(image, outline, colour, line, closed=True)
         for outline in self._outlines(parts > 0, (left, top)):
-            stroke(image, outline, INK, line, closed=True)
+            canvas.stroke(image, outline, canvas.INK, line, closed=True)
         self._skeleton(image, rotation, origin, line)
         return image
 
@@ -152,16 +138,22 @@ class FigurePainter:
         return (recorded + 0.5) * self.scale - 0.5
 
     def _skeleton(
-        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64], line: int
+        self,
+        image: canvas.Image,
+        rotation: NDArray[np.float64],
+        origin: NDArray[np.float64],
+        line: int,
     ) -> None:
         joints = self.pixels(skeleton_joints(self.model, rotation, origin))
         ends = joints[self._ends]
-        segments(image, ends, PAPER, line + 3)
+        canvas.segments(image, ends, canvas.PAPER, line + 3)
         for colour in _SIDES:
-            segments(image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1)
+            canvas.segments(
+                image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1
+            )
         marked = joints[np.unique(self._ends)]
-        dots(image, marked, line + 1.3, PAPER)
-        dots(image, marked, line + 0.3, INK)
+        canvas.dots(image, marked, line + 1.3, canvas.PAPER)
+        canvas.dots(image, marked, line + 0.3, canvas.INK)
 
     def _outlines(
         self, mask: NDArray[np.bool_], corner: tuple[int, int]

@@ -18,21 +18,7 @@ from silhouette_core.jit import cores
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
-from voxelpose.view.images.canvas import (
-    FAINT,
-    INK,
-    LEFT,
-    MIDDLE,
-    PAPER,
-    RIGHT,
-    WARNING,
-    Image,
-    dots,
-    has_sides,
-    png,
-    text_width,
-    write_text,
-)
+from voxelpose.view.images import canvas
 from voxelpose.view.images.figure import FigurePainter
 from voxelpose.view.images.webm import WebmWriter
 
@@ -75,39 +61,39 @@ class ContactSheet:
             _View(motion, camera, box, self.tile, unknown.get(camera.name))
             for camera, box in zip(cameras, boxes, strict=True)
         ]
-        self.tiles: dict[tuple[int, int], Image] = {}
+        self.tiles: dict[tuple[int, int], canvas.Image] = {}
 
-    def add(self, row: int, images: Mapping[str, Image]) -> None:
+    def add(self, row: int, images: Mapping[str, canvas.Image]) -> None:
         """Keeps the tiles of one row of the motion, if it is one of the moments."""
         if row in self.rows:
             column, pose = self.rows.index(row), (self.rotation[row], self.origin[row])
             for line, view in enumerate(self.views):
                 self.tiles[line, column] = view.crop(images[view.painter.camera.name], *pose)
 
-    def image(self, title: str) -> Image:
+    def image(self, title: str) -> canvas.Image:
         """The finished sheet, (h, w, 3) uint8 BGR."""
         width, height = self.tile
         sheet_width = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
-        sheet_width = max(sheet_width, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
+        sheet_width = max(sheet_width, 2 * _MARGIN + canvas.text_width(title, 24, True) + _LEGEND)
         sheet_height = _HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN
-        sheet = np.full((sheet_height, sheet_width, 3), PAPER, np.uint8)
-        write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
+        sheet = np.full((sheet_height, sheet_width, 3), canvas.PAPER, np.uint8)
+        canvas.write_text(sheet, title, _MARGIN, 44, 24, canvas.INK, bold=True)
         x = sheet_width - _MARGIN
-        sides = ("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)
-        for label, colour in sides if has_sides(self.motion.model.names) else ():
-            x -= text_width(label, 14)
-            write_text(sheet, label, x, 42, 14, FAINT)
-            dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
+        sides = ("middle", canvas.MIDDLE), ("right side", canvas.RIGHT), ("left side", canvas.LEFT)
+        for label, colour in sides if canvas.has_sides(self.motion.model.names) else ():
+            x -= canvas.text_width(label, 14)
+            canvas.write_text(sheet, label, x, 42, 14, canvas.FAINT)
+            canvas.dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
             x -= 36
         for line, view in enumerate(self.views):
             top = _HEAD + line * (height + _GAP)
             name = view.painter.camera.name
-            write_text(sheet, name, _MARGIN, top + height // 2, 16, INK, bold=True)
+            canvas.write_text(sheet, name, _MARGIN, top + height // 2, 16, canvas.INK, bold=True)
             for column, row in enumerate(self.rows):
                 left = _MARGIN + _LABEL + column * (width + _GAP)
                 if line == 0:
                     label = f"frame {self.motion.frames[row]} · {self.motion.time_s[row]:.2f} s"
-                    write_text(sheet, label, left, _HEAD - 10, 14, FAINT)
+                    canvas.write_text(sheet, label, left, _HEAD - 10, 14, canvas.FAINT)
                 if (line, column) in self.tiles:
                     sheet[top : top + height, left : left + width] = self.tiles[line, column]
         return sheet
@@ -146,8 +132,8 @@ class _View:
         self.shift = shift + low * scale
 
     def crop(
-        self, frame: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> Image:
+        self, frame: canvas.Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> canvas.Image:
         image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
         self.painter.paint(image, rotation, origin)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
@@ -201,7 +187,7 @@ def draw_pictures(
         for camera in source.rig
     ]
     reporter.stage("pictures", source.frame_count)
-    painted: deque[list[Future[Image]]] = deque()
+    painted: deque[list[Future[canvas.Image]]] = deque()
     tiles: list[Future[None]] = []
 
     def write_oldest() -> None:
@@ -244,7 +230,7 @@ def draw_pictures(
     finally:  # no thread writes any more
         for video in videos:
             video.writer.release()
-    (folder / "contact_sheet.png").write_bytes(png(sheet.image(title)))
+    (folder / "contact_sheet.png").write_bytes(canvas.png(sheet.image(title)))
 
 
 class _Video:
@@ -269,7 +255,7 @@ class _Video:
         frame: Frame,
         pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
         caption: str,
-    ) -> Image:
+    ) -> canvas.Image:
         """Picture of a frame with its pose; any thread may paint it."""
         image = self.painter.resized(frame)
         if pose is not None:
@@ -279,10 +265,10 @@ class _Video:
         return image
 
 
-def _mark(image: Image, caption: str, warning: str) -> None:
+def _mark(image: canvas.Image, caption: str, warning: str) -> None:
     size = max(13, image.shape[0] // 45)
     x, y = size, image.shape[0] - size
-    for colour, shift in ((PAPER, 1), (INK, 0)):
-        write_text(image, caption, x + shift, y + shift, size, colour, bold=True)
+    for colour, shift in ((canvas.PAPER, 1), (canvas.INK, 0)):
+        canvas.write_text(image, caption, x + shift, y + shift, size, colour, bold=True)
     if warning:
-        write_text(image, warning, x, y - 2 * size, size, WARNING, bold=True)
+        canvas.write_text(image, warning, x, y - 2 * size, size, canvas.WARNING, bold=True)

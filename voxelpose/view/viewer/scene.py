@@ -26,19 +26,7 @@ from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
-from voxelpose.view.viewer.legend import (
-    AREA,
-    DISPUTED,
-    FAR,
-    HULL,
-    OUTLYING_CM,
-    SILHOUETTE,
-    UNEXPLAINED,
-    display_name,
-    faded,
-    overlap_colours,
-    text_html,
-)
+from voxelpose.view.viewer import legend
 
 Pictures = Literal["both", "picture", "silhouette"]
 PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
@@ -153,7 +141,7 @@ def frame_html(scene: Scene) -> str:
                 " silhouettes."
             )
         weak = [
-            display_name(name)
+            legend.display_name(name)
             for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
             if overlap < REPORT.covered
         ]
@@ -162,14 +150,14 @@ def frame_html(scene: Scene) -> str:
     if scene.hull is not None:
         lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
         if scene.body is not None:
-            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
-            lines.append(f"{far:.0f} litres of it are {FAR}.")
+            far = scene.hull.litres(scene.hull.distance_m > legend.OUTLYING_CM / 100)
+            lines.append(f"{far:.0f} litres of it are {legend.FAR}.")
     lines += [f"⚠ {note}" for note in scene.notes]
     lines += [
         f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
         for hypothesis in scene.hypotheses
     ]
-    return text_html(lines)
+    return legend.text_html(lines)
 
 
 @dataclass(frozen=True)
@@ -220,8 +208,8 @@ class SceneRenderer:
         reach = disputed = _NOTHING
         if area is not None and scene.hull is not None:
             reach, disputed = map(scene.hull.grid.centres, (area.voxels, area.disputed))
-        self._points("area", reach, AREA, 0.7 * size)
-        self._points("disputed", disputed, DISPUTED, size)
+        self._points("area", reach, legend.AREA, 0.7 * size)
+        self._points("disputed", disputed, legend.DISPUTED, size)
 
     def _camera(self, camera_frame: CameraFrame, choice: Choice) -> None:
         camera = camera_frame.camera
@@ -237,16 +225,18 @@ class SceneRenderer:
     def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
         hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
         if hull is not None and "hull" in shown and scene.body is None:
-            self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
+            self._api.add_mesh_simple(
+                "/hull/surface", hull.vertices_m, hull.faces, color=legend.HULL
+            )
         else:
             self._api.remove_by_name("/hull/surface")
         # Dots where there is a body inside: a surface, even a transparent one, would hide it.
         if hull is not None and "hull" in shown and scene.body is not None:
             dots = hull.vertices_m
         if hull is not None and "unexplained" in shown:
-            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_CM / 100]
-        self._points("hull/dots", dots, HULL, 0.003)
-        self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
+            outlying = hull.unexplained_m[hull.distance_m > legend.OUTLYING_CM / 100]
+        self._points("hull/dots", dots, legend.HULL, 0.003)
+        self._points("unexplained", outlying, legend.UNEXPLAINED, 0.3 * self._voxel_size_m)
 
     def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
         if body is None or "body" not in shown:
@@ -259,7 +249,7 @@ class SceneRenderer:
                     self._api.add_mesh_simple(f"/body/{name}", body.vertices_m[inside], faces)
                 )
         for mesh, (inside, _), colour in zip(
-            self._meshes, self._skin, overlap_colours(body.overlap), strict=True
+            self._meshes, self._skin, legend.overlap_colours(body.overlap), strict=True
         ):
             mesh.vertices = body.vertices_m[inside].astype(np.float32)
             mesh.color = tuple(colour.tolist())
@@ -279,7 +269,7 @@ class SceneRenderer:
         for k, hypothesis in enumerate(hypotheses):
             ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
-            colour = faded(hypothesis.probability / max(likeliest, 1e-9))
+            colour = legend.faded(hypothesis.probability / max(likeliest, 1e-9))
             self._api.add_line_segments(f"/hypothesis_{k}", ends, colour, thickness=0.006)
         for k in range(len(hypotheses), self._hypotheses):
             self._api.remove_by_name(f"/hypothesis_{k}")
@@ -316,7 +306,7 @@ def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.
     if mask is not None and (picture is None or pictures == "silhouette"):
         picture = np.where(mask[..., None], 255, 30).astype(np.uint8).repeat(3, axis=2)
     elif picture is not None and mask is not None and pictures == "both":
-        person = (0.55 * picture + 0.45 * np.array(SILHOUETTE)).astype(np.uint8)
+        person = (0.55 * picture + 0.45 * np.array(legend.SILHOUETTE)).astype(np.uint8)
         picture = np.where(mask[..., None], person, picture // 2)
     if picture is None:
         return None

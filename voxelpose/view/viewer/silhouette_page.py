@@ -11,22 +11,9 @@ from calib.errors import InputError
 from silhouette_core.estimator import Frame
 from silhouette_core.image.foreground import SilhouetteStages
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import (
-    Content,
-    PageAnswers,
-    check_camera_names,
-    json_content,
-    moment_of,
-    parse_request,
-)
+from voxelpose.view.serving import page_answers
+from voxelpose.view.viewer import previews
 from voxelpose.view.viewer.fit_silhouettes import FitSilhouette, FitSilhouettes
-from voxelpose.view.viewer.previews import (
-    BackgroundModels,
-    MomentFrames,
-    StageAsked,
-    pixel_at,
-    stage_answer,
-)
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 FOLDER = "silhouettes"
@@ -53,13 +40,15 @@ class SilhouettePage:
         if scenes.recording is None:
             raise InputError(scenes.missing)
         self._scenes, self._recording = scenes, scenes.recording
-        self._moments = MomentFrames(self._recording)
+        self._moments = previews.MomentFrames(self._recording)
         self._fit = FitSilhouettes(scenes)
-        self._models = BackgroundModels(self._fit.model)
+        self._models = previews.BackgroundModels(self._fit.model)
         self._working = threading.Lock()
         self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
         self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
-        self.answers = PageAnswers("voxelpose.view.viewer", self._got, self._posted, FOLDER)
+        self.answers = page_answers.PageAnswers(
+            "voxelpose.view.viewer", self._got, self._posted, FOLDER
+        )
 
     def link(self, frame: int) -> str:
         """HTML that opens the page at a frame."""
@@ -69,23 +58,23 @@ class SilhouettePage:
             " the person? Silhouettes step by step</a>"
         )
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
         match path:
             case ("api", "state"):
-                return json_content(self._state())
+                return page_answers.json_content(self._state())
             case ("picture", camera):
-                check_camera_names([camera], self._recording.rig.names)
-                picture = self._frames(moment_of(query) or 0)[camera]
+                page_answers.check_camera_names([camera], self._recording.rig.names)
+                picture = self._frames(page_answers.moment_of(query) or 0)[camera]
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+    def _posted(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
         if tuple(path) != ("api", "stage"):
             return None
-        asked = parse_request(body, StageAsked)
-        check_camera_names([asked.camera], self._recording.rig.names)
+        asked = page_answers.parse_request(body, previews.StageAsked)
+        page_answers.check_camera_names([asked.camera], self._recording.rig.names)
         with self._working:
-            return json_content(self._stage(asked))
+            return page_answers.json_content(self._stage(asked))
 
     def _state(self) -> dict[str, Any]:
         """What the page shows at first."""
@@ -113,7 +102,7 @@ class SilhouettePage:
             for name in self._recording.rig.names
         }
 
-    def _stage(self, asked: StageAsked) -> dict[str, Any]:
+    def _stage(self, asked: previews.StageAsked) -> dict[str, Any]:
         """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
         body = asked.stage == "body"
         kinds = (_PLAIN, _CUT) if body and self._fit.cut else (_PLAIN,)
@@ -125,25 +114,25 @@ class SilhouettePage:
             key = asked.camera, asked.moment
             if self._staged is None or self._staged[0] != key:
                 self._staged = key, models[0].stages(asked.camera, frames[asked.camera])
-            alone = StageAsked(
+            alone = previews.StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
             size = self._recording.rig[asked.camera].size
-            answer = stage_answer(self._staged[1], alone, size)
+            answer = previews.stage_answer(self._staged[1], alone, size)
         if not body:
             return answer
         if self._fitted is None or self._fitted[0] != asked.moment:
             self._fitted = asked.moment, self._fit.of(asked.moment, frames, *models)
         return answer | self._changed(asked, answer)
 
-    def _changed(self, asked: StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
+    def _changed(self, asked: previews.StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
         """What the fit made of a silhouette, or of a pixel of it that is explained already."""
         fitted = None if self._fitted is None else self._fitted[1].get(asked.camera)
         if fitted is None:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
         if asked.pixel is not None and "explained" in alone:
             size = self._recording.rig[asked.camera].size
-            at = pixel_at(asked.pixel, size, fitted.alone.shape)
+            at = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
             return {"explained": fitted.explained(alone["explained"], at)}
         picture = base64.b64encode(fitted.picture()).decode()
         return {"png": picture, "note": fitted.summary()}
