@@ -30,7 +30,6 @@ class StateLine:
     """State of a session: one changing line on a terminal, a line per change elsewhere."""
 
     def __init__(self) -> None:
-        """Prints nothing yet."""
         self._line: Status | None = None
         self._said: tuple[str, ...] = ()
         if sys.stderr.isatty():

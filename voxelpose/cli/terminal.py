@@ -46,7 +46,6 @@ class VisibleStream:
     """Stream that writes text to another one, control characters made visible."""
 
     def __init__(self, stream: TextIO):
-        """Wraps a stream."""
         self.stream = stream
 
     def write(self, text: str) -> int:

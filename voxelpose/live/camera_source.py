@@ -102,7 +102,6 @@ class CameraReader:
         fps: float | None = None,
         loop: bool = False,
     ):
-        """Starts nothing yet."""
         self.source, self.state, self.pictures = source, "connecting", 0
         self._size, self._deliver, self._now = size, deliver, now
         self._fps, self._loop = fps, loop
@@ -210,7 +209,6 @@ class Newest(Generic[_Item]):
     """Place for one item between two threads: a newer one replaces it, and is `dropped`."""
 
     def __init__(self) -> None:
-        """Starts empty."""
         self.dropped = 0
         self._item: _Item | None = None
         self._closed = False
@@ -293,7 +291,6 @@ class ShotMatcher:
         now: Callable[[], float],
         each: Callable[[Shot], None] | None = None,
     ):
-        """Starts without pictures."""
         self.shots: Newest[Shot] = Newest()
         self._now, self._each = now, each
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}

@@ -233,7 +233,6 @@ class MonocularPoses:
     """Poses of the person whom one camera sees."""
 
     def __init__(self, setup: MonocularSetup):
-        """Reads the library."""
         person = person_for(setup.options, setup.settings, SilentReporter())
         how = setup.settings, setup.options, 1 / setup.fps, _Untimed()
         self._stages = PoseStages(person, setup.rig.cameras[0], *how)

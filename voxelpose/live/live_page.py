@@ -113,7 +113,6 @@ class PagePanel:
         session: LiveSession,
         receivers: Callable[[], Sequence[ReceiverState]],
     ) -> None:
-        """Makes the panel."""
         self.shown = frozenset(LAYERS)
         self._session, self._receivers = session, receivers
         self._status = gui.add_html("")

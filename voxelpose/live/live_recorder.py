@@ -56,7 +56,6 @@ class LiveRecorder:
         empty: Mapping[str, Sequence[Picture]],
         private: bool = False,
     ):
-        """Makes the folder with all that does not change."""
         self.folder, self.private = folder, private
         self.written, self.failure = 0, ""
         self._sizes = {camera.name: camera.size for camera in rig}

@@ -40,7 +40,6 @@ class CameraViews:
     """Draws the cameras. Of each frame one camera's picture is sent, in turn: they cost most."""
 
     def __init__(self, scene: viser.SceneApi, rig: Sequence[Camera]) -> None:
-        """Places the cameras."""
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _PICTURE_PX) for camera in rig]
         look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
@@ -119,7 +118,6 @@ class SkinnedFigure:
     """Draws the body: browsers get its mesh once, then only the bones' places and rotations."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        """Prepares; nothing is drawn before the first body."""
         self._scene = scene
         self._handle: viser.MeshSkinnedHandle | None = None
         self._model: BodyModel | None = None
@@ -179,7 +177,6 @@ class LiveScene:
     """The nodes of viser's scene."""
 
     def __init__(self, server: viser.ViserServer, rig: Sequence[Camera]) -> None:
-        """Makes the room."""
         scene = server.scene
         centers = np.array([camera.center_m for camera in rig])
         middle = _looked_at(rig)

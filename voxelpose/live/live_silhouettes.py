@@ -86,7 +86,6 @@ class LiveSilhouettes:
     """
 
     def __init__(self, silhouettes: Silhouettes):
-        """Starts without silhouettes."""
         self.others: frozenset[str] = frozenset()
         self._silhouettes = silhouettes
         self._near: dict[str, tuple[slice, slice]] = {}

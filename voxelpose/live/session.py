@@ -41,7 +41,6 @@ class StageTimes:
     """Durations by stage; may be read by any thread while one adds to them."""
 
     def __init__(self) -> None:
-        """Starts without frames."""
         self._lock = threading.Lock()
         self.reset()
 

@@ -30,7 +30,6 @@ class WebmWriter:
     """
 
     def __init__(self, path: Path, fps: float, size: Sequence[int]):
-        """Begins the process."""
         self.path, self.frames = path, 0
         self._size = int(size[0]), int(size[1])
         self._encoder: Generator[None, Any, None] | None = _encoder(path, fps, self._size)

@@ -269,7 +269,6 @@ class Address:
     token: str | None = None
 
     def __post_init__(self) -> None:
-        """Checks who could see the page."""
         if self.token is None and not is_loopback(self.host):
             raise InputError(
                 f"--host {self.host} shows the cameras to other machines: protect the page with"

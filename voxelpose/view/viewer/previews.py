@@ -33,7 +33,6 @@ class MomentFrames:
     """Frames of moments of a recording, the last few of which are kept."""
 
     def __init__(self, recording: Recording) -> None:
-        """Reads nothing yet."""
         self._recording, self._lock = recording, threading.Lock()
         self._read = lru_cache(_KEPT)(lambda moment: next(iter(recording.at([moment]))))
         self._empty: dict[str, Frame] | None = None
