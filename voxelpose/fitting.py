@@ -32,8 +32,7 @@ from voxelpose.recording.input_digests import input_digests
 from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
-from voxelpose.view.images.overlay import draw_pictures
-from voxelpose.view.images.refused_silhouettes import refusal_drawn
+from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
 
 _TAKE_BODIES = "multiview", "monocular"  # estimators with the option `body`
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import platform
 import shutil
@@ -10,6 +11,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
@@ -56,8 +58,8 @@ def examine() -> list[HealthCheck]:
         "compilation cache": _cache,
         "video": _video,
         "body and pictures": _pictures,
-        "estimators": _estimators,
-        "backends": _backends,
+        "estimators": partial(_registered, "estimator", "load_estimator"),
+        "backends": partial(_registered, "scoring.backend", "load_backend"),
         "open3d": _open3d,
         "disk": _disk,
     }
@@ -177,27 +179,16 @@ def _pictures() -> _Finding:
     return "works", f"{counts}; drawn without a screen", ""
 
 
-def _estimators() -> _Finding:
-    from silhouette_core.estimator import GROUP, load_estimator
-
-    return _registered(GROUP, load_estimator)
-
-
-def _backends() -> _Finding:
-    from silhouette_core.scoring.backend import GROUP, load_backend
-
-    return _registered(GROUP, load_backend)
-
-
-def _registered(group: str, load: Callable[[str], object]) -> _Finding:
+def _registered(module: str, load: str) -> _Finding:
     """Checks that the classes of an entry point group can be loaded."""
     from silhouette_core.entry_points import registered
 
-    names = sorted(registered(group))
+    known = importlib.import_module(f"silhouette_core.{module}")
+    names = sorted(registered(known.GROUP))
     if not names:
         return "fails", "none is registered", "install voxelpose (pip install -e . in a clone)"
-    for registered_name in names:
-        load(registered_name)
+    for name in names:
+        getattr(known, load)(name)
     return "works", ", ".join(names), ""
 
 

@@ -11,10 +11,9 @@ from tyro.conf import Positional, arg
 from calib.atomic import write_whole
 from calib.errors import InputError
 from voxelpose.cli import arguments
-from voxelpose.cli.calibrate_extrinsics import CalibrateExtrinsics
-from voxelpose.cli.calibrate_intrinsics import CalibrateIntrinsics
+from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -235,40 +234,30 @@ class CalibrateCheck:
 
 def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
-    from rich.table import Table
-
     from voxelpose.calibration.check import remedy, verdict_on
 
-    console = rich_console()
-    table = Table(
-        "camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0)
-    )
+    rows = []
     for line in check.agreement.table:
         verdict = verdict_on(check, line.camera)
         if verdict == "does not agree":
             verdict = f"[red]{verdict}[/red]"
-        table.add_row(
-            plain(line.camera),
-            f"{line.error_px:.1f}",
-            f"{line.others_px:.1f}",
-            str(line.planes),
-            verdict,
-        )
-    console.print(table)
-    console.print(plain(check.agreement.summary), soft_wrap=True)
+        errors = f"{line.error_px:.1f}", f"{line.others_px:.1f}"
+        rows.append((plain(line.camera), *errors, str(line.planes), verdict))
+    print_table(rows, "camera", "off by, px", "the others, px", "planes", "")
+    console = rich_console(soft_wrap=True)
+    console.print(plain(check.agreement.summary))
     for repair in check.repairs:
-        console.print(f"[bold]{plain(repair.summary)}[/bold]", soft_wrap=True)
-        console.print(f"  {plain(remedy(check, repair.camera))}", soft_wrap=True)
+        console.print(f"[bold]{plain(repair.summary)}[/bold]")
+        console.print(f"  {plain(remedy(check, repair.camera))}")
     if check.after is not None:
-        console.print(f"with that put right: {plain(check.after.summary)}", soft_wrap=True)
+        console.print(f"with that put right: {plain(check.after.summary)}")
     if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
         console.print(
             "calibrate again; if the videos were not started together, first `voxelpose calibrate"
-            " sync`",
-            soft_wrap=True,
+            " sync`"
         )
     for note in check.notes:
-        console.print(f"note: {plain(note)}", soft_wrap=True)
+        console.print(f"note: {plain(note)}")
 
 
 SUBCOMMANDS = {

@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from calib.errors import InputError
 from voxelpose.cli import arguments
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
@@ -143,22 +143,19 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from rich.table import Table
-
-    console = rich_console()
-    table = Table(
-        "camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0)
-    )
+    rows = []
     for line in sync.result.offsets:
         named = plain(line.camera), f"{sync.fps[line.camera]:g}"
         if line.camera == sync.result.reference:
-            table.add_row(*named, "its clock counts", "", "")
+            rows.append((*named, "its clock counts", "", ""))
         else:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            table.add_row(*named, f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}", interval)
-    console.print(table)
+            found = f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}"
+            rows.append((*named, *found, interval))
+    print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
+    console = rich_console(soft_wrap=True)
     for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
-        console.print(plain(line), soft_wrap=True)
+        console.print(plain(line))
 
 
 def _verdict(sync: Sync) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import plain, print_table, rich_console
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,6 @@ class Doctor:
         if self.clean:
             self._clean()
             return 0
-        from rich.table import Table
-
         from voxelpose.machine_checks import examine
         from voxelpose.version import __version__
 
@@ -37,15 +35,14 @@ class Doctor:
         with console.status("checking ..."):
             checks = examine()
         colours = {"works": "green", "limited": "yellow", "fails": "red"}
-        table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+        rows = []
         for check in checks:
-            table.add_row(
-                f"[{colours[check.state]}]{check.state}[/]", check.name, plain(check.found)
-            )
+            state = f"[{colours[check.state]}]{check.state}[/]"
+            rows.append((state, check.name, plain(check.found)))
             if check.remedy:
-                table.add_row("", "", f"[bold]-> {plain(check.remedy)}[/bold]")
+                rows.append(("", "", f"[bold]-> {plain(check.remedy)}[/bold]"))
         console.print(f"voxelpose {__version__}")
-        console.print(table)
+        print_table(rows)
         states = [check.state for check in checks]
         failing = states.count("fails")
         if failing:

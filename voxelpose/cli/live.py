@@ -14,7 +14,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
 from voxelpose.cli import arguments
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -59,16 +59,14 @@ class StateLine:
 
 def print_session(session: LiveSession) -> None:
     """Prints frames, dropped frames and the durations of the stages of a session."""
-    from rich.table import Table
-
-    console, state = rich_console(), session.state
-    table = Table("stage", "min ms", "max ms", "mean ms", "median ms", "95 % ms", "99 % ms")
-    table.box, table.padding = None, (0, 2, 0, 0)
-    for name, values in session.times.summary().items():
-        table.add_row(name, *(f"{1000 * value:.1f}" for value in values))
-    if table.row_count:
-        console.print(table)
-    console.print(f"{state.frames} frames estimated, {state.dropped} dropped")
+    rows = [
+        (name, *(f"{1000 * value:.1f}" for value in values))
+        for name, values in session.times.summary().items()
+    ]
+    print_table(
+        rows, "stage", *(f"{name} ms" for name in ("min", "max", "mean", "median", "95 %", "99 %"))
+    )
+    print(f"{session.state.frames} frames estimated, {session.state.dropped} dropped")
 
 
 @dataclass(frozen=True, kw_only=True)

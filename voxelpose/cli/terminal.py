@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -64,6 +64,17 @@ def rich_console(stderr: bool = False, soft_wrap: bool = False) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     file = stream.stream if isinstance(stream, VisibleStream) else stream
     return Console(file=file, highlight=False, soft_wrap=soft_wrap)
+
+
+def print_table(rows: Iterable[Sequence[str]], *columns: str) -> None:
+    """Prints rows of rich's markup below the columns' names, if there are any; no rows: nothing."""
+    from rich.table import Table
+
+    table = Table(*columns, box=None, show_header=bool(columns), padding=(0, 2, 0, 0))
+    for row in rows:
+        table.add_row(*row)
+    if table.row_count:
+        rich_console().print(table)
 
 
 class Progress:

@@ -1,8 +1,8 @@
-"""What the page shows and saves: one recording folder that is being set up."""
+"""What the page shows and saves of one recording folder, and its server behind the gate."""
 
 import base64
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -34,8 +34,24 @@ from voxelpose.setup_page.drawn_places import (
     save_choices,
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
+from voxelpose.setup_page.page_requests import (
+    LARGEST_BODY,
+    GroundRequest,
+    PointsRequest,
+    SaveRequest,
+    SilhouetteRequest,
+    StageRequest,
+)
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import check_camera_names
+from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.page_answers import (
+    Content,
+    PageAnswers,
+    check_camera_names,
+    json_content,
+    moment_of,
+    parse_request,
+)
 from voxelpose.view.viewer import previews
 
 SettingValues = Mapping[str, tuple[Any, str]]
@@ -304,3 +320,67 @@ class SetupSession:
             "source": "the calibration's [metadata]" if stated else "how the cameras stand",
             "choices": up_choices(self._recording.rig),
         }
+
+
+class SetupServer:
+    """Serves the page until it is closed."""
+
+    def __init__(self, session: SetupSession, address: Address) -> None:
+        """Starts, in a thread of its own.
+
+        Args:
+            session: what is shown; closed with the server.
+
+        Raises:
+            InputError: the address cannot be used.
+        """
+        self._session = session
+        self._ended = threading.Event()
+        answers = PageAnswers("voxelpose.setup_page", self._got, self._posted)
+        self._gate = Gate(address, answers.serve, LARGEST_BODY)
+        self.url, self.port = self._gate.url, self._gate.port
+
+    def wait(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
+
+    def close(self) -> None:
+        """Ends all connections and threads."""
+        self._ended.set()
+        self._gate.close()
+        self._session.close()
+
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+        """What is asked for; None where it can only be a file."""
+        session = self._session
+        match path:
+            case ("api", "state"):
+                return json_content(session.state())
+            case ("api", "check"):
+                return json_content(session.check.status())
+            case ("api", "check", "picture"):
+                return session.check.picture(), "image/png"
+            case ("picture", camera):
+                return session.picture(camera, moment_of(query)), "image/jpeg"
+            case ("painted", kind, camera):
+                return session.painted(camera, kind), "image/png"
+        return None
+
+    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+        """The answer to JSON that the page has sent; None where nobody takes it."""
+        session = self._session
+        match path:
+            case ("api", "silhouettes"):
+                return json_content(session.silhouettes(parse_request(body, SilhouetteRequest)))
+            case ("api", "stage"):
+                return json_content(session.stage(parse_request(body, StageRequest)))
+            case ("api", "points"):
+                return json_content(session.errors(parse_request(body, PointsRequest)))
+            case ("api", "ground"):
+                return json_content(session.ground(parse_request(body, GroundRequest)))
+            case ("api", "save"):
+                return json_content(session.save(parse_request(body, SaveRequest)))
+            case ("api", "check", "start"):
+                return json_content(session.start_check())
+        return None
