@@ -164,7 +164,7 @@ def score_motion(
 
     Args:
         truth_m: (T, L, 3) float64, world, metres; what is NaN is not scored.
-        estimate_m: (T, L, 3) float64, world, metres; NaN in frames without a pose.
+        estimate_m: likewise; NaN in frames without a pose.
         names: of the L joints, the first of which is the root's.
         bones: (B, 2) int, joints between which there is a bone.
 
@@ -245,14 +245,9 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
 
 
 def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What is left between points after the similarity transform of `moving` that fits best.
-
-    Args:
-        moving: (T, J, 3) float64, aligned separately in every frame.
-        fixed: (T, J, 3) float64; NaN where unknown.
-
-    Returns:
-        (T, J, 3) float64, NaN in frames with less than four known points.
+    """What is left (T, J, 3) between points, (T, J, 3) float64 both, after the similarity transform
+    of `moving` that fits best in each frame; NaN in frames with less than four points of `fixed`
+    that are not NaN.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
     """

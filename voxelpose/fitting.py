@@ -107,14 +107,8 @@ def write_estimate(
     estimator: str = "multiview",
     spent_s: float = 0.0,
 ) -> Result:
-    """Writes a result folder of an estimate that was made otherwise.
-
-    Args:
-        settings: with which it was made.
-        spent_s: time that it took, s.
-
-    Returns:
-        The result, as read back from the folder.
+    """Writes a result folder of an estimate that was made otherwise, with these settings and in
+    `spent_s` seconds; returns the result, as read back.
 
     Raises:
         InputError: it holds no pose, or the output cannot be used.

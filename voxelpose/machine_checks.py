@@ -46,9 +46,7 @@ class HealthCheck:
 
 def examine() -> list[HealthCheck]:
     """Checks everything that a fit needs, by trying it; results are written to the current folder.
-
-    Returns:
-        One result per subject; a check that raises an exception is reported as failing.
+    A check that raises an exception is reported as failing.
     """
     checks: dict[str, Callable[[], _Finding]] = {
         "Python": _python,

@@ -35,12 +35,8 @@ _JOB = "job.json"  # in a result's folder: the job of a batch that it was made f
 
 
 def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
-    """Jobs of a long recording's pieces; none where it is short, or has one camera.
-
-    Those after the first keep the body that the first one finds.
-
-    Raises:
-        InputError: the recording cannot be used.
+    """Jobs of a long recording's pieces; none where it is short, or has one camera. Those after the
+    first keep the body that it finds. InputError where the recording cannot be used.
     """
     if job.command != "fit":
         return []
@@ -62,14 +58,8 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
 
 
 def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
-    """Writes the result of a recording from those of its pieces, which are blended where they
-    overlap.
-
-    Args:
-        folders: results of its pieces, in their order.
-
-    Raises:
-        InputError: a result is damaged, or the output cannot be used.
+    """Writes the result of a recording from those of its pieces, in their order, which are blended
+    where they overlap. InputError where one is damaged, or the output cannot be used.
     """
     results = [Result.open(folder) for folder in folders]
     motion, seams_mm = joined([result.motion for result in results])
@@ -93,15 +83,11 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
-    """Motions of pieces of one body, in the order of their frames, as one, and how far apart they
-    are at each seam; each overlaps its neighbours at most.
+    """Motions of pieces of one body, in the order of their frames, as one, and how far apart the
+    joints are in the mean of the frames that two pieces share, mm; NaN where they share none.
 
-    Where two have the same frames, positions and angles pass from one to the other, linearly
-    over those frames; the quality is that of the nearer one.
-
-    Returns:
-        The motion, and the mean distance of the joints in the frames that two pieces share, mm;
-        NaN where they share none.
+    There, positions and angles pass from one to the other, linearly; the quality is that of the
+    nearer one. A piece overlaps its neighbours at most.
     """
     whole, seams_mm = _joined([replace(motion, unfiltered=None) for motion in motions])
     if all(motion.unfiltered is None for motion in motions):
@@ -267,11 +253,8 @@ def run_batch(
     """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
-    has other settings now.
-
-    Args:
-        told: told every outcome, and how many there are so far; None for a piece of a long
-            recording.
+    has other settings now. `told` is told every outcome, and how many there are so far; None for a
+    piece of a long recording.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.

@@ -130,10 +130,8 @@ class PageArguments:
     """Open the page; --no-browser only prints its address."""
 
     def address(self) -> Address:
-        """Where the page is served, and to whom; to be asked for before the work, which it may end.
-
-        Raises:
-            InputError: the page cannot be served so.
+        """Where the page is served, and to whom; to be asked for before the work. InputError where
+        that cannot be.
         """
         from voxelpose.view.serving.gate import Address
 
@@ -148,10 +146,8 @@ class PageArguments:
 
 
 def up_direction(text: str | None) -> tuple[float, float, float] | None:
-    """Reads the direction of up, as a unit vector.
-
-    Raises:
-        InputError: the text is neither an axis nor three numbers.
+    """The direction of up that a text names, as a unit vector; InputError where it is neither an
+    axis nor three numbers.
     """
     if text is None:
         return None
@@ -162,11 +158,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
-    """Reads names separated by commas.
-
-    Raises:
-        InputError: the text holds no name.
-    """
+    """The names in a text, between commas; InputError where there is none."""
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -178,14 +170,7 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
 
 
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
-    """Reads 8x5.
-
-    Args:
-        meaning: meaning of the two numbers with an example, for messages.
-
-    Raises:
-        InputError: the text is not two numbers.
-    """
+    """Reads 8x5; InputError, with the `meaning` and an example, where the text is not two numbers."""
     first, _, second = text.lower().partition("x")
     try:
         return int(first), int(second)
@@ -194,14 +179,8 @@ def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
 
 
 def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str = "--out") -> None:
-    """Checks before any work that output files can be written.
-
-    Args:
-        paths: the files; None is ignored.
-        option: the option that names the files, for messages.
-
-    Raises:
-        InputError: a file exists and must not be replaced, or its folder does not exist.
+    """Checks before any work that output files, or None, which an option names, can be written:
+    InputError where one must not be replaced, or its folder does not exist.
     """
     for path in paths:
         if path is not None and path.exists() and not overwrite:
@@ -227,11 +206,7 @@ class BoardArguments:
     dictionary: Dictionary = "DICT_4X4_50"
 
     def to_board(self) -> Board:
-        """Returns the board.
-
-        Raises:
-            InputError: the arguments describe no board.
-        """
+        """Returns the board; InputError where the arguments describe none."""
         from calib.board import Board
 
         if self.square > _MAX_SQUARE_M:

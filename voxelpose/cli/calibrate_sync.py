@@ -121,11 +121,7 @@ class CalibrateSync:
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
-    """Reads frames per second by camera name, as in cam_1=30,cam_2=15.
-
-    Raises:
-        InputError: the text is not understood.
-    """
+    """Frames per second by camera name in a text as cam_1=30,cam_2=15; InputError where it is none."""
     if text is None:
         return None
     rates = {}

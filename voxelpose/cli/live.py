@@ -190,11 +190,7 @@ class Live(arguments.PageArguments):
         print_session(session)
 
     def _check(self) -> None:
-        """Refuses what cannot be done, before anything is begun.
-
-        Raises:
-            InputError: an argument is wrong, or two exclude each other.
-        """
+        """Refuses, by an InputError, what cannot be done, before anything is begun."""
         if self.folder is not None and not self.folder.is_dir():
             raise InputError(f"there is no folder {self.folder}: give one with calibration.toml")
         from voxelpose.live.senders import parse_receiver

@@ -42,14 +42,10 @@ class Option:
     appended: bool
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
-        """The value that a file gives.
-
-        Args:
-            folder: the file's folder, to which paths are relative.
-            where: the file and its section, for messages.
+        """The value that a file gives; paths in it are relative to its folder.
 
         Raises:
-            InputError: the value is none of this option.
+            InputError: the value is none of this option; `where` names file and section.
         """
         import msgspec
 
@@ -166,10 +162,8 @@ def load_command(section: str) -> Any:
 
 
 def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
-    """What files say about a command's options, by their names; the nearest file counts.
-
-    Args:
-        folder: the recording, or whatever the command works on.
+    """What files say about a command's options, by their names, for the folder that it works on;
+    the nearest file counts.
 
     Raises:
         InputError: a file cannot be read, or has an unknown section, option or value.
@@ -204,13 +198,8 @@ def sections_in(folder: Path) -> list[str]:
 def parse_with_settings(
     section: str, words: Sequence[str], program: str
 ) -> tuple[Any, dict[str, FolderSetting]]:
-    """A command with its arguments, those of files where the command line gives none.
-
-    Args:
-        program: how the command is called, for messages.
-
-    Returns:
-        An instance of the command's class, and what was taken from files.
+    """A command with its arguments, those of files where the command line gives none, and what was
+    taken from files. The program's name is for messages.
 
     Raises:
         InputError: a file cannot be read, or has an unknown section, option or value.

@@ -88,8 +88,8 @@ class Progress:
         """Prepares the progress bar.
 
         Args:
-            shares: of the time that stages usually take, in their order, for one bar over all of
-                them; stages that are not in it do not move the bar. None: every stage begins anew.
+            shares: of the time that stages usually take, in their order, for one bar over all;
+                others do not move it. None: every stage begins anew.
         """
         self._shares = shares
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
