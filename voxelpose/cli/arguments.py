@@ -170,7 +170,7 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
 
 
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
-    """Reads 8x5; InputError, with the `meaning` and an example, where the text is not two numbers."""
+    """Reads 8x5; InputError, with the `meaning` and an example, where there are not two numbers."""
     first, _, second = text.lower().partition("x")
     try:
         return int(first), int(second)

@@ -121,7 +121,7 @@ class CalibrateSync:
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
-    """Frames per second by camera name in a text as cam_1=30,cam_2=15; InputError where it is none."""
+    """Frames per second by camera name in a text as cam_1=30,cam_2=15; else an InputError."""
     if text is None:
         return None
     rates = {}

@@ -163,10 +163,8 @@ def load_command(section: str) -> Any:
 
 def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     """What files say about a command's options, by their names, for the folder that it works on;
-    the nearest file counts.
-
-    Raises:
-        InputError: a file cannot be read, or has an unknown section, option or value.
+    the nearest file counts. InputError where a file cannot be read, or has an unknown section,
+    option or value.
     """
     from voxelpose.recording.subject import settings_files
 
@@ -185,10 +183,8 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
 
 
 def sections_in(folder: Path) -> list[str]:
-    """Sections of the files that hold settings for a folder.
-
-    Raises:
-        InputError: a file cannot be read, or has an unknown section.
+    """Sections of the files that hold settings for a folder. InputError where a file cannot be
+    read, or has an unknown section.
     """
     from voxelpose.recording.subject import settings_files
 

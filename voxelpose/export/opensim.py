@@ -218,11 +218,8 @@ def write_marker_set(motion: Motion, path: Path) -> None:
 
 
 def write_static(motion: Motion, path: Path) -> None:
-    """Writes the fitted body in its rest pose as TRC: upright, facing OpenSim's +x, arms 45 degrees
-    down. It takes the place of a static trial.
-
-    Args:
-        motion: its body is a person's.
+    """Writes the fitted body, a person's, in its rest pose as TRC: upright, facing OpenSim's +x,
+    arms 45 degrees down. It takes the place of a static trial.
     """
     model = motion.model
     turned = np.array([0.0, 0.0, 0.0, 1.0])  # half round, since bodies rest facing -y
@@ -243,11 +240,9 @@ def write_seen(motion: Motion, path: Path) -> None:
 
 
 def write_scale_setup(motion: Motion, path: Path) -> None:
-    """Writes the setup of OpenSim's scale tool: lengths from the static pose, then the markers that
-    are no joint centres where that pose has them.
-
-    Args:
-        motion: gives the frame rate, which decides the times of the static pose.
+    """Writes the setup of OpenSim's scale tool: lengths from the static pose, whose times the
+    motion's frame rate decides, then the markers that are no joint centres where that pose has
+    them.
     """
     times = f"0 {(_STATIC_FRAMES - 1) / motion.fps:.6f}"
     tool = ElementTree.Element("ScaleTool", name="voxelpose")

@@ -43,10 +43,8 @@ class CameraSource:
 
     @classmethod
     def parse(cls, text: str) -> CameraSource:
-        """Reads [NAME=]ADDRESS.
-
-        Raises:
-            InputError: there is no address, or it is a file that does not exist.
+        """Reads [NAME=]ADDRESS. InputError where there is no address, or it is a file that does not
+        exist.
         """
         name, equals, address = text.partition("=")
         # An address may hold an equals sign of its own.

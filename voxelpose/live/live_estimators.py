@@ -258,13 +258,8 @@ def posed_body(
     hypotheses: Hypotheses = (),
     hull_m: NDArray[np.float32] | None = None,
 ) -> PosedBody:
-    """Body with its parts and joints in the world.
-
-    Args:
-        confidence: of the pose, from 0 to 1.
-        shown: (15,) confidence of each joint, relative to the pose's.
-        hypotheses: as of `PosedBody`.
-        hull_m: as of `PosedBody`.
+    """Body with its parts and joints in the world; `shown`, (15,), is each joint's confidence
+    relative to the pose's, 0 to 1, the rest as of `PosedBody`.
     """
     (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
     joints_m = landmarks(model, rotation[None], origin[None])[0]

@@ -40,12 +40,9 @@ class LiveInput:
     fps: float
 
     def upright(self, up: tuple[float, float, float] | None, reporter: Reporter) -> LiveInput:
-        """The same cameras in a world with z up, in which a session works and sends.
-
-        Args:
-            up: direction of up in the calibration's world; None: as it states, else as the cameras
-                stand.
-            reporter: told if up is not z.
+        """The same cameras in a world with z up, in which a session works and sends; the reporter
+        is told if `up`, a direction in the calibration's world, is not z. None: as that states,
+        else as the cameras stand.
         """
         frame = self.recording.upright_frame(up)
         if not frame.is_world:
@@ -84,7 +81,8 @@ def open_input(
     fps: float | None = None,
     label: str | None = None,
 ) -> LiveInput:
-    """Opens the cameras' calibration, and the videos that stand in for cameras.
+    """Opens the cameras' calibration, and the videos that stand in for cameras; InputError where
+    something is missing, or does not fit.
 
     Args:
         folder: a recording folder, whose videos are played if there are no sources; None: a single
@@ -93,9 +91,6 @@ def open_input(
         unit: of the calibration's lengths, where its file does not state it.
         fps: rate of the cameras; None: as the files state, or 30.
         label: of the person in masks/; None: found.
-
-    Raises:
-        InputError: something is missing, or does not fit.
     """
     if not sources:
         if folder is None:
@@ -120,13 +115,8 @@ def open_input(
 
 
 def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
-    """Estimator for one camera or for several.
-
-    Args:
-        settings: what is known about the person, and options of the monocular estimator.
-
-    Raises:
-        InputError: the options or the library cannot be used.
+    """Estimator for one camera or for several, with what is known about the person, and options of
+    the monocular estimator; InputError where these or the library cannot be used.
     """
     recording = live.recording
     if len(recording.rig) > 1:

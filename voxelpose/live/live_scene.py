@@ -73,12 +73,8 @@ class CameraViews:
 def small_picture(
     picture: NDArray[np.uint8], silhouette: NDArray[np.bool_] | None, view: UndistortedView
 ) -> NDArray[np.uint8]:
-    """Small picture, (h, w, 3) uint8 RGB, undistorted, with the silhouette's outline.
-
-    Args:
-        picture: (H, W, 3) uint8 BGR, as captured.
-        silhouette: (h, w) bool, of the picture or of it scaled down; None: no outline.
-        view: of the size to be returned.
+    """Small picture (h, w, 3) uint8 RGB, as the view shows it, of one as captured, (H, W, 3) uint8
+    BGR, with the outline of its silhouette, (h, w) bool, perhaps scaled down, if there is one.
     """
     size = view.pinhole.size
     # Bilinear: means over all pixels of a large picture would cost ten times as much.

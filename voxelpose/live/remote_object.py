@@ -49,11 +49,8 @@ class RemoteObject:
         self._made = True
 
     def call(self, method: str, *arguments: object) -> Any:
-        """Result of one of the object's methods; one thread calls at a time.
-
-        Raises:
-            RuntimeError: the process has ended.
-            BaseException: what the method raised there.
+        """Result of one of the object's methods, or what it raised; one thread calls at a time.
+        RuntimeError where the process has ended.
         """
         self.wait()
         try:

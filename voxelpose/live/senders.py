@@ -49,11 +49,7 @@ class ReceiverAddress:
         return f"{start}?…" if query else start
 
     def resolved(self) -> tuple[socket.AddressFamily, str]:
-        """Family and number of the host.
-
-        Raises:
-            InputError: the host's name is not known here.
-        """
+        """Family and number of the host. InputError where the host's name is not known here."""
         kind = socket.SOCK_DGRAM if self.protocol == "vmc" else socket.SOCK_STREAM
         try:
             found = socket.getaddrinfo(self.host, self.port, type=kind)
@@ -67,14 +63,9 @@ class ReceiverAddress:
 
 
 def parse_receiver(text: str) -> ReceiverAddress:
-    """Receiver that a `--send` names.
-
-    Args:
-        text: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or `ws://HOST:PORT`, with a
-            path and a query where the receiver wants them.
-
-    Raises:
-        InputError: it is neither of them.
+    """Receiver that a `--send` names: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or
+    `ws://HOST:PORT`, with a path and a query where the receiver wants them. InputError where it is
+    neither.
     """
     try:
         parts = urlsplit(text.strip())
@@ -123,11 +114,7 @@ class Sender(ABC):
     """Sends frames to one receiver, in the event loop of `Senders`."""
 
     def __init__(self, address: ReceiverAddress) -> None:
-        """Looks the host up.
-
-        Raises:
-            InputError: the host's name is not known here.
-        """
+        """Looks the host up. InputError where the host's name is not known here."""
         self.address = address
         self.family, self.host = address.resolved()
         self._waiting: tuple[LiveFrame, float] | None = None
@@ -170,10 +157,8 @@ class Sender(ABC):
 
     @abstractmethod
     async def connection(self) -> None:
-        """Connects and sends frames, until it fails.
-
-        Raises:
-            OSError: the receiver is absent, refused, or closed; the message says which.
+        """Connects and sends frames, until it fails. OSError where the receiver is absent, refused,
+        or closed; the message says which.
         """
 
     async def newest(self) -> tuple[LiveFrame, float]:
@@ -218,10 +203,8 @@ class DatagramSender(Sender):
 
 
 def _refused(outlet: socket.socket, datagram: bytes) -> bool:
-    """Sends a datagram; returns whether an earlier one was reported as refused.
-
-    Raises:
-        OSError: the network cannot be reached.
+    """Sends a datagram; returns whether an earlier one was reported as refused. OSError where the
+    network cannot be reached.
     """
     with suppress(BlockingIOError):  # the network takes no more: this one is lost, as UDP may
         try:
@@ -271,11 +254,8 @@ class WebSocketSender(Sender):
             raise ConnectionError("it does not speak WebSocket") from None
 
     async def _converse(self, link: ClientConnection) -> None:
-        """Sends and reads until either fails.
-
-        Raises:
-            ConnectionClosed: the receiver closed.
-            TimeoutError: it does not read.
+        """Sends and reads until either fails: ConnectionClosed by the receiver, TimeoutError where
+        it does not read.
         """
         tasks = asyncio.create_task(self._feed(link)), asyncio.create_task(self._read(link))
         try:
@@ -308,10 +288,8 @@ class Senders:
     """
 
     def __init__(self, addresses: Sequence[str]) -> None:
-        """Starts the thread for addresses as `parse_receiver` takes them, or none.
-
-        Raises:
-            InputError: an address is wrong, or its host is not known.
+        """Starts the thread for addresses as `parse_receiver` takes them, or none. InputError where
+        an address is wrong, or its host is not known.
         """
         kinds: dict[str, type[Sender]] = {"vmc": DatagramSender, "ws": WebSocketSender}
         parsed = [parse_receiver(text) for text in addresses]

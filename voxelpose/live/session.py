@@ -180,10 +180,8 @@ class LiveSession:
             reader.start()
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits for the session's end, at most so long; whether it has ended.
-
-        Raises:
-            BaseException: what a stage raised.
+        """Waits for the session's end, at most so long; whether it has ended. Raises what a stage
+        raised.
         """
         over = self._over.wait(timeout_s)
         if self._failure is not None:

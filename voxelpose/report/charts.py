@@ -56,12 +56,11 @@ def time_chart(
     name: str,
     size_in: tuple[float, float] = (3.7, 2.1),
 ) -> str:
-    """Chart, an svg element, of curves over time.
+    """Chart, an svg element, of curves over time, of a size in inches of 72 px.
 
     Args:
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
-        size_in: width and height, inches of 72 px.
     """
     style = {**_STYLE, "axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6}
     with matplotlib.rc_context({**style, "svg.hashsalt": name}):

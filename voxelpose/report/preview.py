@@ -70,12 +70,8 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
 
 
 def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) -> str:
-    """Image (h, w, 3) uint8 BGR as a data URI.
-
-    Args:
-        width: largest width, px, to which it is reduced.
-        suffix: ".webp" or ".jpg".
-        quality: from 1 to 100.
+    """Image (h, w, 3) uint8 BGR, reduced to a largest width in px, as a data URI of the format
+    .webp or .jpg with a quality from 1 to 100.
     """
     data = encoded(reduced(image, width / image.shape[1]), suffix, quality)
     media = "webp" if suffix == ".webp" else "jpeg"

@@ -65,10 +65,7 @@ class CameraCheck:
 
 def check_cameras(scenes: ResultScenes) -> CameraCheck:
     """Compares body and silhouettes, and the outlines, at moments spread over the recording; empty
-    where that is missing.
-
-    Raises:
-        InputError: the recording cannot be read.
+    where that is missing. InputError where the recording cannot be read.
     """
     motion = scenes.motion
     if motion is None or scenes.recording is None:

@@ -73,11 +73,7 @@ class CheckJob:
         }
 
     def picture(self) -> bytes:
-        """PNG of the last check.
-
-        Raises:
-            InputError: there is none.
-        """
+        """PNG of the last check. InputError where there is none."""
         if self._picture is None:
             raise InputError("the cameras have not been checked")
         return self._picture

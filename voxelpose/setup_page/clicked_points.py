@@ -24,10 +24,8 @@ _LARGEST_BYTES = 50_000_000
 
 
 def read_clicked(path: Path) -> list[PointClicked]:
-    """Points of a points.csv; none where there is no file.
-
-    Raises:
-        InputError: it is damaged, or holds more points than the page can show.
+    """Points of a points.csv; none where there is no file. InputError where it is damaged, or holds
+    more points than the page can show.
     """
     if not path.exists():
         return []
@@ -45,11 +43,7 @@ def read_clicked(path: Path) -> list[PointClicked]:
 
 
 def check_points(points: Sequence[PointClicked]) -> None:
-    """Checks that no two points have the same name.
-
-    Raises:
-        InputError: two have.
-    """
+    """Checks that no two points have the same name. InputError where two have."""
     names = [point.name for point in points]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -57,14 +51,9 @@ def check_points(points: Sequence[PointClicked]) -> None:
 
 
 def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
-    """Writes points.csv, in which further columns of an earlier one are kept; returns the names
-    that are clicked nowhere and so were not written.
-
-    Args:
-        points: all points; rows of cameras that are not shown are among their pixels.
-
-    Raises:
-        InputError: the file cannot be written.
+    """Writes points.csv, in which further columns of an earlier one, and rows of cameras that are
+    not shown, are kept; returns the names that are clicked nowhere and so were not written.
+    InputError where the file cannot be written.
     """
     others, kept = _further_columns(path)
     text = io.StringIO()

@@ -64,13 +64,8 @@ class SetupSession:
     """A recording folder behind the page."""
 
     def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
-        """Reads what the folder holds besides pictures.
-
-        Args:
-            settings: reads the settings of `fit` for the folder.
-
-        Raises:
-            InputError: a file of the folder is damaged.
+        """Reads what the folder holds besides pictures; `settings` reads those of `fit` for it.
+        InputError where a file of the folder is damaged.
         """
         self._opened, self._settings = opened, settings
         self._recording = opened.recording
@@ -89,10 +84,8 @@ class SetupSession:
         self.check.close()
 
     def state(self) -> dict[str, Any]:
-        """All that the page shows at first, and after saving.
-
-        Raises:
-            InputError: a file was damaged meanwhile.
+        """All that the page shows at first, and after saving. InputError where a file was damaged
+        meanwhile.
         """
         recording = self._recording
         with self._saving:
@@ -131,10 +124,8 @@ class SetupSession:
         }
 
     def picture(self, camera: str, moment: int | None) -> bytes:
-        """A frame as JPEG; of the empty view where no moment is given.
-
-        Raises:
-            InputError: there is none.
+        """A frame as JPEG; of the empty view where no moment is given. InputError where there is
+        none.
         """
         frames = self._moments.empty() if moment is None else self._moments.frames(moment)
         check_camera_names([camera], self._recording.rig.names)
@@ -143,10 +134,8 @@ class SetupSession:
         return encoded(frames[camera], ".jpg", 93)
 
     def painted(self, camera: str, kind: str) -> bytes:
-        """What is painted in regions/ or unknown/, as PNG to be laid over the picture.
-
-        Raises:
-            InputError: nothing is.
+        """What is painted in regions/ or unknown/, as PNG to be laid over the picture. InputError
+        where nothing is.
         """
         file, mask = self._places.regions.get(camera), self._places.painted.get(camera)
         if kind == "region" and file is not None:
@@ -156,10 +145,8 @@ class SetupSession:
         raise InputError("nothing is painted there")
 
     def silhouettes(self, asked: page_requests.SilhouetteRequest) -> dict[str, Any]:
-        """Silhouettes of a moment: `ready` with a PNG by camera, or not yet.
-
-        Raises:
-            InputError: there is no such moment or camera, or files cannot be read.
+        """Silhouettes of a moment: `ready` with a PNG by camera, or not yet. InputError where there
+        is no such moment or camera, or files cannot be read.
         """
         frames = self._moments.frames(asked.moment)
         model = self._model(asked)
@@ -182,10 +169,7 @@ class SetupSession:
 
     def stage(self, asked: page_requests.StageRequest) -> dict[str, Any]:
         """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
-        yet.
-
-        Raises:
-            InputError: there is no such moment, camera or stage, or files cannot be read.
+        yet. InputError where there is no such moment, camera or stage, or files cannot be read.
         """
         check_camera_names([asked.camera], self._recording.rig.names)
         with self._staging:
@@ -208,10 +192,8 @@ class SetupSession:
     def _model(
         self, asked: page_requests.SilhouetteRequest | page_requests.StageRequest
     ) -> Silhouettes | None:
-        """Silhouettes with what is drawn; None while their backgrounds are learned.
-
-        Raises:
-            InputError: there is no such camera, or files cannot be read.
+        """Silhouettes with what is drawn; None while their backgrounds are learned. InputError
+        where there is no such camera, or files cannot be read.
         """
         self._check_places(asked.places)
         model = self._backgrounds.get(asked.background)
@@ -230,20 +212,16 @@ class SetupSession:
         return Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
 
     def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
-        """How far the clicks are from where the calibration puts the points.
-
-        Raises:
-            InputError: there is no calibration, or two points have the same name.
+        """How far the clicks are from where the calibration puts the points. InputError where there
+        is no calibration, or two points have the same name.
         """
         self._need("points")
         check_points(asked.points)
         return point_errors(asked.points, self._recording.rig)
 
     def ground(self, asked: page_requests.GroundRequest) -> dict[str, Any]:
-        """Lines of the floor by camera.
-
-        Raises:
-            InputError: there is no calibration, or up is no direction.
+        """Lines of the floor by camera. InputError where there is no calibration, or up is no
+        direction.
         """
         self._need("floor")
         up = None if asked.up is None else direction_of(asked.up)
@@ -252,22 +230,15 @@ class SetupSession:
         return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:
-        """Begins the check of the cameras.
-
-        Raises:
-            InputError: it is not possible.
-        """
+        """Begins the check of the cameras. InputError where it is not possible."""
         self._need("check")
         self.check.start()
         return self.check.status()
 
     def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
-        """Writes what is asked for; returns the files, what is left out, and the new state.
-
-        Everything is checked before anything is written.
-
-        Raises:
-            InputError: a value makes no sense, or a file cannot be written.
+        """Writes what is asked for, all of which is checked before; returns the files, what is left
+        out, and the new state. InputError where a value makes no sense, or a file cannot be
+        written.
         """
         folder = self.folder
         self._check_places(asked.places)
@@ -326,13 +297,8 @@ class SetupServer:
     """Serves the page until it is closed."""
 
     def __init__(self, session: SetupSession, address: Address) -> None:
-        """Starts, in a thread of its own.
-
-        Args:
-            session: what is shown; closed with the server.
-
-        Raises:
-            InputError: the address cannot be used.
+        """Starts, in a thread of its own; the session is closed with it. InputError where the
+        address cannot be used.
         """
         self._session = session
         self._ended = threading.Event()

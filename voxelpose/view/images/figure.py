@@ -45,15 +45,12 @@ def bone_ends(bones: list[tuple[int, int, canvas.Colour]]) -> NDArray[np.int64]:
 def skeleton_joints(
     model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Joints of the skeleton's lines in the world.
-
-    Args:
-        rotation: (P, 3, 3) world from part.
-        origin: (P, 3) metres.
+    """Joints of the skeleton's lines in the world, of parts rotated by (P, 3, 3) world from part,
+    with joints (P, 3) m.
 
     Returns:
         (28, 3) metres: the parts' joints and the vertex of the head; of a body that is no person's
-        (P + L, 3), the parts' joints and the landmarks.
+            (P + L, 3), the parts' joints and the landmarks.
     """
     marks = kinematics.landmarks(model, rotation[None], origin[None])[0]
     if model.names != PART_NAMES:
@@ -109,12 +106,8 @@ class FigurePainter:
     def paint(
         self, image: canvas.Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
     ) -> canvas.Image:
-        """Draws one pose, and returns the image.
-
-        Args:
-            image: (h, w, 3) uint8 BGR at the working size (see `resized`); changed in place.
-            rotation: (P, 3, 3) world from part.
-            origin: (P, 3) joints in the world, metres.
+        """Draws one pose, rotations (P, 3, 3) world from part and joints (P, 3) m in the world,
+        into an image (h, w, 3) uint8 BGR at the working size (see `resized`), in place; returns it.
         """
         parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
         left, top, width, height = cv2.boundingRect((parts > 0).view(np.uint8))
@@ -158,8 +151,8 @@ class FigurePainter:
     def _outlines(
         self, mask: NDArray[np.bool_], corner: tuple[int, int]
     ) -> list[NDArray[np.float64]]:
-        """Closed borders (N, 2) of a mask in pixels of the working picture; `corner` is the place
-        of its first pixel in the pinhole picture.
+        """Closed borders (N, 2) of a mask whose first pixel is the pinhole picture's `corner`, in
+        px of the working picture.
         """
         contours, _ = cv2.findContours(
             mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=corner

@@ -91,14 +91,12 @@ def shaded_view(
     azimuth_deg: float,
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
-    """Picture (height, width, 3) uint8, BGR, of a surface from one side, lit from above the
-    viewer's shoulder.
+    """Picture of a `size` (width, height), (height, width, 3) uint8, BGR, of a surface from an
+    azimuth as of `hull_picture`, lit from above the viewer's shoulder.
 
     Args:
         skin: vertices (V, 3) float64, m, and faces (F, 3) int, outward oriented.
         box_m: lowest and highest corner (3,) of what fills the picture.
-        azimuth_deg: position of the viewer, see `hull_picture`.
-        size: width and height, pixels.
     """
     (vertices, faces), (low, high), (width, height) = skin, box_m, size
     angle = np.radians(azimuth_deg)
@@ -126,13 +124,8 @@ def shaded_view(
 def show_hull(
     grid: VoxelGrid, occupancy: NDArray[np.bool_], skeleton: Skeleton | None, title: str
 ) -> None:
-    """Opens a window with the hull's surface and the skeleton; returns when it is closed.
-
-    Args:
-        occupancy: (nx, ny, nz) bool, not empty.
-
-    Raises:
-        InputError: open3d cannot be imported, or there is no screen.
+    """Opens a window with the surface of a hull, (nx, ny, nz) bool, not empty, and the skeleton;
+    returns when it is closed. InputError where open3d cannot be imported, or there is no screen.
     """
     open3d = import_open3d(screen=True)
     vertices, faces = surface(*grid.cropped(occupancy))
@@ -190,10 +183,7 @@ def skeleton_of(scene: Scene) -> Skeleton | None:
 
 def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
     """Writes hull and skeleton of one frame, from four sides, as PNG; returns the hull's volume,
-    litres.
-
-    Raises:
-        InputError: there is no hull to show, or the file cannot be written.
+    litres. InputError where there is no hull to show, or the file cannot be written.
     """
     scene = scenes.scene(frame)
     if scene.hull is None:
@@ -205,10 +195,8 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM;
-    returns the number of frames written: those without a hull are left out.
-
-    Raises:
-        InputError: there is nothing to show, or the file cannot be written.
+    returns the number of frames written: those without a hull are left out. InputError where there
+    is nothing to show, or the file cannot be written.
     """
     motion = scenes.motion
     if motion is None:
@@ -256,12 +244,8 @@ def body_picture(body: BodyModel) -> Image:
 
 
 def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
-    """Several bodies from the front, all at the same scale and on the same floor: (h, w, 3) uint8,
-    BGR, in rows of at most eight.
-
-    Args:
-        bodies: at least one.
-        captions: two lines of text for each, separated by a newline.
+    """Several bodies from the front, all at the same scale and on the same floor, above two lines
+    of text each: (h, w, 3) uint8, BGR, in rows of at most eight.
     """
     size = 230, 270
     tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))

@@ -49,12 +49,11 @@ class ContactSheet:
         cameras: Sequence[Camera],
         unknown: Mapping[str, NDArray[np.bool_]],
     ) -> None:
-        """Chooses at most six moments, and the crops.
+        """Chooses at most six moments, and the crops, of cameras, a row each.
 
         Args:
             rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
             origin: (T, P, 3) metres, likewise.
-            cameras: one row each.
             unknown: (H, W) bool by camera name, where nothing is known.
         """
         self.motion = motion
@@ -175,17 +174,12 @@ def _box(
 def draw_pictures(
     source: FrameSource, motion: Motion, folder: Path, title: str, reporter: Reporter
 ) -> None:
-    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png`.
+    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png` below a title; frames
+    without a pose are shown unchanged and marked. OSError where a video cannot be written, for
+    example because the disk is full.
 
     Reads the frames again. Few time steps are held in memory at a time: while one is written, the
     next ones are painted.
-
-    Args:
-        motion: the poses; frames without one are shown unchanged and marked.
-        title: first line of the contact sheet.
-
-    Raises:
-        OSError: a video could not be written, for example because the disk is full.
     """
     rotation, origin = motion.parts()
     rows = {int(frame): row for row, frame in enumerate(motion.frames)}
@@ -290,14 +284,9 @@ _SHOWN = 3  # moments, each with the frame after it
 
 @contextmanager
 def refusal_drawn(recording: Recording, out: Path | str) -> Iterator[None]:
-    """For a `with` block that estimates a recording: silhouettes that are refused are drawn into
-    `OUT.silhouettes.png`, and where they are not, an earlier such picture is removed.
-
-    Args:
-        out: the result folder, whose parent exists.
-
-    Raises:
-        InputError: they are refused; it names the picture.
+    """For a `with` block that estimates a recording into the folder `out`, whose parent exists:
+    silhouettes that are refused are drawn into `OUT.silhouettes.png`, which the InputError then
+    names; where they are not, an earlier such picture is removed.
     """
     target = Path(out).resolve()
     path = target.with_name(f"{target.name}.silhouettes.png")

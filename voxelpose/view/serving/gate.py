@@ -98,10 +98,8 @@ class GateRequest:
 
     @classmethod
     def parse(cls, head: bytes) -> GateRequest:
-        """Request of a head that ends with an empty line.
-
-        Raises:
-            ValueError: it is not one of HTTP/1.1, or says something twice.
+        """Request of a head that ends with an empty line. ValueError where it is not one of
+        HTTP/1.1, or says something twice.
         """
         first, *lines = head.decode("latin-1").removesuffix("\r\n\r\n").split("\r\n")
         method, target, version = first.split(" ")
@@ -135,13 +133,11 @@ class GateRequest:
         return "upgrade" in self.headers
 
     def reply(self, keys: GateKeys, largest_body: int = 0) -> Reply | None:
-        """Answer of the gate; None: the request may pass.
+        """Answer of the gate to a request, which may send so many bytes to the page; None: it may
+        pass.
 
         Another site's page is turned away by its Origin, and a name that somebody has pointed at
         this machine (DNS rebinding) by its Host.
-
-        Args:
-            largest_body: bytes that may be sent to the page; 0: it takes none.
         """
         host = self.headers.get("host", "")
         if not host:
@@ -166,10 +162,8 @@ class GateRequest:
         return int(self.headers.get("content-length", "0"))
 
     def _check_body(self, largest_body: int) -> Reply | None:
-        """Answer to a method or a body that the page does not take.
-
-        Only a page of the same origin can send JSON: browsers ask before another's may, and are
-        told no.
+        """Answer to a method or a body that the page does not take. Only a page of the same origin
+        can send JSON: browsers ask before another's may, and are told no.
         """
         length = self.headers.get("content-length", "0")
         if self.method == "GET" and length == "0" and "transfer-encoding" not in self.headers:
@@ -286,14 +280,8 @@ class Gate:
     """Lets requests pass that may."""
 
     def __init__(self, address: Address, handle: Handler, largest_body: int = 0) -> None:
-        """Listens, from a thread of its own.
-
-        Args:
-            handle: answers what may pass, in that thread.
-            largest_body: bytes of JSON that a page may send with one request; 0: none.
-
-        Raises:
-            InputError: the address cannot be used.
+        """Listens, from a thread of its own, in which `handle` answers what may pass; a page may
+        send so many bytes of JSON with one request. InputError where the address cannot be used.
         """
         self._address, self._handle, self._largest_body = address, handle, largest_body
         self._passed = 0

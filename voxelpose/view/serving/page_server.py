@@ -25,17 +25,11 @@ _LARGEST_BODY = 10_000  # bytes that the page beside may be sent
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
-    """Closes connections of strangers before anything is sent, and opens no public tunnel.
+    """Closes connections of all but `peers` (host, port), asked at each, to a server at an address
+    of this machine, before anything is sent, and opens no public tunnel.
 
     Otherwise every program of this machine, and every site in its browsers, could read what the
-    server shows by trying its port.
-
-    Args:
-        server: at an address of this machine.
-        peers: addresses (host, port) of those who may connect; asked at each connection.
-
-    Raises:
-        InputError: this version of viser is built otherwise.
+    server shows by trying its port. InputError where this version of viser is built otherwise.
     """
     try:
         from viser._messages import ShareUrlRequest
@@ -63,12 +57,8 @@ def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int
 def move_bones(
     handle: viser.MeshSkinnedHandle, bones: NDArray[np.intp], places: NDArray[np.float64]
 ) -> None:
-    """Moves bones of a mesh.
-
-    Args:
-        handle: of the mesh, which has not been removed.
-        bones: (n,) their indices.
-        places: (n, 7) float64, unit quaternion w, x, y, z and position (m) of each.
+    """Moves bones (n,) of a mesh that has not been removed to places (n, 7) float64, unit
+    quaternion w, x, y, z and position (m) of each.
     """
     from viser._messages import SetBoneOrientationMessage, SetBonePositionMessage
 
@@ -91,14 +81,8 @@ class PageServer:
     """
 
     def __init__(self, address: Address, title: str, beside: PageAnswers | None = None) -> None:
-        """Starts both.
-
-        Args:
-            title: of the page, in the browser's tab.
-            beside: another page, in a folder of its own, to those whom the gate lets pass.
-
-        Raises:
-            InputError: see `Gate` and `guard_connections`.
+        """Starts both, with `beside` another page, in a folder of its own. InputError as of `Gate`
+        and `guard_connections`.
         """
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)

@@ -107,15 +107,9 @@ class ResultScenes:
         voxel_size_m: float | None = None,
         unit: str | None = None,
     ):
-        """Opens a folder.
-
-        Args:
-            recording: where the result's recording is now, if it was moved.
-            voxel_size_m: of the hull; None: as in the fit.
-            unit: of the recording's calibration, where it does not state one.
-
-        Raises:
-            InputError: it is neither, or damaged.
+        """Opens a folder; `recording` is where a result's recording is now, if it was moved, and
+        `unit` that of its calibration, where it states none. Voxels are as in the fit if no size is
+        given. InputError where it is neither, or damaged.
         """
         folder = Path(folder)
         self.title, self.name = str(folder), folder.resolve().name
@@ -164,11 +158,7 @@ class ResultScenes:
         self._areas = lru_cache(_KEPT)(self._make_areas)
 
     def scene(self, frame: int) -> Scene:
-        """The scene of one of `frames`.
-
-        Raises:
-            InputError: the recording cannot be read.
-        """
+        """The scene of one of `frames`. InputError where the recording cannot be read."""
         return self._observed_scene(frame)[0]
 
     def camera_frames(self, frame: int) -> tuple[CameraFrame, ...]:

@@ -180,12 +180,6 @@ class SceneRenderer:
     """The nodes of one viser scene."""
 
     def __init__(self, api: viser.SceneApi, voxel_size_m: float, model: BodyModel | None) -> None:
-        """Prepares.
-
-        Args:
-            voxel_size_m: size of the points that represent voxels.
-            model: the body; None where there is none.
-        """
         self._api = api
         self._voxel_size_m = voxel_size_m
         self._frusta: dict[str, viser.CameraFrustumHandle] = {}
@@ -335,12 +329,8 @@ class CameraFrames:
         views: Mapping[str, UndistortedView],
         segmenter: str | None = None,
     ) -> None:
-        """Prepares; nothing is read before the first frame.
-
-        Args:
-            kind: of their backgrounds.
-            views: undistorted view of every camera by name.
-            segmenter: that told where people are; without it where it cannot be used any more.
+        """Prepares; nothing is read before the first frame. A segmenter told where people are, and
+        is left out where it cannot be used any more; views are those of every camera by name.
         """
         self._recording = recording
         self._kind: BackgroundKind = kind

@@ -105,11 +105,6 @@ class FitSilhouettes:
     """
 
     def __init__(self, scenes: ResultScenes) -> None:
-        """Prepares; makes nothing yet.
-
-        Args:
-            scenes: with a recording.
-        """
         self._scenes, recording = scenes, scenes.recording
         self.cut = bool(scenes.facts.get("cut_by_body"))
         found = scenes.facts.get("late_frames", {})
@@ -222,13 +217,8 @@ class SilhouettePage:
     """
 
     def __init__(self, scenes: ResultScenes) -> None:
-        """Reads nothing yet.
-
-        Args:
-            scenes: of a result, or of a recording; one must be there.
-
-        Raises:
-            InputError: the recording is missing.
+        """Reads nothing yet of scenes of a result, or of a recording; InputError where that is
+        missing.
         """
         if scenes.recording is None:
             raise InputError(scenes.missing)
