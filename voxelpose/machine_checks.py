@@ -31,17 +31,13 @@ _Finding = tuple[State, str, str]
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """Result of one check.
-
-    Attributes:
-        state: state of the subject; `limited` means that fitting works and something else does not.
-        remedy: what the user can do; empty where nothing needs to be done.
-    """
+    """Result of one check."""
 
     name: str
+    # State of the subject; `limited` means that fitting works and something else does not.
     state: State
     found: str
-    remedy: str = ""
+    remedy: str = ""  # what the user can do; empty where nothing needs to be done
 
 
 def examine() -> list[HealthCheck]:

@@ -15,20 +15,15 @@ _Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a result can be relied on.
+    """Whether a result can be relied on."""
 
-    Attributes:
-        level: `reliable`, `doubtful`, or `failed` where there is no result.
-        reason: what speaks against it, and what helps; empty for a reliable one.
-        uncertain: joints that are farther off than 30 mm more likely than not, in the mean of the
-            frames; of a doubtful result none, since all may be, and of one camera none either.
-        error_mm: of one camera, with a learned proposal: mean error of the joints to be expected
-            relative to the pelvis, in the median frame.
-    """
-
-    level: Level
-    reason: str = ""
+    level: Level  # `reliable`, `doubtful`, or `failed` where there is no result
+    reason: str = ""  # what speaks against it, and what helps; empty for a reliable one
+    # Joints that are farther off than 30 mm more likely than not, in the mean of the frames; of a
+    # doubtful result none, since all may be, and of one camera none either.
     uncertain: tuple[str, ...] = ()
+    # Of one camera, with a learned proposal: mean error of the joints to be expected relative to
+    # the pelvis, in the median frame.
     error_mm: float | None = None
 
     def __str__(self) -> str:

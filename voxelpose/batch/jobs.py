@@ -71,18 +71,14 @@ _PLAIN_NAME = re.compile(r"[^\w.+-]+")
 
 @dataclass(frozen=True)
 class Job:
-    """One recording and how it is estimated.
+    """One recording and how it is estimated."""
 
-    Attributes:
-        name: name of the result's folder, unique in the batch.
-        settings: values by name, as the options of that command.
-        sources: files that settings were taken from, by their names.
-    """
-
-    name: str
+    name: str  # name of the result's folder, unique in the batch
     recording: str
     command: Command
+    # Values by name, as the options of that command.
     settings: Mapping[str, bool | int | float | str]
+    # Files that settings were taken from, by their names.
     sources: Mapping[str, str] = field(default_factory=dict)
 
     def with_defaults(self, defaults: Mapping[str, Any], files: Mapping[str, str]) -> Job:

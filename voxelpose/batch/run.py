@@ -167,39 +167,30 @@ Key = TypeVar("Key")
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """Settings of a batch.
-
-    Attributes:
-        processes: jobs at a time on this machine.
-        cluster: address of a Dask scheduler whose machines work instead; None: this machine.
-        piece_s: length of the pieces into which long recordings are divided, s; None: they are not.
-    """
+    """Settings of a batch."""
 
     out: Path
-    processes: int
+    processes: int  # jobs at a time on this machine
+    # Address of a Dask scheduler whose machines work instead; None: this machine.
     cluster: str | None = None
     pictures: bool = True
     report: bool = True
+    # Length of the pieces into which long recordings are divided, s; None: they are not.
     piece_s: float | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a job.
-
-    Attributes:
-        status: `done`; `kept`: done by an earlier run with the same settings; `failed`.
-        message: why it failed, in a line; empty otherwise.
-        seconds: duration of the estimation.
-        summary: summary.json of the result; empty if it failed.
-        score: errors against the recording's truth; empty where there is none.
-    """
+    """What came of a job."""
 
     job: Job
+    # `done`; `kept`: done by an earlier run with the same settings; `failed`.
     status: Literal["done", "kept", "failed"]
-    message: str = ""
-    seconds: float = 0.0
+    message: str = ""  # why it failed, in a line; empty otherwise
+    seconds: float = 0.0  # duration of the estimation
+    # summary.json of the result; empty if it failed.
     summary: Mapping[str, Any] = field(default_factory=dict)
+    # Errors against the recording's truth; empty where there is none.
     score: Mapping[str, Any] = field(default_factory=dict)
 
     @property

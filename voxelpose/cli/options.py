@@ -26,20 +26,13 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Option:
-    """An option of a command.
+    """An option of a command."""
 
-    Attributes:
-        name: as on the command line, without the dashes before it.
-        field: its field of the command's class.
-        default: value where none is given; `dataclasses.MISSING` where one must be.
-        appended: whether it may be given several times, each time with one more value.
-    """
-
-    name: str
-    field: str
+    name: str  # as on the command line, without the dashes before it
+    field: str  # its field of the command's class
     kind: Any
-    default: Any
-    appended: bool
+    default: Any  # value where none is given; `dataclasses.MISSING` where one must be
+    appended: bool  # whether it may be given several times, each time with one more value
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
         """The value that a file gives; paths in it are relative to its folder.

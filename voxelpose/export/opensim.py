@@ -117,20 +117,15 @@ def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class OpenSimMarker:
-    """A point of the TRC on the model.
+    """A point of the TRC on the model."""
 
-    Attributes:
-        name: as in the TRC.
-        body: body of the model on which it lies.
-        place_m: in that body's frame (x forward, y up, z right), of a person 1.70 m tall.
-        fixed: whether it is the joint's centre, the frame's origin. Others are moved to where the
-            static pose has them.
-    """
-
-    name: str
-    body: str
+    name: str  # as in the TRC
+    body: str  # body of the model on which it lies
+    # In that body's frame (x forward, y up, z right), of a person 1.70 m tall.
     place_m: tuple[float, float, float]
     weight: float
+    # Whether it is the joint's centre, the frame's origin. Others are moved to where the static
+    # pose has them.
     fixed: bool
 
 

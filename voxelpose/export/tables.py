@@ -211,20 +211,14 @@ def _write(
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One of several possible poses of a frame.
+    """One of several possible poses of a frame."""
 
-    Attributes:
-        rank: position in the order of probability, 1 for the most probable.
-        probability: probability from 0 to 1.
-        joints_m: (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where
-            the file has no row.
-        bones: (B, 2) int, pairs of joints between which a bone is drawn.
-    """
-
-    rank: int
-    probability: float
+    rank: int  # position in the order of probability, 1 for the most probable
+    probability: float  # probability from 0 to 1
+    # (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where the file has no
+    # row.
     joints_m: NDArray[np.float64]
-    bones: NDArray[np.integer]
+    bones: NDArray[np.integer]  # (B, 2) int, pairs of joints between which a bone is drawn
 
 
 def write_hypotheses(

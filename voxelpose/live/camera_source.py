@@ -235,17 +235,11 @@ class Newest(Generic[_Item]):
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """Pictures taken at one moment.
+    """Pictures taken at one moment."""
 
-    Attributes:
-        number: counted from 0, shots that nobody took included.
-        time_s: of the moment, s since the session's start.
-        pictures: (H, W, 3) uint8 BGR by camera name.
-    """
-
-    number: int
-    time_s: float
-    pictures: Mapping[str, NDArray[np.uint8]]
+    number: int  # counted from 0, shots that nobody took included
+    time_s: float  # of the moment, s since the session's start
+    pictures: Mapping[str, NDArray[np.uint8]]  # (H, W, 3) uint8 BGR by camera name
 
 
 @dataclass(eq=False)

@@ -193,18 +193,13 @@ class _Untimed(StageClock):
 
 @dataclass(frozen=True)
 class MonocularSetup:
-    """What both stages of one camera are made from.
-
-    Attributes:
-        options: of the monocular estimator; the library they name exists.
-        pictures: whether the pictures have colours, or are silhouettes.
-    """
+    """What both stages of one camera are made from."""
 
     rig: Rig
     settings: Settings
-    options: MonocularOptions
+    options: MonocularOptions  # of the monocular estimator; the library they name exists
     fps: float
-    pictures: bool
+    pictures: bool  # whether the pictures have colours, or are silhouettes
 
 
 class LiveMonocular(EstimatorProcess):

@@ -38,19 +38,13 @@ def long_side_px(rig: Rig) -> int:
 
 @dataclass(frozen=True)
 class EmptyView:
-    """Pictures of the empty scene as a source of frames, for `Silhouettes`.
+    """Pictures of the empty scene as a source of frames, for `Silhouettes`."""
 
-    Attributes:
-        rig: the cameras, as they take their pictures.
-        pictures: (H, W, 3) uint8 BGR each, by camera name.
-        allowed: (H, W) bool, where the person may be, by camera name.
-        silhouettes_given: whether the pictures are silhouettes already.
-    """
-
-    rig: Rig
-    pictures: Mapping[str, Sequence[Picture]]
+    rig: Rig  # the cameras, as they take their pictures
+    pictures: Mapping[str, Sequence[Picture]]  # (H, W, 3) uint8 BGR each, by camera name
+    # (H, W) bool, where the person may be, by camera name.
     allowed: Mapping[str, Mask] = field(default_factory=dict)
-    silhouettes_given: bool = False
+    silhouettes_given: bool = False  # whether the pictures are silhouettes already
     fps: float = 30
     frame_count: int = 0
 

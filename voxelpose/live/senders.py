@@ -92,21 +92,14 @@ def parse_receiver(text: str) -> ReceiverAddress:
 
 @dataclass(frozen=True)
 class ReceiverState:
-    """State of one receiver.
+    """State of one receiver."""
 
-    Attributes:
-        address: as the user wrote it, without its query.
-        message: "sending", "waiting for a frame", or what is wrong and when it is tried again.
-        working: whether frames arrive, as far as the protocol tells.
-        dropped: number of frames that a newer one replaced before they could be sent.
-        send_s: from `Senders.send` to the network, median of recent frames; nan before the first.
-    """
-
-    address: str
-    message: str
-    working: bool
+    address: str  # as the user wrote it, without its query
+    message: str  # "sending", "waiting for a frame", or what is wrong and when it is tried again
+    working: bool  # whether frames arrive, as far as the protocol tells
     sent: int = 0
-    dropped: int = 0
+    dropped: int = 0  # number of frames that a newer one replaced before they could be sent
+    # From `Senders.send` to the network, median of recent frames; nan before the first.
     send_s: float = math.nan
 
 

@@ -34,20 +34,14 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class TimeChart:
-    """Curves over time.
+    """Curves over time."""
 
-    Attributes:
-        title: above the chart.
-        curves: label -> (values (T,), colour).
-        limits: of the axis; None: from the values.
-        below: values below this are shaded as doubtful; None: none are.
-    """
-
-    title: str
+    title: str  # above the chart
     unit: str
+    # Label -> (values (T,), colour).
     curves: Mapping[str, tuple[NDArray[np.floating], str]] = field(default_factory=dict)
-    limits: tuple[float, float] | None = None
-    below: float | None = None
+    limits: tuple[float, float] | None = None  # of the axis; None: from the values
+    below: float | None = None  # values below this are shaded as doubtful; None: none are
 
 
 def time_chart(

@@ -26,20 +26,13 @@ _MOST_CAMERAS = 6
 
 @dataclass(frozen=True)
 class Preview:
-    """Pictures in temporal order.
+    """Pictures in temporal order."""
 
-    Attributes:
-        pictures: data URIs.
-        time_s: time of each, seconds.
-        cameras: names, in the pictures from left to right and top to bottom.
-        size: width and height, pixels.
-    """
-
-    pictures: tuple[str, ...]
+    pictures: tuple[str, ...]  # data URIs
     frames: tuple[int, ...]
-    time_s: tuple[float, ...]
-    cameras: tuple[str, ...]
-    size: tuple[int, int]
+    time_s: tuple[float, ...]  # time of each, seconds
+    cameras: tuple[str, ...]  # names, in the pictures from left to right and top to bottom
+    size: tuple[int, int]  # width and height, pixels
 
 
 def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:

@@ -32,27 +32,18 @@ _SMALL = ("thumb", "fingers", "toes")
 
 @dataclass(frozen=True)
 class CameraLine:
-    """Agreement of one camera.
-
-    Attributes:
-        overlap: mean intersection over union of the projected body and the silhouette, 0 to 1.
-        uncovered: mean fraction of the silhouette that the body does not cover.
-        beyond: mean fraction of the projected body that lies outside the silhouette.
-        moments: number of moments at which the camera shows the body.
-        outline_px: error of its outlines against those of the other cameras, independent of the
-            body; None where it cannot be measured.
-        apart: whether it agrees clearly less than the others.
-        unknown: share of its picture that is marked as unknown.
-    """
+    """Agreement of one camera."""
 
     camera: str
-    overlap: float
-    uncovered: float
-    beyond: float
-    moments: int
+    overlap: float  # mean intersection over union of the projected body and the silhouette, 0 to 1
+    uncovered: float  # mean fraction of the silhouette that the body does not cover
+    beyond: float  # mean fraction of the projected body that lies outside the silhouette
+    moments: int  # number of moments at which the camera shows the body
+    # Error of its outlines against those of the other cameras, independent of the body; None where
+    # it cannot be measured.
     outline_px: float | None
-    apart: bool
-    unknown: float = 0.0
+    apart: bool  # whether it agrees clearly less than the others
+    unknown: float = 0.0  # share of its picture that is marked as unknown
 
 
 @dataclass(frozen=True)
@@ -140,17 +131,12 @@ Level = Literal["good", "look", "bad"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Assessment of one aspect of a result.
+    """Assessment of one aspect of a result."""
 
-    Attributes:
-        level: "good", "look" closer, or "bad".
-        advice: what to do; empty where nothing is wrong.
-    """
-
-    level: Level
+    level: Level  # "good", "look" closer, or "bad"
     title: str
     words: str
-    advice: str = ""
+    advice: str = ""  # what to do; empty where nothing is wrong
 
 
 def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Finding]:

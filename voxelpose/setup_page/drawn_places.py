@@ -133,19 +133,13 @@ def _stored_polygons(path: Path) -> list[Polygon]:
 
 @dataclass(frozen=True, eq=False)
 class PlaceFiles:
-    """Regions and unknown places of the files.
+    """Regions and unknown places of the files."""
 
-    Attributes:
-        sizes: width and height in px of each camera.
-        regions: region files by camera name.
-        painted: (H, W) bool, unknown places that are painted, by camera name.
-        polygons: those of recording.toml in px, by camera name.
-    """
-
-    sizes: dict[str, tuple[int, int]]
-    regions: dict[str, RegionFile]
+    sizes: dict[str, tuple[int, int]]  # width and height in px of each camera
+    regions: dict[str, RegionFile]  # region files by camera name
+    # (H, W) bool, unknown places that are painted, by camera name.
     painted: dict[str, NDArray[np.bool_]]
-    polygons: dict[str, list[Polygon]]
+    polygons: dict[str, list[Polygon]]  # those of recording.toml in px, by camera name
 
     @classmethod
     def read(cls, recording: Recording) -> PlaceFiles:
@@ -205,14 +199,11 @@ class PlaceFiles:
 
 @dataclass(frozen=True, eq=False)
 class DrawnRecording(Recording):
-    """A recording with regions and unknown places that need not be saved.
+    """A recording with regions and unknown places that need not be saved."""
 
-    Attributes:
-        drawn_regions: where the person may be, (H, W) bool, by camera name.
-        drawn_unknown: where nothing is known, (H, W) bool, by camera name.
-    """
-
+    # Where the person may be, (H, W) bool, by camera name.
     drawn_regions: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    # Where nothing is known, (H, W) bool, by camera name.
     drawn_unknown: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:

@@ -25,17 +25,11 @@ _RATE = 25  # where nothing tells it; nothing here depends on it
 
 @dataclass(frozen=True, eq=False)
 class OpenedFolder:
-    """A recording folder that is being set up.
+    """A recording folder that is being set up."""
 
-    Attributes:
-        recording: its pictures; cameras that are not calibrated stand anywhere.
-        calibrated: whether the cameras are where the calibration says.
-        fault: why `fit` would refuse the folder; "" where it would not.
-    """
-
-    recording: Recording
-    calibrated: bool
-    fault: str
+    recording: Recording  # its pictures; cameras that are not calibrated stand anywhere
+    calibrated: bool  # whether the cameras are where the calibration says
+    fault: str  # why `fit` would refuse the folder; "" where it would not
 
     @classmethod
     def open(

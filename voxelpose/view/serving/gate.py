@@ -34,30 +34,19 @@ _LAST_PORT = 65_535
 
 @dataclass(frozen=True)
 class GateKeys:
-    """What opens the gate.
+    """What opens the gate."""
 
-    Attributes:
-        token: the user's; None: whoever can reach the gate may pass.
-        cookie: name of the cookie that is set for those who had the token.
-        secret: its value, made anew for every session, so that no cookie tells the token.
-    """
-
-    token: str | None
-    cookie: str
-    secret: str
+    token: str | None  # the user's; None: whoever can reach the gate may pass
+    cookie: str  # name of the cookie that is set for those who had the token
+    secret: str  # its value, made anew for every session, so that no cookie tells the token
 
 
 @dataclass(frozen=True)
 class Reply:
-    """Answer to a request.
+    """Answer to a request."""
 
-    Attributes:
-        status: of HTTP, such as "401 Unauthorized".
-        content: a line of text, or the bytes of a file.
-    """
-
-    status: str
-    content: str | bytes
+    status: str  # of HTTP, such as "401 Unauthorized"
+    content: str | bytes  # a line of text, or the bytes of a file
     kind: str = "text/plain; charset=utf-8"
     headers: Mapping[str, str] = field(default_factory=dict)
 
@@ -83,18 +72,12 @@ class Reply:
 
 @dataclass(frozen=True)
 class GateRequest:
-    """Head of a request.
+    """Head of a request."""
 
-    Attributes:
-        head: as it came.
-        target: path and query.
-        headers: value by name in small letters; cookies are joined.
-    """
-
-    head: bytes
+    head: bytes  # as it came
     method: str
-    target: str
-    headers: dict[str, str]
+    target: str  # path and query
+    headers: dict[str, str]  # value by name in small letters; cookies are joined
 
     @classmethod
     def parse(cls, head: bytes) -> GateRequest:
@@ -248,18 +231,15 @@ Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
 class Address:
     """Where a page is served, and to whom.
 
-    Attributes:
-        host: name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.
-        port: the first free one from this number on is used, of twenty; 0: any.
-        token: who wants to see the page must know it; None: only this machine's own addresses.
-
     Raises:
         InputError: other machines could see the page without a token; the token is short; or there
             is no such port.
     """
 
+    # Name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.
     host: str = "localhost"
-    port: int = 8080
+    port: int = 8080  # the first free one from this number on is used, of twenty; 0: any
+    # Who wants to see the page must know it; None: only this machine's own addresses.
     token: str | None = None
 
     def __post_init__(self) -> None:

@@ -98,18 +98,13 @@ def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: in
 
 
 class StageAsked(Struct, forbid_unknown_fields=True):
-    """A stage of a camera's silhouette, or what one of its pixels is taken for.
+    """A stage of a camera's silhouette, or what one of its pixels is taken for."""
 
-    Attributes:
-        moment: from 0.
-        stage: what is to be drawn; None: nothing is.
-        pixel: px of the camera's picture; None: none is asked about.
-    """
-
-    moment: Moment
+    moment: Moment  # from 0
     camera: Name
+    # What is to be drawn; None: nothing is.
     stage: Literal["background", "difference", "odds", "first", "silhouette", "body"] | None = None
-    pixel: Corner | None = None
+    pixel: Corner | None = None  # px of the camera's picture; None: none is asked about
 
 
 def stage_answer(

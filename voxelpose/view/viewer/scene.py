@@ -45,39 +45,28 @@ _MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached 
 
 @dataclass(frozen=True, eq=False)
 class CameraFrame:
-    """Picture and silhouette of one camera.
+    """Picture and silhouette of one camera."""
 
-    Attributes:
-        camera: without distortion, of the picture's size.
-        picture: (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds
-            silhouettes only.
-        mask: (h, w) bool, the silhouette; None where the recording is missing.
-        unknown: (h, w) bool, where nothing is known; None: nowhere.
-    """
-
-    camera: Camera
+    camera: Camera  # without distortion, of the picture's size
+    # (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds silhouettes
+    # only.
     picture: NDArray[np.uint8] | None = None
+    # (h, w) bool, the silhouette; None where the recording is missing.
     mask: NDArray[np.bool_] | None = None
-    unknown: NDArray[np.bool_] | None = None
+    unknown: NDArray[np.bool_] | None = None  # (h, w) bool, where nothing is known; None: nowhere
 
 
 @dataclass(frozen=True, eq=False)
 class CarvedHull:
-    """Hull of the body.
-
-    Attributes:
-        occupancy: (nx, ny, nz) bool.
-        vertices_m: (V, 3) float64, vertices of its surface in the world.
-        faces: (F, 3) int64, triangles of its surface.
-        unexplained_m: (n, 3) float64, centres of the voxels that no part of the fitted body covers.
-        distance_m: (n,) float64, distance of each of those from the inside of the body.
-    """
+    """Hull of the body."""
 
     grid: VoxelGrid
-    occupancy: NDArray[np.bool_]
-    vertices_m: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    occupancy: NDArray[np.bool_]  # (nx, ny, nz) bool
+    vertices_m: NDArray[np.float64]  # (V, 3) float64, vertices of its surface in the world
+    faces: NDArray[np.int64]  # (F, 3) int64, triangles of its surface
+    # (n, 3) float64, centres of the voxels that no part of the fitted body covers.
     unexplained_m: NDArray[np.float64]
+    # (n,) float64, distance of each of those from the inside of the body.
     distance_m: NDArray[np.float64]
 
     def litres(self, voxels: NDArray[np.bool_]) -> float:
@@ -87,44 +76,29 @@ class CarvedHull:
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
-    """The fitted body.
+    """The fitted body."""
 
-    Attributes:
-        vertices_m: (V, 3) float64, its skin in the world.
-        joints_m: (J, 3) float64, the ends of the bones.
-        bones: lines of the skeleton, see `skeleton_bones`.
-        part_names: P names.
-        overlap: (P,) float64, fraction of each part inside the hull; NaN where unknown.
-        outline_agreement: of the frame, from 0 to 1; None where the estimator gave none.
-    """
-
-    vertices_m: NDArray[np.float64]
-    joints_m: NDArray[np.float64]
-    bones: list[tuple[int, int, Colour]]
-    part_names: tuple[str, ...]
+    vertices_m: NDArray[np.float64]  # (V, 3) float64, its skin in the world
+    joints_m: NDArray[np.float64]  # (J, 3) float64, the ends of the bones
+    bones: list[tuple[int, int, Colour]]  # lines of the skeleton, see `skeleton_bones`
+    part_names: tuple[str, ...]  # P names
+    # (P,) float64, fraction of each part inside the hull; NaN where unknown.
     overlap: NDArray[np.float64]
-    outline_agreement: float | None
+    outline_agreement: float | None  # of the frame, from 0 to 1; None where the estimator gave none
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that one frame shows.
-
-    Attributes:
-        time_s: its time, seconds.
-        hull: None without silhouettes of two cameras.
-        body: None where no pose was found.
-        hypotheses: other poses that one camera leaves open, the likeliest first.
-        notes: what is missing, in words.
-    """
+    """Everything that one frame shows."""
 
     frame: int
-    time_s: float
+    time_s: float  # its time, seconds
     camera_frames: tuple[CameraFrame, ...]
-    hull: CarvedHull | None
-    body: BodyState | None
+    hull: CarvedHull | None  # None without silhouettes of two cameras
+    body: BodyState | None  # None where no pose was found
+    # Other poses that one camera leaves open, the likeliest first.
     hypotheses: tuple[Hypothesis, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what is missing, in words
 
 
 _NOTHING = np.zeros((0, 3))
@@ -162,18 +136,12 @@ def frame_html(scene: Scene) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """Selection of what is shown.
+    """Selection of what is shown."""
 
-    Attributes:
-        row: of `ResultScenes.frames`.
-        shown: names of `LAYERS`.
-        part: name of the limb whose movable area is shown; None: none.
-    """
-
-    row: int = 0
+    row: int = 0  # of `ResultScenes.frames`
     pictures: Pictures = "both"
-    shown: frozenset[str] = frozenset(LAYERS)
-    part: str | None = None
+    shown: frozenset[str] = frozenset(LAYERS)  # names of `LAYERS`
+    part: str | None = None  # name of the limb whose movable area is shown; None: none
 
 
 class SceneRenderer:

@@ -37,20 +37,13 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FitSilhouette:
-    """A camera's silhouette before and after the fit, and the body; all (h, w) bool, as recorded.
+    """A camera's silhouette before and after the fit, and the body; all (h, w) bool, as recorded."""
 
-    Attributes:
-        alone: of the picture alone.
-        used: that the fit used.
-        body: where the fitted body is; empty where it was not found.
-        reasons: why something was added, and why it was taken out.
-        odds: (h, w) float32, nats that the body spoke for the person; None: it did not.
-    """
-
-    alone: Mask
-    used: Mask
-    body: Mask
-    reasons: tuple[str, str]
+    alone: Mask  # of the picture alone
+    used: Mask  # that the fit used
+    body: Mask  # where the fitted body is; empty where it was not found
+    reasons: tuple[str, str]  # why something was added, and why it was taken out
+    # (h, w) float32, nats that the body spoke for the person; None: it did not.
     odds: NDArray[np.float32] | None = None
 
     def picture(self) -> bytes:
