@@ -169,6 +169,14 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
+def monocular_options(
+    start: str, outline_only: bool, library: Path | None
+) -> dict[str, bool | int | float | str]:
+    """Options of the estimator of one camera."""
+    named = {} if library is None else {"library": str(library)}
+    return {"start": start, "outline_only": outline_only, **named}
+
+
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
     """Reads 8x5; InputError, with the `meaning` and an example, where there are not two numbers."""
     first, _, second = text.lower().partition("x")

@@ -165,13 +165,12 @@ class Fit(EstimationArguments):
 
     def run(self) -> None:
         """Estimates the motion."""
-        options: dict[str, bool | int | float | str] = {}
-        if not self.interference:
-            options["interference"] = False
-        if self.voxel is not None:
-            options["voxel_size_m"] = self.voxel
-        if self.tolerance:
-            options["tolerance"] = self.tolerance
-        if self.repair != "auto":
-            options["repair"] = self.repair
+        given = {
+            "interference": self.interference,
+            "voxel_size_m": self.voxel,
+            "tolerance": self.tolerance,
+            "repair": self.repair,
+        }
+        usual = {"interference": True, "voxel_size_m": None, "tolerance": 0, "repair": "auto"}
+        options = {name: value for name, value in given.items() if value != usual[name]}
         self.estimate(arguments.camera_names(self.cameras), options, self.estimator)

@@ -151,12 +151,7 @@ class Live(arguments.PageArguments):
                 chest_girth_m=self.chest or known.chest_girth_m,
                 sex=self.sex if self.sex != "unknown" else known.sex,
             )
-            options: dict[str, bool | int | float | str] = {
-                "start": self.start,
-                "outline_only": self.outline_only,
-            }
-            if self.library is not None:
-                options["library"] = str(self.library)
+            options = arguments.monocular_options(self.start, self.outline_only, self.library)
             settings = Settings(
                 stature_m=subject.stature_m,
                 chest_m=subject.chest_girth_m,

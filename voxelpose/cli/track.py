@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from voxelpose.cli.arguments import OptionalName
+from voxelpose.cli.arguments import OptionalName, monocular_options
 from voxelpose.cli.fit import EstimationArguments
 
 
@@ -43,10 +43,5 @@ class Track(EstimationArguments):
         """Estimates the motion."""
         from voxelpose.recording.folder import only_camera
 
-        options: dict[str, bool | int | float | str] = {
-            "start": self.start,
-            "outline_only": self.outline_only,
-        }
-        if self.library is not None:
-            options["library"] = str(self.library)
+        options = monocular_options(self.start, self.outline_only, self.library)
         self.estimate((self.camera or only_camera(self.recording),), options, "monocular")

@@ -91,17 +91,11 @@ class View(arguments.PageArguments):
                 count = write_film(scenes, self.video, progress)
             print(f"{self.video}: {count} frames")
         if self.open3d:
-            from voxelpose.view.images.hull_picture import show_hull, skeleton_of
+            from voxelpose.view.images.hull_picture import hull_of, show_hull, skeleton_of
 
             scene = scenes.scene(frame)
-            if scene.hull is None:
-                raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
-            show_hull(
-                scene.hull.grid,
-                scene.hull.occupancy,
-                skeleton_of(scene),
-                f"{self.folder} frame {frame}",
-            )
+            hull, title = hull_of(scene), f"{self.folder} frame {frame}"
+            show_hull(hull.grid, hull.occupancy, skeleton_of(scene), title)
         if not pictures:
             self._serve(scenes, frame)
 

@@ -20,7 +20,6 @@ from voxelpose.live.live_estimators import (
     LiveEstimator,
     LiveMonocular,
     LiveMultiView,
-    MonocularSetup,
 )
 from voxelpose.live.session import SessionSettings
 from voxelpose.recording.folder import Recording, default_camera
@@ -122,9 +121,8 @@ def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> L
     if len(recording.rig) > 1:
         return LiveMultiView(recording.rig, settings)
     options = read_options(MonocularOptions, settings.options, "monocular")
-    pictures = not recording.silhouettes_given
-    setup = MonocularSetup(recording.rig, settings, options, live.fps, pictures)
-    return LiveMonocular(setup, reporter)
+    coloured = not recording.silhouettes_given
+    return LiveMonocular(recording.rig.cameras[0], settings, options, live.fps, coloured, reporter)
 
 
 def _named(

@@ -23,6 +23,7 @@ from calib.errors import InputError
 from voxelpose.live.camera_source import retry_waits_s
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.messages import json_message, vmc_datagrams
+from voxelpose.view.serving.gate import until_one_ends
 
 VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
@@ -104,7 +105,7 @@ class ReceiverState:
 
 
 class Sender(ABC):
-    """Sends frames to one receiver, in the event loop of `Senders`."""
+    """Sends frames to one receiver, in the event loop of `Senders`; any thread may read `state`."""
 
     def __init__(self, address: ReceiverAddress) -> None:
         """Looks the host up. InputError where the host's name is not known here."""
@@ -112,36 +113,29 @@ class Sender(ABC):
         self.family, self.host = address.resolved()
         self._waiting: tuple[LiveFrame, float] | None = None
         self._arrived = asyncio.Event()
-        self._message, self._working = "waiting for a frame", False
-        self._sent = self._dropped = 0
+        self.state = ReceiverState(address.shown, "waiting for a frame", False)
         self._send_s: deque[float] = deque(maxlen=_RECENT)
 
     def offer(self, frame: LiveFrame, offered_s: float) -> None:
         """Takes a frame and the time of `Senders.send`; it replaces one that still waits."""
-        self._dropped += self._waiting is not None
+        if self._waiting is not None:
+            self.state = replace(self.state, dropped=self.state.dropped + 1)
         self._waiting = frame, offered_s
         self._arrived.set()
-
-    @property
-    def state(self) -> ReceiverState:
-        """How it goes; any thread may ask."""
-        send_s = median(self._send_s) if self._send_s else math.nan
-        counts = self._sent, self._dropped
-        return ReceiverState(self.address.shown, self._message, self._working, *counts, send_s)
 
     async def keep_trying(self) -> None:
         """Connects and sends, and tries again where that fails, until it is cancelled."""
         waits_s = retry_waits_s()
         try:
             while True:
-                before, problem = self._sent, ""
+                before, problem = self.state.sent, ""
                 try:
                     await self.connection()
                 except OSError as error:
                     problem = error.strerror or str(error)
                 except Exception as error:  # one receiver must not end the session
                     problem = f"{type(error).__name__}: {error}"
-                waits_s = retry_waits_s() if self._sent > before else waits_s
+                waits_s = retry_waits_s() if self.state.sent > before else waits_s
                 wait_s = next(waits_s)
                 self.note_state(f"{problem}, trying again in {wait_s:g} s", False)
                 await asyncio.sleep(wait_s)
@@ -164,13 +158,13 @@ class Sender(ABC):
 
     def note_sent(self, offered_s: float) -> None:
         """Notes that a frame, offered at that time, has gone to the network."""
-        self._sent += 1
         self._send_s.append(time.perf_counter() - offered_s)
+        self.state = replace(self.state, sent=self.state.sent + 1, send_s=median(self._send_s))
         self.note_state("sending", True)
 
     def note_state(self, message: str, working: bool) -> None:
         """Notes how it goes."""
-        self._message, self._working = message, working
+        self.state = replace(self.state, message=message, working=working)
 
 
 class DatagramSender(Sender):
@@ -231,7 +225,7 @@ class WebSocketSender(Sender):
                 proxy=None,
             ) as link:
                 self.note_state("connected, waiting for a frame", True)
-                await self._converse(link)
+                await until_one_ends(self._feed(link), self._read(link))
         except TimeoutError:
             raise ConnectionError("no answer") from None
         except ConnectionRefusedError:
@@ -245,20 +239,6 @@ class WebSocketSender(Sender):
             ) from None
         except (InvalidHandshake, EOFError):
             raise ConnectionError("it does not speak WebSocket") from None
-
-    async def _converse(self, link: ClientConnection) -> None:
-        """Sends and reads until either fails: ConnectionClosed by the receiver, TimeoutError where
-        it does not read.
-        """
-        tasks = asyncio.create_task(self._feed(link)), asyncio.create_task(self._read(link))
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-        for task in done:
-            task.result()
 
     async def _feed(self, link: ClientConnection) -> None:
         while True:

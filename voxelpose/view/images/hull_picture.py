@@ -21,7 +21,7 @@ from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import Scene
+from voxelpose.view.viewer.scene import CarvedHull, Scene
 
 SIZE = 480, 720
 """Width and height of a hull's picture from one side, px."""
@@ -174,6 +174,13 @@ def _shade(
     return shaded.astype(np.uint8)
 
 
+def hull_of(scene: Scene) -> CarvedHull:
+    """The hull of a scene; InputError where there is none."""
+    if scene.hull is None:
+        raise InputError(f"frame {scene.frame} has no hull: {'; '.join(scene.notes)}")
+    return scene.hull
+
+
 def skeleton_of(scene: Scene) -> Skeleton | None:
     """The fitted skeleton of a scene; None where there is no pose."""
     if scene.body is None:
@@ -186,11 +193,9 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
     litres. InputError where there is no hull to show, or the file cannot be written.
     """
     scene = scenes.scene(frame)
-    if scene.hull is None:
-        raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
-    picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
-    write_whole(path, png(picture))
-    return scene.hull.litres(scene.hull.occupancy)
+    hull = hull_of(scene)
+    write_whole(path, png(hull_picture(hull.grid, hull.occupancy, skeleton_of(scene))))
+    return hull.litres(hull.occupancy)
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:

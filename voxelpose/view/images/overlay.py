@@ -277,8 +277,8 @@ def _mark(image: canvas.Image, caption: str, warning: str) -> None:
         canvas.write_text(image, warning, x, y - 2 * size, size, canvas.WARNING, bold=True)
 
 
-_GAP, _MARGIN, _HEAD, _NAME = 6, 28, 64, 58
-_WIDEST, _HIGHEST = 1900, 420  # px, of the sheet, and of a camera's row
+_REFUSED_HEAD, _NAME = 64, 58
+_ROW_PX = 420  # height of a camera's row at most
 _SHOWN = 3  # moments, each with the frame after it
 
 
@@ -314,17 +314,19 @@ def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Im
     rows = []
     for name, masks in error.masks.items():
         height, width = masks[0].shape
-        scale = min(room / width, _HIGHEST / height)
+        scale = min(room / width, _ROW_PX / height)
         size = round(width * scale), round(height * scale)
         lens = error.lenses.get(name)
         tiles = [_tile(frames[step][name], masks[k], lens, size) for step, k in shown.items()]
         rows.append((f"{name}: {error.faults[name]}", size, tiles))
     sheet = np.full(
-        (_HEAD + sum(_NAME + size[1] for _, size, _ in rows) + _MARGIN, _WIDEST, 3), PAPER, np.uint8
+        (_REFUSED_HEAD + sum(_NAME + size[1] for _, size, _ in rows) + _MARGIN, _WIDEST, 3),
+        PAPER,
+        np.uint8,
     )
     title = f"{recording.folder.resolve().name} · silhouettes that cannot be those of a person"
     write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
-    top = _HEAD
+    top = _REFUSED_HEAD
     for words, (width, height), tiles in rows:
         write_text(sheet, words, _MARGIN, top + 26, 17, INK, bold=True)
         left, top = _MARGIN, top + _NAME

@@ -13,10 +13,11 @@ import secrets
 import socket
 import threading
 from asyncio import StreamReader, StreamWriter
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError
@@ -187,6 +188,19 @@ class GateRequest:
         return Reply(
             "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
         )
+
+
+async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
+    """Runs until one of them ends, cancels the others, and raises what it raised."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()
 
 
 def is_loopback(host: str) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from viser import infra
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, until_one_ends
 from voxelpose.view.serving.page_answers import PageAnswers
 
 _LARGEST_BODY = 10_000  # bytes that the page beside may be sent
@@ -153,16 +153,7 @@ class PageServer:
         self._peers.add(own)
         try:
             inner_writer.write(request.head)
-            ways = [
-                asyncio.create_task(_copy(inner_reader, writer)),
-                asyncio.create_task(_copy(reader, inner_writer)),
-            ]
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+            await until_one_ends(_copy(inner_reader, writer), _copy(reader, inner_writer))
         finally:
             inner_writer.close()
             self._peers.discard(own)

@@ -37,7 +37,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FitSilhouette:
-    """A camera's silhouette before and after the fit, and the body; all (h, w) bool, as recorded."""
+    """A camera's silhouette before and after the fit, and the body: (h, w) bool, as recorded."""
 
     alone: Mask  # of the picture alone
     used: Mask  # that the fit used
