@@ -37,19 +37,8 @@ class Verdict:
 
 
 def verdict_of(summary: Mapping[str, Any]) -> Verdict:
-    """The verdict on a result.
-
-    A result is doubtful if a tenth of its frames has no pose, or if a quarter of the others is
-    wrong more likely than not, or most of its joints are (several cameras), or if body and
-    silhouettes have less than three quarters of their union in common (one camera), or if the
-    poses that one camera leaves are so far apart that the joints' mean error is likely above 75
-    mm, or if it was joined of pieces that do not meet, or if it turns faster than people do. So
-    is one from which an object was left out that nobody marked: legs that do not move may have
-    been taken for it; and one whose silhouettes were cut by the body, with which they agree for
-    that alone; and one of grey cameras in which a quarter of the person might be a shadow.
-
-    Args:
-        summary: contents of summary.json; `frames`, `quality` and `facts` are read.
+    """The verdict on a result, by `frames`, `quality` and `facts` of its summary.json: doubtful for
+    the first of the reasons below.
     """
     frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
     error_mm = _error_mm(quality)

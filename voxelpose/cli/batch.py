@@ -61,6 +61,8 @@ class Batch:
 
     def run(self) -> int:
         """Runs the batch; returns the exit code."""
+        import psutil
+
         from calib.errors import InputError
         from voxelpose.batch.batch_tables import write_tables
         from voxelpose.batch.jobs import jobs_of, read_settings
@@ -70,7 +72,8 @@ class Batch:
         jobs = [_with_folder_settings(job) for job in listed]
         if self.pieces is not None and not self.pieces > 0:
             raise InputError(f"--pieces {self.pieces} is impossible: give a length in seconds")
-        processes = self.jobs or _usual_jobs()
+        memory_gib = int(psutil.virtual_memory().total / 2**30)  # a core needs one
+        processes = self.jobs or max(1, min(os.cpu_count() or 1, memory_gib))
         if self.pieces is None:
             processes = min(processes, len(jobs))
         settings = BatchSettings(
@@ -112,15 +115,6 @@ def _with_folder_settings(job: Job) -> Job:
         for name, setting in named.items()
     }
     return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
-
-
-def _usual_jobs() -> int:
-    """Cores, but no more than have a GiB of memory each."""
-    try:
-        memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    except (AttributeError, ValueError, OSError):  # not on Windows
-        memory_gib = 8.0
-    return max(1, min(os.cpu_count() or 1, int(memory_gib)))
 
 
 def _tell(outcome: Outcome, place: str) -> None:

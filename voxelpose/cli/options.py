@@ -229,14 +229,6 @@ def parse_with_settings(
     return done, taken
 
 
-def settings_notes(section: str, taken: Mapping[str, FolderSetting]) -> list[str]:
-    """A line for each file that settings were taken from."""
-    names: dict[str, list[str]] = {}
-    for name, setting in taken.items():
-        names.setdefault(setting.file, []).append(name)
-    return [f"from {file} [{section}]: {', '.join(known)}" for file, known in names.items()]
-
-
 def _grouped(command: Any) -> Any:
     """A class of a command's groups of options, which help shows in a box each, or the command."""
     if not hasattr(command, "groups"):

@@ -80,6 +80,8 @@ def all_sections() -> list[str]:
 
 def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     """Value and source of every option, by name."""
+    import msgspec
+
     found = options.folder_settings(section, folder)
     known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
     values = {}
@@ -92,7 +94,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
             value, source = None, "to be given"
         else:
             value, source = option.default, "default"
-        values[name] = {"value": _plain_value(value), "from": source}
+        values[name] = {"value": msgspec.to_builtins(value, enc_hook=str), "from": source}
     return values
 
 
@@ -108,21 +110,14 @@ def _of_the_subject(folder: Path) -> dict[str, Any]:
     }
 
 
-def _plain_value(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain_value(part) for part in value]
-    return str(value) if isinstance(value, Path) else value
-
-
 def _print_tables(tables: dict[str, dict[str, dict[str, Any]]]) -> None:
     for section, values in tables.items():
-        rows = [(name, _shown(entry["value"]), entry["from"]) for name, entry in values.items()]
+        rows = []
+        for name, entry in values.items():
+            value = entry["value"]
+            shown = "-" if value is None else json.dumps(value, ensure_ascii=False)
+            rows.append((name, shown, entry["from"]))
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
         print(f"[{section}]")
         for name, shown, source in rows:
             print(f"  {name:<{wide[0]}}  {shown:<{wide[1]}}  {source}")
-
-
-def _shown(value: Any) -> str:
-    """A value as in TOML, `-` for none; on one line."""
-    return "-" if value is None else json.dumps(value, ensure_ascii=False)

@@ -96,12 +96,6 @@ def print_score(score: Score) -> None:
         if unknown := [name for mm, name in errors if not np.isfinite(mm)]:
             console.print(f"not scored, since the truth lacks them: {', '.join(unknown)}")
     elif errors:
-        _print_joints(score)
-
-
-def _print_joints(score: Score) -> None:
-    """Prints a table of the joints of a body that is no person's, and one of its joint angles."""
-    joints = zip(score.joints, score.joint_root_mm, strict=True)
-    print_table(((plain(name), f"{mm:.1f}") for name, mm in joints), "joint", "root_mm")
-    angles = score.each_joint_angle_deg.items()
-    print_table(((plain(name), f"{deg:.2f}") for name, deg in angles), "joint angle", "degrees")
+        print_table(((plain(name), f"{mm:.1f}") for mm, name in errors), "joint", "root_mm")
+        angles = score.each_joint_angle_deg.items()
+        print_table(((plain(name), f"{deg:.2f}") for name, deg in angles), "joint angle", "degrees")
