@@ -80,15 +80,13 @@ def retry_waits_s() -> Iterator[float]:
 
 
 class CameraReader:
-    """Reads one camera in a thread of its own, and tries again for ever where it fails.
+    """Reads one camera in a thread of its own, and tries again for ever where it fails. Its state
+    is "ok", "ended" where no picture will come any more, or a line that says what is wrong.
 
     Args:
         size: (width, height) px for which the camera is calibrated.
         now: seconds since the session's start.
         fps: rate at which a file is played; None: the file's own.
-
-    Attributes:
-        state: "ok", "ended" where no picture will come any more, or a line that says what is wrong.
     """
 
     def __init__(
@@ -266,15 +264,12 @@ class _Stream:
 
 
 class ShotMatcher:
-    """Matches pictures by their time stamps, as soon as every camera that delivers has one.
+    """Matches pictures by their time stamps, as soon as every camera that delivers has one; `each`
+    is called with every shot, also with those that nobody takes, and returns at once.
 
     A camera that has been silent for a while is left out until it delivers again, but of several
-    cameras two are needed.
-
-    Args:
-        names: of the cameras, in the calibration's order.
-        now: seconds since the session's start.
-        each: called with every shot, also with those that nobody takes; returns at once.
+    cameras two are needed. The cameras' names are in the calibration's order; `now` tells the
+    seconds since the session's start.
     """
 
     def __init__(

@@ -70,13 +70,8 @@ class EmptyView:
 
 
 class LiveSilhouettes:
-    """Silhouettes near the last ones, and now and then, camera by camera, of the whole picture.
-
-    Args:
-        silhouettes: with the learned backgrounds.
-
-    Attributes:
-        others: names of the cameras that show somebody beside the largest component.
+    """Silhouettes near the last ones, and now and then, camera by camera, of the whole picture, by
+    learned backgrounds; `others` names the cameras that show somebody beside the largest component.
     """
 
     def __init__(self, silhouettes: Silhouettes):
@@ -124,10 +119,8 @@ _Shapes = dict[str, tuple[int, int, int]]
 
 
 class SilhouetteProcess:
-    """`LiveSilhouettes` in another process, which shares the pictures' memory.
-
-    Raises:
-        InputError: the machine has too little shared memory.
+    """`LiveSilhouettes` in another process, which shares the pictures' memory; InputError where the
+    machine has too little of it.
     """
 
     def __init__(self, rig: Rig):

@@ -83,12 +83,8 @@ def time_chart(
 def part_chart(
     overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64]
 ) -> str:
-    """Chart, an svg element, of every part's fraction inside the hull, a row per part.
-
-    Args:
-        overlap: (T, P) fractions, drawn in the colours of the viewer.
-        labels: of the P parts.
-        time_s: (T,) seconds.
+    """Chart, an svg element, of every part's fraction (T, P) inside the hull in the colours of the
+    viewer, a row per part with its label, over time (T,), s.
     """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": "parts"}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")

@@ -75,14 +75,11 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
 
 
 def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str, Any]]:
-    """How far each click is from where the calibration puts its point.
+    """How far each click is from where the calibration puts its point: a measured one, or one
+    clicked in two cameras and more, which is triangulated.
 
-    Args:
-        points: measured ones, or clicked in two cameras and more, which are triangulated.
-
-    Returns:
-        By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera;
-        `position_m`, world coordinates; `measured`, whether they were typed in.
+    By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera; `position_m`,
+    world coordinates; `measured`, whether they were typed in.
     """
     found: dict[str, dict[str, Any]] = {}
     for point in points:
@@ -143,14 +140,9 @@ def up_choices(rig: Rig) -> list[dict[str, Any]]:
 
 
 def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]]]:
-    """The floor's grid, the world's axes and an upright pole of 1.8 m as the cameras see them.
-
-    Args:
-        rig: as calibrated.
-        frame: with the floor at z = 0.
-
-    Returns:
-        By camera, lines with `kind` (grid, middle, x, y, z, pole) and `pixels` [[x, y], ...].
+    """The grid of the floor, z = 0 of a frame, the world's axes and an upright pole of 1.8 m as the
+    cameras see them: by camera, lines with `kind` (grid, middle, x, y, z, pole) and `pixels` [[x,
+    y], ...].
     """
     upright = frame.rig(rig)
     x, y = _middle(upright)

@@ -68,14 +68,8 @@ def body_parts(
 
 
 class FigurePainter:
-    """Draws one body into the pictures of one camera.
-
-    The picture stays as recorded: the body is drawn with the lens's distortion.
-
-    Attributes:
-        scale: size of the working picture over that of the recorded one.
-        ideal: the pinhole camera of the working picture.
-        size: width and height of the working picture.
+    """Draws one body into the pictures of one camera, which stay as recorded: with the lens's
+    distortion.
     """
 
     def __init__(
@@ -88,8 +82,8 @@ class FigurePainter:
         """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched."""
         self.model, self.camera, self.scale = model, camera, scale
         self._unknown = unknown
-        self.ideal = camera.pinhole(scale)
-        self.size = self.ideal.size
+        self.ideal = camera.pinhole(scale)  # of the working picture, `scale` times the recorded
+        self.size = self.ideal.size  # width and height
         self._side = np.array([-1] + [_SIDES.index(canvas.colour_of(name)) for name in model.names])
         self._bones = skeleton_bones(model)
         self._ends = bone_ends(self._bones)

@@ -67,11 +67,10 @@ def hull_picture(
     azimuths_deg: tuple[float, ...] = (-90, -30, 30, 90),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
-    """Pictures (720, 480 * number of sides, 3) uint8, BGR, of the hull's surface from several
-    sides, side by side; needs no screen.
+    """Pictures (720, 480 * number of sides, 3) uint8, BGR, of the surface of a hull, (nx, ny, nz)
+    bool, not empty, from several sides, side by side; needs no screen.
 
     Args:
-        occupancy: (nx, ny, nz) bool, not empty.
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.

@@ -243,11 +243,8 @@ Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Address:
-    """Where a page is served, and to whom.
-
-    Raises:
-        InputError: other machines could see the page without a token; the token is short; or there
-            is no such port.
+    """Where a page is served, and to whom. InputError where other machines could see it without a
+    token, the token is short, or there is no such port.
     """
 
     # Name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.

@@ -71,13 +71,11 @@ def move_bones(
 
 
 class PageServer:
-    """Serves viser's scene and panel to those whom the gate lets pass.
+    """Serves viser's scene and panel to those whom the gate lets pass, at a `url` that includes the
+    token.
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
-
-    Attributes:
-        url: address for the browser, the token included.
     """
 
     def __init__(self, address: Address, title: str, beside: PageAnswers | None = None) -> None:

@@ -81,24 +81,7 @@ class FittedBody:
 
 
 class ResultScenes:
-    """Scenes of a result, or of a recording alone.
-
-    Attributes:
-        rig: the cameras, as calibrated.
-        frames: (T,) int64, the numbers of all frames.
-        fps: frames per second of the recording.
-        motion: the poses; None for a recording alone.
-        recording: None where it is missing.
-        missing: why the recording is missing; else empty.
-        changed: what changed in the recording since the fit; else empty.
-        facts: what the fit noted in summary.json.
-        estimator: that made the poses; "": none did.
-        background: kind of the silhouettes' background.
-        lenses: undistorted view of every camera by name.
-        views: their pinhole cameras.
-        rule: by which hulls are carved.
-        reader: of pictures and silhouettes; None where the recording is missing.
-    """
+    """Scenes of a result, or of a recording alone."""
 
     def __init__(
         self,
@@ -114,10 +97,10 @@ class ResultScenes:
         folder = Path(folder)
         self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
-        self.missing = self.changed = ""
-        self.motion = None
+        self.missing = self.changed = ""  # why the recording is, and what did since the fit
+        self.motion = None  # the poses; None for a recording alone
         settings: Mapping[str, Any] = {}
-        self.facts: Mapping[str, Any] = {}
+        self.facts: Mapping[str, Any] = {}  # what the fit noted in summary.json
         self._hypotheses: Mapping[int, tuple[Hypothesis, ...]] = {}
         if is_result(folder):
             result = Result.open(folder)
@@ -136,15 +119,15 @@ class ResultScenes:
             self.recording = _open_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
             self.fps = self.recording.fps
-            self.frames = np.arange(self.recording.numbers[-1] + 1)
-        self.estimator = str(settings.get("estimator", ""))
+            self.frames = np.arange(self.recording.numbers[-1] + 1)  # their numbers, (T,) int64
+        self.estimator = str(settings.get("estimator", ""))  # that made the poses; "": none did
         options = settings.get("options", {})
         self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", CARVING.voxel_m))
         self.lenses = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
         self.background = settings.get("background", "auto").replace("refined", "auto")
-        self.reader = None
+        self.reader = None  # of pictures and silhouettes
         if self.recording:
             segmenter = settings.get("segmenter")
             self.reader = CameraFrames(self.recording, self.background, self.lenses, segmenter)
@@ -172,9 +155,7 @@ class ResultScenes:
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
         """Movable areas of a frame by the name of the limb's first part; none without a hull. The
-        limbs above are as in the pose.
-
-        Source: Iiyama, Kameda and Minoh, section 3.
+        limbs above are as in the pose. Source: Iiyama, Kameda and Minoh, section 3.
         """
         return self._areas(frame)
 

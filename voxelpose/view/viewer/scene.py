@@ -284,10 +284,8 @@ def _part_mesh(model: BodyModel, part: int) -> tuple[NDArray[np.int64], NDArray[
 
 
 class CameraFrames:
-    """Reads frames in any order.
-
-    A frame shortly after the last one is reached by reading on: videos are decoded from their
-    start.
+    """Reads frames in any order: one shortly after the last by reading on, since videos are decoded
+    from their start.
     """
 
     def __init__(

@@ -90,17 +90,12 @@ class FitSilhouette:
 
 
 class FitSilhouettes:
-    """Silhouettes of a result's recording.
-
-    Attributes:
-        cut: whether the fit cut silhouettes by the body.
-        late: by how many frames the fit found a camera's pictures to come late, by its name.
-    """
+    """Silhouettes of a result's recording."""
 
     def __init__(self, scenes: ResultScenes) -> None:
         self._scenes, recording = scenes, scenes.recording
-        self.cut = bool(scenes.facts.get("cut_by_body"))
-        found = scenes.facts.get("late_frames", {})
+        self.cut = bool(scenes.facts.get("cut_by_body"))  # whether the fit cut silhouettes by it
+        found = scenes.facts.get("late_frames", {})  # by camera name
         self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
         self._evidence = None
         if scenes.motion is not None and recording is not None:
@@ -203,11 +198,7 @@ _PLAIN, _CUT = False, True
 
 
 class SilhouettePage:
-    """Shows the silhouettes of scenes.
-
-    Attributes:
-        answers: to requests of the page.
-    """
+    """Shows the silhouettes of scenes; its `answers` are to requests of the page."""
 
     def __init__(self, scenes: ResultScenes) -> None:
         """Reads nothing yet of scenes of a result, or of a recording; InputError where that is
