@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import Distribution
 from pathlib import Path
 from typing import Literal
 
@@ -89,11 +89,7 @@ def _opencv() -> _Finding:
 
 
 def _installed(distribution: str) -> bool:
-    try:
-        version(distribution)
-    except PackageNotFoundError:
-        return False
-    return True
+    return any(Distribution.discover(name=distribution))
 
 
 def _threads() -> _Finding:

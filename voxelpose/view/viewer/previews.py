@@ -78,11 +78,9 @@ class BackgroundModels:
 
     def _learn(self, kind: object) -> None:
         try:
-            model = self._learned(kind)
+            self._models[kind].set_result(self._learned(kind))
         except BaseException as error:  # for who asks
             self._models[kind].set_exception(error)
-        else:
-            self._models[kind].set_result(model)
 
 
 def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int) -> bytes:
