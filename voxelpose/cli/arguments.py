@@ -13,7 +13,9 @@ from calib.errors import InputError
 
 if TYPE_CHECKING:
     from calib.board import Board
+    from voxelpose.setup_page.setup_session import SetupServer
     from voxelpose.view.serving.gate import Address
+    from voxelpose.view.viewer.browser import Browser
 
 _MAX_SQUARE_M = 2
 GROUPS = {
@@ -136,6 +138,17 @@ class PageArguments:
         from voxelpose.view.serving.gate import Address
 
         return Address(self.host, self.port, self.token)
+
+    def serve(self, title: str, page: Browser | SetupServer) -> None:
+        """Prints a page's address, opens it, and runs it until Ctrl-C."""
+        try:
+            print(f"{title}: {page.url} (Ctrl-C ends it)", flush=True)
+            self.open_page(page.url)
+            page.run()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            page.close()
 
     def open_page(self, url: str) -> None:
         """Opens a page in the browser, unless that is not wanted."""

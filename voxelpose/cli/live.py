@@ -26,35 +26,22 @@ if TYPE_CHECKING:
 _STATUS_EVERY_S = 1
 
 
-class StateLine:
-    """State of a session: one changing line on a terminal, a line per change elsewhere."""
-
-    def __init__(self) -> None:
-        self._line: Status | None = None
-        self._said: tuple[str, ...] = ()
-        if sys.stderr.isatty():
-            self._line = rich_console(stderr=True).status("")
-            self._line.start()
-
-    def show(self, state: SessionState) -> None:
-        """Shows the present state."""
-        wrong = tuple(f"{name}: {said}" for name, said in state.cameras.items() if said != "ok")
-        if self._line is not None:
-            numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
-            if math.isfinite(state.latency_s):
-                numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
-            self._line.update(plain("; ".join([state.message, numbers, *wrong])))
-            return
-        # Seconds that count down are no news.
-        message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
-        if (message, *wrong) != self._said:
-            self._said = (message, *wrong)
-            print("; ".join(self._said), file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Removes the changing line."""
-        if self._line is not None:
-            self._line.stop()
+def show_state(state: SessionState, line: Status, said: tuple[str, ...]) -> tuple[str, ...]:
+    """Shows a session's state: in one changing line on a terminal, elsewhere, where it is not what
+    was said before, in a new one; returns what has been said.
+    """
+    wrong = tuple(f"{name}: {words}" for name, words in state.cameras.items() if words != "ok")
+    if sys.stderr.isatty():
+        numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
+        if math.isfinite(state.latency_s):
+            numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
+        line.update(plain("; ".join([state.message, numbers, *wrong])))
+        return said
+    # Seconds that count down are no news.
+    message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
+    if (message, *wrong) != said:
+        print("; ".join((message, *wrong)), file=sys.stderr, flush=True)
+    return message, *wrong
 
 
 def print_session(session: LiveSession) -> None:
@@ -218,15 +205,13 @@ class Live(arguments.PageArguments):
 
     def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
-        line = StateLine()
-        try:
+        said: tuple[str, ...] = ()
+        with rich_console(stderr=True).status("") as line:
             session.start_cameras(self.record is not None and self.record_now)
             if session.state.phase == "no background":
                 session.learn_background()
             end_s = None if self.duration is None else time.monotonic() + self.duration
             while not session.wait(_STATUS_EVERY_S):
-                line.show(session.state)
+                said = show_state(session.state, line, said)
                 if end_s is not None and time.monotonic() >= end_s:
                     break
-        finally:
-            line.close()

@@ -39,12 +39,4 @@ class Setup(PageArguments):
         fps = self.fps or known.get("fps", (None, ""))[0]
         label = self.label or known.get("label", (None, ""))[0]
         session = SetupSession(OpenedFolder.open(self.recording, unit, fps, label), settings)
-        server = SetupServer(session, address)
-        try:
-            print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
-            self.open_page(server.url)
-            server.wait()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            server.close()
+        self.serve(message(str(self.recording)), SetupServer(session, address))

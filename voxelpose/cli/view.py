@@ -97,7 +97,9 @@ class View(arguments.PageArguments):
             hull, title = hull_of(scene), f"{self.folder} frame {frame}"
             show_hull(hull.grid, hull.occupancy, skeleton_of(scene), title)
         if not pictures:
-            self._serve(scenes, frame)
+            from voxelpose.view.viewer.browser import Browser
+
+            self.serve(scenes.title, Browser(scenes, self.address(), frame))
 
     def _frame(self, scenes: ResultScenes, posed: bool) -> int:
         """Returns the number of the frame to show; the middle one where none is given."""
@@ -111,16 +113,3 @@ class View(arguments.PageArguments):
                 f" {frames[-1]}"
             )
         return self.frame
-
-    def _serve(self, scenes: ResultScenes, frame: int) -> None:
-        from voxelpose.view.viewer.browser import Browser
-
-        browser = Browser(scenes, self.address(), frame)
-        print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
-        self.open_page(browser.url)
-        try:
-            browser.run()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            browser.close()

@@ -306,7 +306,7 @@ class SetupServer:
         self._gate = Gate(address, answers.serve, LARGEST_BODY)
         self.url, self.port = self._gate.url, self._gate.port
 
-    def wait(self) -> None:
+    def run(self) -> None:
         """Waits until somebody interrupts, or the server is closed."""
         while not self._ended.wait(0.5):
             pass
