@@ -38,28 +38,24 @@ _LEAST_PX, _MOST_PX = 640, 960  # longer side of a video
 _PAINTED_AHEAD = 2  # time steps
 
 
+_Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Rotations (P, 3, 3), world from part, and joints (P, 3) m in the world."""
+
+
 class ContactSheet:
     """Collects tiles while frames are read; each camera is cropped to where the body moves."""
 
     def __init__(
-        self,
-        motion: Motion,
-        rotation: NDArray[np.float64],
-        origin: NDArray[np.float64],
-        cameras: Sequence[Camera],
-        unknown: Mapping[str, NDArray[np.bool_]],
+        self, motion: Motion, cameras: Sequence[Camera], unknown: Mapping[str, NDArray[np.bool_]]
     ) -> None:
-        """Chooses at most six moments, and the crops, of cameras, a row each.
-
-        Args:
-            rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
-            origin: (T, P, 3) metres, likewise.
-            unknown: (H, W) bool by camera name, where nothing is known.
+        """Chooses at most six moments, and the crops, of cameras, a row each; `unknown`, (H, W)
+        bool by camera name, tells where nothing is known.
         """
         self.motion = motion
-        self.rotation, self.origin = rotation, origin
         self.rows = even_moments(len(motion), 6, margin=0).tolist()
-        boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
+        self.poses = list(zip(*(part[self.rows] for part in motion.parts()), strict=True))
+        skins = np.array([kinematics.skin(motion.model, *pose) for pose in self.poses])
+        boxes = [_box(skins.reshape(-1, 3), camera) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
         width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
@@ -74,9 +70,10 @@ class ContactSheet:
     def add(self, row: int, images: Mapping[str, canvas.Image]) -> None:
         """Keeps the tiles of one row of the motion, if it is one of the moments."""
         if row in self.rows:
-            column, pose = self.rows.index(row), (self.rotation[row], self.origin[row])
+            column = self.rows.index(row)
             for line, view in enumerate(self.views):
-                self.tiles[line, column] = view.crop(images[view.painter.camera.name], *pose)
+                image = images[view.painter.camera.name]
+                self.tiles[line, column] = view.crop(image, self.poses[column])
 
     def image(self, title: str) -> canvas.Image:
         """The finished sheet, (h, w, 3) uint8 BGR."""
@@ -139,30 +136,19 @@ class _View:
         self.painter = FigurePainter(motion.model, part, scale, hidden)
         self.shift = shift + low * scale
 
-    def crop(
-        self, frame: canvas.Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> canvas.Image:
+    def crop(self, frame: canvas.Image, pose: _Pose) -> canvas.Image:
         image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
-        self.painter.paint(image, rotation, origin)
+        self.painter.paint(image, *pose)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
         rim = (48, 42, 38)
         tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)
         return np.asarray(tile, np.uint8)
 
 
-def _box(
-    motion: Motion,
-    rotation: NDArray[np.float64],
-    origin: NDArray[np.float64],
-    camera: Camera,
-    rows: Sequence[int],
-) -> tuple[float, float, float, float]:
-    """Left, top, width, height, px, around the body in some rows; the picture if not visible."""
-    visible = []
-    for row in rows:
-        pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))
-        visible.append(pixels[np.isfinite(pixels).all(axis=1)])
-    pixels = np.clip(np.concatenate(visible), 0, np.array(camera.size) - 1)
+def _box(points: NDArray[np.float64], camera: Camera) -> tuple[float, float, float, float]:
+    """Left, top, width, height, px, around points (N, 3); the picture if none is visible."""
+    pixels, _ = camera.project(points)
+    pixels = np.clip(pixels[np.isfinite(pixels).all(axis=1)], 0, np.array(camera.size) - 1)
     low, high = np.zeros(2), np.array(camera.size, float)
     if len(pixels):
         low, high = pixels.min(0), pixels.max(0)
@@ -184,7 +170,7 @@ def draw_pictures(
     rotation, origin = motion.parts()
     rows = {int(frame): row for row, frame in enumerate(motion.frames)}
     unknown = source.unknown()
-    sheet = ContactSheet(motion, rotation, origin, list(source.rig), unknown)
+    sheet = ContactSheet(motion, list(source.rig), unknown)
     videos = [
         _Video(folder, camera, motion, source.fps, unknown.get(camera.name))
         for camera in source.rig
@@ -253,12 +239,7 @@ class _Video:
         self.painter = FigurePainter(motion.model, camera, scale, unknown)
         self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 
-    def painted(
-        self,
-        frame: Frame,
-        pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
-        caption: str,
-    ) -> canvas.Image:
+    def painted(self, frame: Frame, pose: _Pose | None, caption: str) -> canvas.Image:
         """Picture of a frame with its pose; any thread may paint it."""
         image = self.painter.resized(frame)
         if pose is not None:
