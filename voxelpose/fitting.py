@@ -62,18 +62,14 @@ def fit(
     estimator: str = "multiview",
     reporter: Reporter | None = None,
 ) -> Result:
-    """Estimates the motion of a recording and writes a result folder.
+    """Estimates the motion of a recording and writes a result folder; returns the result, as read
+    back.
 
     Args:
-        recording: the frames.
-        output: destination of the results.
         settings: settings of the estimator; stature, chest girth, sex and body that are not set are
             taken from the recording's subject.toml, and up from its calibration.
         estimator: name under which the estimator is registered.
         reporter: receiver of progress; None reports nothing.
-
-    Returns:
-        The result, as read back from the folder.
 
     Raises:
         InputError: the recording, the settings or the output cannot be used. Silhouettes that
@@ -178,17 +174,14 @@ def track(
     settings: Settings | None = None,
     reporter: Reporter | None = None,
 ) -> Result:
-    """Estimates the motion of a recording from one camera, as `voxelpose track` does.
+    """Estimates the motion of a recording from one camera, as `voxelpose track` does; returns the
+    result, as read back.
 
     Args:
         recording: frames of one camera: `Recording.open(folder, cameras=["cam_1"])`.
-        output: destination of the results.
-        settings: as for `fit`, with the options `library` (path of a pose library; by default
-            the program's own proposal is used), `start` ("facing" or "any") and `outline_only`.
+        settings: as for `fit`, with the options `library` (path of a pose library; by default the
+            program's own proposal is used), `start` ("facing" or "any") and `outline_only`.
         reporter: receiver of progress; None reports nothing.
-
-    Returns:
-        The result, as read back from the folder.
 
     Raises:
         InputError: the recording has several cameras, or the recording, the settings or the output

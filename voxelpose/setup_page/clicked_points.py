@@ -182,12 +182,9 @@ def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)
     near = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
-    pieces, run = [], []
-    for pixel, is_near in zip(pixels.tolist(), [*near.tolist(), False], strict=False):
-        if is_near:
-            run.append([round(pixel[0], 2), round(pixel[1], 2)])
-            continue
-        pieces.append(run)
-        run = []
-    pieces.append(run)
-    return [{"kind": kind, "pixels": piece} for piece in pieces if len(piece) > 1]
+    cuts = np.flatnonzero(np.diff(near)) + 1
+    return [
+        {"kind": kind, "pixels": [[round(x, 2), round(y, 2)] for x, y in piece.tolist()]}
+        for piece, inside in zip(np.split(pixels, cuts), np.split(near, cuts), strict=True)
+        if inside[0] and len(piece) > 1
+    ]
