@@ -46,11 +46,6 @@ class FittedBody:
         self.volume = BodyVolume.from_model(motion.model, voxel_size_m)
         self._parts = motion.parts()
 
-    def row(self, frame: int) -> int | None:
-        """Row of the motion that holds a frame, or None."""
-        rows = np.flatnonzero(self.motion.frames == frame).tolist()
-        return rows[0] if rows else None
-
     def state(self, row: int) -> BodyState:
         """The body in a row of the motion."""
         model, quality = self.motion.model, self.motion.quality
@@ -137,6 +132,9 @@ class ResultScenes:
         self.views = PinholeViews.from_rig(Rig(self._cameras), unknown)
         tolerance = int(options.get("tolerance", 0))
         self.rule = body_rule(len(self.rig), tolerance, self.views.partly_unknown)
+        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
+        self.limb_names = tuple(limb.name for limb in limbs)  # of those that have a movable area
+        self.has_hypotheses = bool(self._hypotheses)  # of a monocular track
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
 
@@ -166,18 +164,8 @@ class ResultScenes:
 
     def row(self, frame: int) -> int | None:
         """Row of the motion that holds a frame, or None."""
-        return None if self._fitted is None else self._fitted.row(frame)
-
-    @property
-    def limb_names(self) -> tuple[str, ...]:
-        """Names of the limbs that have a movable area."""
-        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
-        return tuple(limb.name for limb in limbs)
-
-    @property
-    def has_hypotheses(self) -> bool:
-        """Whether the result holds hypotheses of a monocular track."""
-        return bool(self._hypotheses)
+        rows = [] if self.motion is None else np.flatnonzero(self.motion.frames == frame).tolist()
+        return rows[0] if rows else None
 
     def close(self) -> None:
         """Stops reading."""
