@@ -44,26 +44,21 @@ __all__ = [
     "track",
 ]
 
-_MODULES = {
-    "CarveSettings": "voxelpose.hull",
-    "Conditioning": "silhouette_core.motion.conditioning",
-    "Hull": "voxelpose.hull",
-    "InputError": "calib.errors",
-    "Motion": "silhouette_core.motion.motion",
-    "Output": "voxelpose.fitting",
-    "Recording": "voxelpose.recording.folder",
-    "Result": "voxelpose.results",
-    "Score": "voxelpose.evaluation",
-    "Settings": "silhouette_core.estimator",
-    "Silhouettes": "silhouette_core.image.silhouettes",
-    "carve_recording": "voxelpose.hull",
-    "conditioned": "silhouette_core.motion.conditioning",
-    "evaluate": "voxelpose.evaluation",
-    "export_motion": "voxelpose.export.formats",
-    "fit": "voxelpose.fitting",
-    "make_recording": "voxelpose.demo.room",
-    "track": "voxelpose.fitting",
+_NAMES = {
+    "calib.errors": "InputError",
+    "silhouette_core.estimator": "Settings",
+    "silhouette_core.image.silhouettes": "Silhouettes",
+    "silhouette_core.motion.conditioning": "Conditioning conditioned",
+    "silhouette_core.motion.motion": "Motion",
+    "voxelpose.demo.room": "make_recording",
+    "voxelpose.evaluation": "Score evaluate",
+    "voxelpose.export.formats": "export_motion",
+    "voxelpose.fitting": "Output fit track",
+    "voxelpose.hull": "CarveSettings Hull carve_recording",
+    "voxelpose.recording.folder": "Recording",
+    "voxelpose.results": "Result",
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> object:

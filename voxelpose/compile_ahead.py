@@ -20,11 +20,8 @@ FILE = Path(__file__).with_name("kernels.toml")
 
 
 def kernels(estimators: Iterable[str], last_first: bool = False) -> list[tuple[str, str, str]]:
-    """Module, function and numba's signature of all that estimators compile, each once.
-
-    Args:
-        estimators: names; of one that is not in the file, nothing is known.
-        last_first: whether those of each estimator are turned round.
+    """Module, function and numba's signature of all that estimators compile, each once; nothing is
+    known of an estimator that is not in the file. `last_first` turns those of each round.
     """
     tables = tomllib.loads(FILE.read_text(encoding="utf-8"))
     order = -1 if last_first else 1

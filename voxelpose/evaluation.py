@@ -164,7 +164,7 @@ def score_motion(
 
     Args:
         truth_m: (T, L, 3) float64, world, metres; what is NaN is not scored.
-        estimate_m: (T, L, 3) float64, world, metres; NaN in frames without a pose.
+        estimate_m: likewise; NaN in frames without a pose.
         names: of the L joints, the first of which is the root's.
         bones: (B, 2) int, joints between which there is a bone.
 
@@ -223,40 +223,31 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
     columns = "mpjpe_mm root_mm pa_mm pck150 angle_deg jitter_mm jitter_truth_mm flips lost".split()
     if any(score.each_joint_angle_deg for score in scores.values()):
         columns.insert(0, "joint_angle_deg")
-    lines = [
-        "| recording | frames | " + " | ".join(columns) + " |",
-        "|---" * (2 + len(columns)) + "|",
+    table = np.array([[getattr(score, column) for column in columns] for score in scores.values()])
+    rows = [
+        (name, score.frames, values)
+        for (name, score), values in zip(scores.items(), table, strict=True)
     ]
-
-    def line(name: str, frames: int, values: NDArray[np.float64]) -> str:
-        digits = [3 if column in ("pck150", "flips", "lost") else 1 for column in columns]
+    if len(scores) > 1:
+        rows.append(
+            ("**mean**", sum(score.frames for score in scores.values()), table.mean(axis=0))
+        )
+    digits = [3 if column in ("pck150", "flips", "lost") else 1 for column in columns]
+    lines = [["recording", "frames", *columns]]
+    for name, frames, values in rows:
         cells = (
             f"{value:.{places}f}" if np.isfinite(value) else "–"
             for value, places in zip(values, digits, strict=True)
         )
-        return f"| {name} | {frames} | " + " | ".join(cells) + " |"
-
-    table = np.array([[getattr(score, column) for column in columns] for score in scores.values()])
-    lines += [
-        line(name, score.frames, row)
-        for (name, score), row in zip(scores.items(), table, strict=True)
-    ]
-    if len(scores) > 1:
-        lines.append(
-            line("**mean**", sum(score.frames for score in scores.values()), table.mean(axis=0))
-        )
-    return "\n".join(lines) + "\n"
+        lines.append([name, str(frames), *cells])
+    head, *body = [f"| {' | '.join(line)} |\n" for line in lines]
+    return "".join([head, "|---" * len(lines[0]) + "|\n", *body])
 
 
 def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What is left between points after the similarity transform of `moving` that fits best.
-
-    Args:
-        moving: (T, J, 3) float64, aligned separately in every frame.
-        fixed: (T, J, 3) float64; NaN where unknown.
-
-    Returns:
-        (T, J, 3) float64, NaN in frames with less than four known points.
+    """What is left (T, J, 3) between points, (T, J, 3) float64 both, after the similarity transform
+    of `moving` that fits best in each frame; NaN in frames with less than four points of `fixed`
+    that are not NaN.
 
     Source: Umeyama, "Least-squares estimation of transformation parameters" (PAMI 1991), (40)-(43).
     """
@@ -275,11 +266,9 @@ def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:
-    return (
-        float(_mean(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2)))
-        if len(positions) > 3
-        else float("nan")
-    )
+    if len(positions) < 4:
+        return float("nan")
+    return float(_mean(np.linalg.norm(np.diff(positions, 3, axis=0), axis=2)))
 
 
 def _bone_angle(

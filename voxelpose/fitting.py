@@ -32,8 +32,7 @@ from voxelpose.recording.input_digests import input_digests
 from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
-from voxelpose.view.images.overlay import draw_pictures
-from voxelpose.view.images.refused_silhouettes import refusal_drawn
+from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
 
 _TAKE_BODIES = "multiview", "monocular"  # estimators with the option `body`
 
@@ -63,18 +62,14 @@ def fit(
     estimator: str = "multiview",
     reporter: Reporter | None = None,
 ) -> Result:
-    """Estimates the motion of a recording and writes a result folder.
+    """Estimates the motion of a recording and writes a result folder; returns the result, as read
+    back.
 
     Args:
-        recording: the frames.
-        output: destination of the results.
         settings: settings of the estimator; stature, chest girth, sex and body that are not set are
             taken from the recording's subject.toml, and up from its calibration.
         estimator: name under which the estimator is registered.
         reporter: receiver of progress; None reports nothing.
-
-    Returns:
-        The result, as read back from the folder.
 
     Raises:
         InputError: the recording, the settings or the output cannot be used. Silhouettes that
@@ -108,14 +103,8 @@ def write_estimate(
     estimator: str = "multiview",
     spent_s: float = 0.0,
 ) -> Result:
-    """Writes a result folder of an estimate that was made otherwise.
-
-    Args:
-        settings: with which it was made.
-        spent_s: time that it took, s.
-
-    Returns:
-        The result, as read back from the folder.
+    """Writes a result folder of an estimate that was made otherwise, with these settings and in
+    `spent_s` seconds; returns the result, as read back.
 
     Raises:
         InputError: it holds no pose, or the output cannot be used.
@@ -185,17 +174,14 @@ def track(
     settings: Settings | None = None,
     reporter: Reporter | None = None,
 ) -> Result:
-    """Estimates the motion of a recording from one camera, as `voxelpose track` does.
+    """Estimates the motion of a recording from one camera, as `voxelpose track` does; returns the
+    result, as read back.
 
     Args:
         recording: frames of one camera: `Recording.open(folder, cameras=["cam_1"])`.
-        output: destination of the results.
-        settings: as for `fit`, with the options `library` (path of a pose library; by default
-            the program's own proposal is used), `start` ("facing" or "any") and `outline_only`.
+        settings: as for `fit`, with the options `library` (path of a pose library; by default the
+            program's own proposal is used), `start` ("facing" or "any") and `outline_only`.
         reporter: receiver of progress; None reports nothing.
-
-    Returns:
-        The result, as read back from the folder.
 
     Raises:
         InputError: the recording has several cameras, or the recording, the settings or the output

@@ -49,7 +49,6 @@ class CarveSettings:
     label: str | None = None
 
     def __post_init__(self) -> None:
-        """Checks the settings."""
         if self.frame < 0:
             raise InputError(f"frame {self.frame} is impossible: the first is 0")
         if self.voxel_size_m is not None and not (

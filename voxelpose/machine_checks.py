@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import platform
 import shutil
@@ -10,7 +11,8 @@ import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
+from importlib.metadata import Distribution
 from pathlib import Path
 from typing import Literal
 
@@ -29,24 +31,18 @@ _Finding = tuple[State, str, str]
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """Result of one check.
-
-    Attributes:
-        state: state of the subject; `limited` means that fitting works and something else does not.
-        remedy: what the user can do; empty where nothing needs to be done.
-    """
+    """Result of one check."""
 
     name: str
+    # State of the subject; `limited` means that fitting works and something else does not.
     state: State
     found: str
-    remedy: str = ""
+    remedy: str = ""  # what the user can do; empty where nothing needs to be done
 
 
 def examine() -> list[HealthCheck]:
     """Checks everything that a fit needs, by trying it; results are written to the current folder.
-
-    Returns:
-        One result per subject; a check that raises an exception is reported as failing.
+    A check that raises an exception is reported as failing.
     """
     checks: dict[str, Callable[[], _Finding]] = {
         "Python": _python,
@@ -56,8 +52,8 @@ def examine() -> list[HealthCheck]:
         "compilation cache": _cache,
         "video": _video,
         "body and pictures": _pictures,
-        "estimators": _estimators,
-        "backends": _backends,
+        "estimators": partial(_registered, "estimator", "load_estimator"),
+        "backends": partial(_registered, "scoring.backend", "load_backend"),
         "open3d": _open3d,
         "disk": _disk,
     }
@@ -93,11 +89,7 @@ def _opencv() -> _Finding:
 
 
 def _installed(distribution: str) -> bool:
-    try:
-        version(distribution)
-    except PackageNotFoundError:
-        return False
-    return True
+    return any(Distribution.discover(name=distribution))
 
 
 def _threads() -> _Finding:
@@ -177,27 +169,16 @@ def _pictures() -> _Finding:
     return "works", f"{counts}; drawn without a screen", ""
 
 
-def _estimators() -> _Finding:
-    from silhouette_core.estimator import GROUP, load_estimator
-
-    return _registered(GROUP, load_estimator)
-
-
-def _backends() -> _Finding:
-    from silhouette_core.scoring.backend import GROUP, load_backend
-
-    return _registered(GROUP, load_backend)
-
-
-def _registered(group: str, load: Callable[[str], object]) -> _Finding:
+def _registered(module: str, load: str) -> _Finding:
     """Checks that the classes of an entry point group can be loaded."""
     from silhouette_core.entry_points import registered
 
-    names = sorted(registered(group))
+    known = importlib.import_module(f"silhouette_core.{module}")
+    names = sorted(registered(known.GROUP))
     if not names:
         return "fails", "none is registered", "install voxelpose (pip install -e . in a clone)"
-    for registered_name in names:
-        load(registered_name)
+    for name in names:
+        getattr(known, load)(name)
     return "works", ", ".join(names), ""
 
 

@@ -151,8 +151,7 @@ def load_summary(path: Path) -> dict[str, Any]:
     """Contents of summary.json, with `facts` in any case.
 
     Raises:
-        InputError: it is no JSON, lacks an entry, or has one of another type or an impossible
-            value; the message names the entry.
+        InputError: it is no JSON, or lacks an entry, or one is impossible; the message names it.
     """
     content = parse_json(load_text(path, _LARGEST_BYTES), path)
     _checked(content, _Summary, path)
@@ -177,8 +176,7 @@ def load_settings(path: Path) -> dict[str, Any]:
     """Contents of settings.toml.
 
     Raises:
-        InputError: it is no TOML, or has an entry of another type or an impossible value; the
-            message names the entry.
+        InputError: it is no TOML, or an entry is impossible; the message names it.
     """
     content = parse_toml(load_text(path, _LARGEST_BYTES), path)
     known = _checked(content, _Settings, path)
@@ -224,10 +222,7 @@ class Result:
 
     @classmethod
     def open(cls, folder: Path | str) -> Result:
-        """Reads a result folder.
-
-        Args:
-            folder: the folder, as given to `fit --out`.
+        """Reads a result folder, as given to `fit --out`.
 
         Raises:
             InputError: the folder is not a result, or a file in it is damaged.

@@ -18,11 +18,7 @@ _SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 
 
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
-    """Writes the three tables; returns their paths.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
+    """Writes the three tables; returns their paths. InputError where one cannot be written."""
     order = ("failed", "doubtful", "reliable")
     rows = sorted(outcomes, key=lambda row: (order.index(row.verdict.level), row.job.name))
     lines = [_line(outcome) for outcome in rows]

@@ -71,22 +71,18 @@ _PLAIN_NAME = re.compile(r"[^\w.+-]+")
 
 @dataclass(frozen=True)
 class Job:
-    """One recording and how it is estimated.
+    """One recording and how it is estimated."""
 
-    Attributes:
-        name: name of the result's folder, unique in the batch.
-        settings: values by name, as the options of that command.
-        sources: files that settings were taken from, by their names.
-    """
-
-    name: str
+    name: str  # name of the result's folder, unique in the batch
     recording: str
     command: Command
+    # Values by name, as the options of that command.
     settings: Mapping[str, bool | int | float | str]
+    # Files that settings were taken from, by their names.
     sources: Mapping[str, str] = field(default_factory=dict)
 
     def with_defaults(self, defaults: Mapping[str, Any], files: Mapping[str, str]) -> Job:
-        """The job with other settings where it has none; a batch decides on the rest itself.
+        """The job with the settings of files where it has none; a batch decides on the rest itself.
 
         Args:
             defaults: values by name, as the options of the command.
@@ -103,11 +99,7 @@ class Job:
         return replace(self, settings=taken | dict(self.settings), sources=sources)
 
     def open(self) -> Recording:
-        """The recording.
-
-        Raises:
-            InputError: it cannot be used.
-        """
+        """The recording; InputError where it cannot be used."""
         given = self.settings
         key = "camera" if self.command == "track" else "cameras"
         names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
@@ -124,10 +116,8 @@ class Job:
         )
 
     def estimator_settings(self, threads: int | None) -> Settings:
-        """Settings of the estimation with a number of threads; None: all cores.
-
-        Raises:
-            InputError: a value cannot be used.
+        """Settings of the estimation with a number of threads, None: all cores; InputError where a
+        value cannot be used.
         """
         fields = _fields(self.settings, self.command, "")
         if "up" in self.settings:
@@ -187,10 +177,8 @@ def jobs_of(
 
 
 def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
-    """Settings of the form name=value; values as in TOML, or plain text.
-
-    Raises:
-        InputError: a word has no equals sign.
+    """Settings of the form name=value; values as in TOML, or plain text. InputError where a word
+    has no equals sign.
     """
     settings = {}
     for word in words:

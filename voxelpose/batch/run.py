@@ -34,12 +34,8 @@ _JOB = "job.json"  # in a result's folder: the job of a batch that it was made f
 
 
 def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
-    """Jobs of a long recording's pieces; none where it is short, or has one camera.
-
-    Those after the first keep the body that the first one finds.
-
-    Raises:
-        InputError: the recording cannot be used.
+    """Jobs of a long recording's pieces; none where it is short, or has one camera. Those after the
+    first keep the body that it finds. InputError where the recording cannot be used.
     """
     if job.command != "fit":
         return []
@@ -61,14 +57,8 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
 
 
 def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
-    """Writes the result of a recording from those of its pieces, which are blended where they
-    overlap.
-
-    Args:
-        folders: results of its pieces, in their order.
-
-    Raises:
-        InputError: a result is damaged, or the output cannot be used.
+    """Writes the result of a recording from those of its pieces, in their order, which are blended
+    where they overlap. InputError where one is damaged, or the output cannot be used.
     """
     results = [Result.open(folder) for folder in folders]
     motion, seams_mm = joined([result.motion for result in results])
@@ -92,15 +82,11 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
-    """Motions of pieces of one body, in the order of their frames, as one, and how far apart they
-    are at each seam; each overlaps its neighbours at most.
+    """Motions of pieces of one body, in the order of their frames, as one, and how far apart the
+    joints are in the mean of the frames that two pieces share, mm; NaN where they share none.
 
-    Where two have the same frames, positions and angles pass from one to the other, linearly
-    over those frames; the quality is that of the nearer one.
-
-    Returns:
-        The motion, and the mean distance of the joints in the frames that two pieces share, mm;
-        NaN where they share none.
+    There, positions and angles pass from one to the other, linearly; the quality is that of the
+    nearer one. A piece overlaps its neighbours at most.
     """
     whole, seams_mm = _joined([replace(motion, unfiltered=None) for motion in motions])
     if all(motion.unfiltered is None for motion in motions):
@@ -180,39 +166,30 @@ Key = TypeVar("Key")
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """Settings of a batch.
-
-    Attributes:
-        processes: jobs at a time on this machine.
-        cluster: address of a Dask scheduler whose machines work instead; None: this machine.
-        piece_s: length of the pieces into which long recordings are divided, s; None: they are not.
-    """
+    """Settings of a batch."""
 
     out: Path
-    processes: int
+    processes: int  # jobs at a time on this machine
+    # Address of a Dask scheduler whose machines work instead; None: this machine.
     cluster: str | None = None
     pictures: bool = True
     report: bool = True
+    # Length of the pieces into which long recordings are divided, s; None: they are not.
     piece_s: float | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a job.
-
-    Attributes:
-        status: `done`; `kept`: done by an earlier run with the same settings; `failed`.
-        message: why it failed, in a line; empty otherwise.
-        seconds: duration of the estimation.
-        summary: summary.json of the result; empty if it failed.
-        score: errors against the recording's truth; empty where there is none.
-    """
+    """What came of a job."""
 
     job: Job
+    # `done`; `kept`: done by an earlier run with the same settings; `failed`.
     status: Literal["done", "kept", "failed"]
-    message: str = ""
-    seconds: float = 0.0
+    message: str = ""  # why it failed, in a line; empty otherwise
+    seconds: float = 0.0  # duration of the estimation
+    # summary.json of the result; empty if it failed.
     summary: Mapping[str, Any] = field(default_factory=dict)
+    # Errors against the recording's truth; empty where there is none.
     score: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -266,11 +243,8 @@ def run_batch(
     """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
-    has other settings now.
-
-    Args:
-        told: told every outcome, and how many there are so far; None for a piece of a long
-            recording.
+    has other settings now. `told` is told every outcome, and how many there are so far; None for a
+    piece of a long recording.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.

@@ -4,7 +4,7 @@ Slow imports are left to the commands' `run`, so that help is printed at once.
 """
 
 import errno
-import importlib
+import inspect
 import os
 import shutil
 import signal
@@ -12,7 +12,6 @@ import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from calib.atomic import written_paths
@@ -79,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # SIGTERM, as sent by job schedulers, cleans up like Ctrl-C.
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         stream.reconfigure(errors="backslashreplace")  # what the terminal's encoding lacks
@@ -121,50 +120,52 @@ def run(arguments: Sequence[str]) -> int:
         if not os.access(os.path.expanduser("~"), os.W_OK):  # noqa: PTH111, pathlib's raises
             # matplotlib would make a folder of its own, and say so, every time.
             os.environ.setdefault("MPLCONFIGDIR", str(private_folder()))
-        return _parse(name, rest).run()
+        return _parse(name, rest).run() or 0
     except InputError as error:
-        print(f"voxelpose: {message(error)}", file=sys.stderr)
+        _tell(error)
         return _USER_ERROR
     except OSError as error:
         if error.errno not in _OF_THE_SYSTEM or error.filename is None:
             raise
-        print(f"voxelpose: {message(f'{error.filename}: {error.strerror}')}", file=sys.stderr)
+        _tell(f"{error.filename}: {error.strerror}")
         return _USER_ERROR
     except KeyboardInterrupt as interrupt:
         written = [str(path) for path in written_paths()[-_MOST_NAMED:]]
         state = f"written before: {', '.join(written)}" if written else "nothing was written"
         words = "".join(f" {word}" for word in interrupt.args)
-        print(f"voxelpose: {message(f'interrupted{words}; {state}')}", file=sys.stderr)
+        _tell(f"interrupted{words}; {state}")
         return _INTERRUPTED
 
 
 def _parse(name: str, words: list[str]):
-    """Returns a command with its arguments.
+    """Returns a command with its arguments; its `run` returns the exit code, or None for 0."""
+    from voxelpose.cli.options import commands_of, parse_with_settings
 
-    The command's class has the name of its module, is named by the module's COMMAND, or is listed
-    in the module's SUBCOMMANDS.
-    """
-    from voxelpose.cli.options import load_command, parse_with_settings, settings_notes
-
-    section = name
-    module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-    if hasattr(module, "SUBCOMMANDS"):
-        word, words = _subcommand(name, module.SUBCOMMANDS, words)
+    section, commands = name, commands_of(name)
+    if name not in commands:
+        subcommands = {known.partition(".")[2]: command for known, command in commands.items()}
+        word, words = _subcommand(name, subcommands, words)
         section = f"{name}.{word}"
     if not {"-h", "--help"}.isdisjoint(words):
         # tyro would join the lines of a description, and not wrap them.
-        print(_wrapped(load_command(section).help))
+        print(_wrapped(f"{inspect.getdoc(commands[section])}\n"))
     command, taken = parse_with_settings(section, words, f"voxelpose {section.replace('.', ' ')}")
-    for line in settings_notes(section, taken):
-        print(f"voxelpose: {message(line)}", file=sys.stderr)
+    for file in dict.fromkeys(setting.file for setting in taken.values()):
+        names = ", ".join(name for name, setting in taken.items() if setting.file == file)
+        _tell(f"from {file} [{section}]: {names}")
     return command
+
+
+def _tell(text: object) -> None:
+    print(f"voxelpose: {message(text)}", file=sys.stderr)
 
 
 def _subcommand(name: str, commands: Mapping[str, Any], words: list[str]) -> tuple[str, list[str]]:
     """Returns name and arguments of a subcommand; prints a list where help is requested."""
     word, *rest = words or ["--help"]
     if word in ("-h", "--help"):
-        listing = _listing({word: cls.help.splitlines()[0] for word, cls in commands.items()})
+        docs = {word: inspect.getdoc(command) or "" for word, command in commands.items()}
+        listing = _listing({word: text.splitlines()[0] for word, text in docs.items()})
         print(
             f"usage: voxelpose {name} [-h] COMMAND ...\n\ncommands:\n{listing}\n\n"
             f"voxelpose {name} COMMAND --help lists the arguments of a command"
@@ -187,7 +188,3 @@ def _wrapped(text: str) -> str:
         paragraph if paragraph.startswith(" ") else textwrap.fill(paragraph, width)
         for paragraph in text.split("\n\n")
     )
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

@@ -13,7 +13,9 @@ from calib.errors import InputError
 
 if TYPE_CHECKING:
     from calib.board import Board
+    from voxelpose.setup_page.setup_session import SetupServer
     from voxelpose.view.serving.gate import Address
+    from voxelpose.view.viewer.browser import Browser
 
 _MAX_SQUARE_M = 2
 GROUPS = {
@@ -130,14 +132,23 @@ class PageArguments:
     """Open the page; --no-browser only prints its address."""
 
     def address(self) -> Address:
-        """Where the page is served, and to whom; to be asked for before the work, which it may end.
-
-        Raises:
-            InputError: the page cannot be served so.
+        """Where the page is served, and to whom; to be asked for before the work. InputError where
+        that cannot be.
         """
         from voxelpose.view.serving.gate import Address
 
         return Address(self.host, self.port, self.token)
+
+    def serve(self, title: str, page: Browser | SetupServer) -> None:
+        """Prints a page's address, opens it, and runs it until Ctrl-C."""
+        try:
+            print(f"{title}: {page.url} (Ctrl-C ends it)", flush=True)
+            self.open_page(page.url)
+            page.run()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            page.close()
 
     def open_page(self, url: str) -> None:
         """Opens a page in the browser, unless that is not wanted."""
@@ -148,10 +159,8 @@ class PageArguments:
 
 
 def up_direction(text: str | None) -> tuple[float, float, float] | None:
-    """Reads the direction of up, as a unit vector.
-
-    Raises:
-        InputError: the text is neither an axis nor three numbers.
+    """The direction of up that a text names, as a unit vector; InputError where it is neither an
+    axis nor three numbers.
     """
     if text is None:
         return None
@@ -162,11 +171,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
-    """Reads names separated by commas.
-
-    Raises:
-        InputError: the text holds no name.
-    """
+    """The names in a text, between commas; InputError where there is none."""
     if text is None:
         return None
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -177,15 +182,16 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
+def monocular_options(
+    start: str, outline_only: bool, library: Path | None
+) -> dict[str, bool | int | float | str]:
+    """Options of the estimator of one camera."""
+    named = {} if library is None else {"library": str(library)}
+    return {"start": start, "outline_only": outline_only, **named}
+
+
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
-    """Reads 8x5.
-
-    Args:
-        meaning: meaning of the two numbers with an example, for messages.
-
-    Raises:
-        InputError: the text is not two numbers.
-    """
+    """Reads 8x5; InputError, with the `meaning` and an example, where there are not two numbers."""
     first, _, second = text.lower().partition("x")
     try:
         return int(first), int(second)
@@ -194,14 +200,8 @@ def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
 
 
 def refuse_existing(paths: Iterable[Path | None], overwrite: bool, option: str = "--out") -> None:
-    """Checks before any work that output files can be written.
-
-    Args:
-        paths: the files; None is ignored.
-        option: the option that names the files, for messages.
-
-    Raises:
-        InputError: a file exists and must not be replaced, or its folder does not exist.
+    """Checks before any work that output files, or None, which an option names, can be written:
+    InputError where one must not be replaced, or its folder does not exist.
     """
     for path in paths:
         if path is not None and path.exists() and not overwrite:
@@ -227,11 +227,7 @@ class BoardArguments:
     dictionary: Dictionary = "DICT_4X4_50"
 
     def to_board(self) -> Board:
-        """Returns the board.
-
-        Raises:
-            InputError: the arguments describe no board.
-        """
+        """Returns the board; InputError where the arguments describe none."""
         from calib.board import Board
 
         if self.square > _MAX_SQUARE_M:

@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -17,28 +17,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """Arguments of `voxelpose batch`."""
+    """Estimates the motion in many recordings, several at a time.
 
-    help: ClassVar[str] = """Estimates the motion in many recordings, several at a time.
+    Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
+    receives a folder with result and report for each, table.csv, table.md and index.html, which
+    shows all with their verdicts, the doubtful ones first. A recording that fails does not stop the
+    others. Run again, the same command does what is missing, what failed, and what has other
+    settings now.
 
-Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
-receives a folder with result and report for each, table.csv, table.md and index.html, which shows
-all with their verdicts, the doubtful ones first. A recording that fails does not stop the others.
-Run again, the same command does what is missing, what failed, and what has other settings now.
+      voxelpose batch subjects/*/walk --out walks --set stature=1.75
+      voxelpose batch subjects.toml --out results --jobs 4
+      voxelpose batch clips --command track --set camera=cam_1 --out tracked
+      voxelpose batch long_take --out result --pieces 60
+      voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
 
-  voxelpose batch subjects/*/walk --out walks --set stature=1.75
-  voxelpose batch subjects.toml --out results --jobs 4
-  voxelpose batch clips --command track --set camera=cam_1 --out tracked
-  voxelpose batch long_take --out result --pieces 60
-  voxelpose batch subjects --out results --cluster tcp://10.0.0.5:8786
+    A list (docs/guide.md has more): [settings] for all, then for each
+      [[recording]]
+      folder = "anna/walk"
+      stature = 1.62
 
-A list (docs/guide.md has more): [settings] for all, then for each
-  [[recording]]
-  folder = "anna/walk"
-  stature = 1.62
-
-Exit code 0: all done; 1: one failed.
-"""
+    Exit code 0: all done; 1: one failed.
+    """
 
     paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
     """Recordings, folders of recordings, or TOML lists."""
@@ -62,6 +61,8 @@ Exit code 0: all done; 1: one failed.
 
     def run(self) -> int:
         """Runs the batch; returns the exit code."""
+        import psutil
+
         from calib.errors import InputError
         from voxelpose.batch.batch_tables import write_tables
         from voxelpose.batch.jobs import jobs_of, read_settings
@@ -71,7 +72,8 @@ Exit code 0: all done; 1: one failed.
         jobs = [_with_folder_settings(job) for job in listed]
         if self.pieces is not None and not self.pieces > 0:
             raise InputError(f"--pieces {self.pieces} is impossible: give a length in seconds")
-        processes = self.jobs or _usual_jobs()
+        memory_gib = int(psutil.virtual_memory().total / 2**30)  # a core needs one
+        processes = self.jobs or max(1, min(os.cpu_count() or 1, memory_gib))
         if self.pieces is None:
             processes = min(processes, len(jobs))
         settings = BatchSettings(
@@ -113,15 +115,6 @@ def _with_folder_settings(job: Job) -> Job:
         for name, setting in named.items()
     }
     return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
-
-
-def _usual_jobs() -> int:
-    """Cores, but no more than have a GiB of memory each."""
-    try:
-        memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    except (AttributeError, ValueError, OSError):  # not on Windows
-        memory_gib = 8.0
-    return max(1, min(os.cpu_count() or 1, int(memory_gib)))
 
 
 def _tell(outcome: Outcome, place: str) -> None:

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from calib.atomic import write_whole
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    Sex,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -36,19 +30,18 @@ _ALL = "all"
 
 @dataclass(frozen=True)
 class ListBodies:
-    """Arguments of `voxelpose body list`."""
+    """Lists the bodies that have names.
 
-    help: ClassVar[str] = """Lists the bodies that have names.
+    They are the 24 of Okada and Stenger: ten men after JIS L 4004 and fourteen women after JIS L
+    4005. Numbers in brackets are computed by us; those with * are from sellers' tables of the
+    standard, the rest follows from the name by the standard's scheme. Nothing could be compared
+    with the standard.
 
-They are the 24 of Okada and Stenger: ten men after JIS L 4004 and fourteen women after JIS L 4005.
-Numbers in brackets are computed by us; those with * are from sellers' tables of the standard, the
-rest follows from the name by the standard's scheme. Nothing could be compared with the standard.
+      voxelpose body list
+    """
 
-  voxelpose body list
-"""
-
-    def run(self) -> int:
-        """Prints the list; returns the exit code."""
+    def run(self) -> None:
+        """Prints the list."""
         from silhouette_core.body.presets import SOURCES, body_presets
 
         marks = {SOURCES["d"]: "{:.2f}  ", SOURCES["t"]: "{:.2f}* ", SOURCES["c"]: "({:.3f})"}
@@ -59,34 +52,32 @@ rest follows from the name by the standard's scheme. Nothing could be compared w
                 for name, value in preset.measurements.known().items()
             ]
             print(f"{preset.name:7} {preset.sex:7} {preset.standard}  {' '.join(cells)}".rstrip())
-        return 0
 
 
 @dataclass(frozen=True)
 class ShowBody:
-    """Arguments of `voxelpose body show`."""
+    """Measures a body, and draws it.
 
-    help: ClassVar[str] = """Measures a body, and draws it.
+    BODY is a name of `voxelpose body list`, a body.toml, or an earlier result; `all` stands for all
+    the bodies that have names. The measurements are taken on the body's surface, as a tape would.
 
-BODY is a name of `voxelpose body list`, a body.toml, or an earlier result; `all` stands for all the
-bodies that have names. The measurements are taken on the body's surface, as a tape would.
-
-  voxelpose body show 92A5 --png man.png
-  voxelpose body show me.toml
-  voxelpose body show all --png bodies.png
-"""
+      voxelpose body show 92A5 --png man.png
+      voxelpose body show me.toml
+      voxelpose body show all --png bodies.png
+    """
 
     body: Annotated[Positional[str], arg(metavar="BODY")]
     """Name of a body, body.toml, earlier result, or all."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """Picture to be written: from three sides and bent; of all: each from the front."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Prints the measurements; returns the exit code."""
-        refuse_existing([self.png], self.overwrite, "--png")
+    def run(self) -> None:
+        """Prints the measurements."""
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
         if self.body.lower() == _ALL:
-            return self._show_all()
+            self._show_all()
+            return
         from silhouette_core.body.presets import body_preset
         from silhouette_core.motion.body_source import load_body
 
@@ -102,9 +93,8 @@ bodies that have names. The measurements are taken on the body's surface, as a t
 
             write_whole(self.png, png(body_picture(body)))
             print(f"picture: {self.png}")
-        return 0
 
-    def _show_all(self) -> int:
+    def _show_all(self) -> None:
         from silhouette_core.body.presets import body_presets
 
         if self.png is None:
@@ -120,75 +110,69 @@ bodies that have names. The measurements are taken on the body's surface, as a t
             captions.append(f"{preset.name}  {stature:.2f} m\n{sizes}")
         write_whole(self.png, png(bodies_picture([preset.body() for preset in presets], captions)))
         print(f"picture: {self.png}")
-        return 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChooseBody:
-    """Arguments of `voxelpose body choose`."""
+    """Chooses the named body that is closest to a person.
 
-    help: ClassVar[str] = """Chooses the named body that is closest to a person.
+    As in Okada and Stenger, by stature and chest girth.
 
-As in Okada and Stenger, by stature and chest girth.
-
-  voxelpose body choose --stature 1.72 --chest 0.95 --sex male
-"""
+      voxelpose body choose --stature 1.72 --chest 0.95 --sex male
+    """
 
     stature: Annotated[float, arg(metavar="M")]
     """Height in metres."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest or bust girth in metres. Default: only the stature counts."""
-    sex: Sex = "unknown"
+    sex: arguments.Sex = "unknown"
 
-    def run(self) -> int:
-        """Prints the name; returns the exit code."""
+    def run(self) -> None:
+        """Prints the name."""
         from silhouette_core.body.presets import nearest_preset
 
         preset = nearest_preset(self.stature, self.chest, self.sex)
         known = preset.measurements.known()
         sizes = ", ".join(f"{_NAMES[name]} {value:.2f} m" for name, value in known.items())
         print(f"{preset.name} ({preset.sex}, {preset.standard}: {sizes})")
-        return 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class MakeBody:
-    """Arguments of `voxelpose body make`."""
+    """Makes a body from measurements.
 
-    help: ClassVar[str] = """Makes a body from measurements.
+    The measurements taken on the body's surface are those given, to half a percent; what is not
+    given follows from the rest. The file is taken by --body of fit, track, demo and library build.
 
-The measurements taken on the body's surface are those given, to half a percent; what is not given
-follows from the rest. The file is taken by --body of fit, track, demo and library build.
-
-  voxelpose body make --stature 1.80 --chest 1.02 --waist 0.90 --sex male --out me.toml
-"""
+      voxelpose body make --stature 1.80 --chest 1.02 --waist 0.90 --sex male --out me.toml
+    """
 
     stature: Annotated[float, arg(metavar="M")]
     """Height in metres, without shoes."""
     out: Annotated[Path, arg(metavar="FILE.toml")]
     """File to be made."""
-    sex: Sex = "unknown"
-    chest: OptionalLength = None
+    sex: arguments.Sex = "unknown"
+    chest: arguments.OptionalLength = None
     """Chest or bust girth at the nipples, metres."""
-    waist: OptionalLength = None
+    waist: arguments.OptionalLength = None
     """Girth of the natural waist, metres."""
-    hip: OptionalLength = None
+    hip: arguments.OptionalLength = None
     """Largest girth over the buttocks, metres."""
-    arm: OptionalLength = None
+    arm: arguments.OptionalLength = None
     """From the tip of the shoulder over the elbow to the wrist, metres."""
-    leg: OptionalLength = None
+    leg: arguments.OptionalLength = None
     """Inside leg, from the crotch to the sole, metres."""
-    shoulders: OptionalLength = None
+    shoulders: arguments.OptionalLength = None
     """Breadth between the tips of the shoulders, metres."""
     mass: Annotated[float | None, arg(metavar="KG", help_behavior_hint="")] = None
     """Mass in kilograms."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Writes the body; returns the exit code."""
+    def run(self) -> None:
+        """Writes the body."""
         if self.out.suffix.lower() != ".toml":
             raise InputError(f"--out {self.out} is no body file: give a name that ends in .toml")
-        refuse_existing([self.out], self.overwrite)
+        arguments.refuse_existing([self.out], self.overwrite)
         from silhouette_core.body.body_file import write_body
         from silhouette_core.body.measured_body import body_from_measurements
         from silhouette_core.body.mesh_measurements import BodyMeasurements
@@ -199,7 +183,6 @@ follows from the rest. The file is taken by --body of fit, track, demo and libra
         write_body(body, self.out, f"made by voxelpose body make from {given}")
         _print_measurements(body)
         print(f"body: {self.out}")
-        return 0
 
 
 def _print_measurements(body: BodyModel) -> None:

@@ -4,33 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.atomic import write_whole
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    Cameras,
-    Dictionary,
-    Fps,
-    Frames,
-    Label,
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-    corner_counts,
-    refuse_existing,
-    two_numbers,
-    up_direction,
-)
-from voxelpose.cli.calibrate_extrinsics import CalibrateExtrinsics
-from voxelpose.cli.calibrate_intrinsics import CalibrateIntrinsics
+from voxelpose.cli import arguments
+from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -40,16 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateBoard:
-    """Arguments of `voxelpose calibrate board`."""
+    """Writes a calibration board to scale, as a PDF.
 
-    help: ClassVar[str] = """Writes a calibration board to scale, as a PDF.
+    Print it at 100 % ("actual size"), measure the print, and glue it to something flat and stiff.
 
-Print it at 100 % ("actual size"), measure the print, and glue it to something flat and stiff.
-
-  voxelpose calibrate board --out board.pdf
-  voxelpose calibrate board --board 8x5 --paper a3 --out board.pdf
-  voxelpose calibrate board --board 8x5 --square 0.1 --paper large --charuco --out board.pdf
-"""
+      voxelpose calibrate board --out board.pdf
+      voxelpose calibrate board --board 8x5 --paper a3 --out board.pdf
+      voxelpose calibrate board --board 8x5 --square 0.1 --paper large --charuco --out board.pdf
+    """
 
     out: Annotated[Path, arg(metavar="FILE")]
     """PDF to be written."""
@@ -57,20 +38,20 @@ Print it at 100 % ("actual size"), measure the print, and glue it to something f
     """Paper size; large: a page of the size of the board, for a print shop."""
     board: Annotated[str, arg(metavar="COLUMNSxROWS")] = "8x5"
     """Inner corners along and down; one even and one odd, so that the first corner is unique."""
-    square: OptionalLength = None
+    square: arguments.OptionalLength = None
     """Side of a square in metres. Default: as large as the paper allows."""
     charuco: bool = False
     """Put markers into the white squares: boards that are partly visible can then be used."""
-    dictionary: Dictionary = "DICT_4X4_50"
-    overwrite: OverwriteFile = False
+    dictionary: arguments.Dictionary = "DICT_4X4_50"
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Writes the PDF and prints what to measure; returns the exit code."""
+    def run(self) -> None:
+        """Writes the PDF and prints what to measure."""
         from calib.board import Board
         from calib.board_sheet import largest_square_m, write_pdf
 
-        refuse_existing([self.out], self.overwrite)
-        columns, rows = corner_counts(self.board)
+        arguments.refuse_existing([self.out], self.overwrite)
+        columns, rows = arguments.corner_counts(self.board)
         if self.paper == "large" and self.square is None:
             raise InputError(
                 "--paper large has no size of its own: say how large a square is, for example"
@@ -98,32 +79,30 @@ Print it at 100 % ("actual size"), measure the print, and glue it to something f
                 "note: this board looks the same after half a turn: with one even and one odd"
                 " number, its first corner is unique"
             )
-        return 0
 
 
 @dataclass(frozen=True)
 class CalibrateConvert:
-    """Arguments of `voxelpose calibrate convert`."""
+    """Converts a calibration into another format; lengths become metres.
 
-    help: ClassVar[str] = """Converts a calibration into another format; lengths become metres.
+    Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
+    OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
+    nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4
+    matrices. The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none
+    (EasyMocap).
 
-Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
-OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
-nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4 matrices.
-The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none (EasyMocap).
-
-  voxelpose calibrate convert Calib.qca.txt calibration.toml
-  voxelpose calibrate convert freemocap.toml calibration.toml --unit mm
-  voxelpose calibrate convert projections.json calibration.yml --unit m --size 780x582
-  voxelpose calibrate convert board.toml calibration.toml --up cameras
-  voxelpose calibrate convert board.toml calibration.toml --up person --result walk_fit
-"""
+      voxelpose calibrate convert Calib.qca.txt calibration.toml
+      voxelpose calibrate convert freemocap.toml calibration.toml --unit mm
+      voxelpose calibrate convert projections.json calibration.yml --unit m --size 780x582
+      voxelpose calibrate convert board.toml calibration.toml --up cameras
+      voxelpose calibrate convert board.toml calibration.toml --up person --result walk_fit
+    """
 
     source: Annotated[Positional[Path], arg(metavar="IN")]
     """Calibration to be read: a file or a folder."""
     out: Annotated[Positional[Path], arg(metavar="OUT")]
     """Calibration to be written."""
-    unit: Unit = None
+    unit: arguments.Unit = None
     size: Annotated[str | None, arg(metavar="WIDTHxHEIGHT", help_behavior_hint="")] = None
     """Image size in pixels, where IN does not state it."""
     to: Literal["anipose", "easymocap", "json", "opencv", "projections", "qualisys"] | None = None
@@ -132,20 +111,22 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
     """What becomes z: an axis of IN (-z, y ...), what is up for the cameras, or in --result."""
     result: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
     """Result of a fit with IN, for --up person: up and the floor as found there."""
-    cameras: Cameras = None
-    picture: OptionalFile = None
+    cameras: arguments.Cameras = None
+    picture: arguments.OptionalFile = None
     """PNG to be written: the cameras from above and from the side."""
-    overwrite: OverwriteFile = False
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Converts the calibration; returns the exit code."""
+    def run(self) -> None:
+        """Converts the calibration."""
         from calib.files import read_rig, write_rig
         from calib.files.anipose import read_notes
         from calib.upright import axis_name
 
-        refuse_existing([self.out, self.picture], self.overwrite)
-        size = self.size and two_numbers(self.size, "--size", "width and height, as in 1920x1080")
-        names = camera_names(self.cameras)
+        arguments.refuse_existing([self.out, self.picture], self.overwrite)
+        size = self.size and arguments.two_numbers(
+            self.size, "--size", "width and height, as in 1920x1080"
+        )
+        names = arguments.camera_names(self.cameras)
         rig = read_rig(self.source, self.unit, size or None, names)
         left_out = rig.notes
         if names is not None:
@@ -168,7 +149,6 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
 
             write_whole(self.picture, png(rig_picture(rig)))
             print(f"{self.picture}: the cameras from above and from the side")
-        return 0
 
     def _upright_frame(self, rig: Rig) -> UprightFrame | None:
         """Returns the frame that becomes the world; None where IN's world stays."""
@@ -184,45 +164,42 @@ The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys),
             return Result.open(self.result).motion.upright_frame
         if self.up == "cameras":
             return UprightFrame.from_up(up_candidates(rig)[0])
-        up = up_direction(self.up)
+        up = arguments.up_direction(self.up)
         return None if up is None else UprightFrame.from_up(up)
 
 
 @dataclass(frozen=True)
 class CalibrateCheck:
-    """Arguments of `voxelpose calibrate check`."""
+    """Checks from silhouettes that calibration and videos agree.
 
-    help: ClassVar[str] = """Checks from silhouettes that calibration and videos agree.
+    Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of
+    step, and by how much. No board is needed: a person who moves in view of all cameras is enough.
+    Exit code 0: all cameras agree; 1: one does not.
 
-Names a camera that was moved, exchanged with another, cropped, scaled or padded, or is out of step,
-and by how much. No board is needed: a person who moves in view of all cameras is enough.
-Exit code 0: all cameras agree; 1: one does not.
+      voxelpose calibrate check walk
+      voxelpose calibrate check walk --png check.png
+      voxelpose calibrate check walk --repair repaired
+    """
 
-  voxelpose calibrate check walk
-  voxelpose calibrate check walk --png check.png
-  voxelpose calibrate check walk --repair repaired
-"""
-
-    recording: RecordingFolder
+    recording: arguments.RecordingFolder
     repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """PNG to be written: every camera with the outlines that the others predict."""
     moments: Annotated[int, arg(metavar="N")] = 12
     """Number of time steps to check, spread over the recording."""
     most_late: Annotated[int, arg(metavar="FRAMES")] = 12
     """Largest time offset of a camera that is searched for."""
-    frames: Frames = None
-    cameras: Cameras = None
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    frames: arguments.Frames = None
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
     def run(self) -> int:
         """Checks the recording; returns the exit code."""
-
-        refuse_existing([self.png], self.overwrite, "--png")
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
         if self.repair is not None and self.repair.exists():
             raise InputError(f"{self.repair} exists: give --repair another name")
         with Progress() as progress:
@@ -231,7 +208,7 @@ Exit code 0: all cameras agree; 1: one does not.
             from voxelpose.recording.folder import Recording, frame_range
 
             settings = CheckSettings(self.moments, self.most_late)
-            frames, names = frame_range(self.frames), camera_names(self.cameras)
+            frames, names = frame_range(self.frames), arguments.camera_names(self.cameras)
             recording = Recording.open(
                 self.recording, frames, names, self.unit, self.fps, self.label
             )
@@ -257,40 +234,30 @@ Exit code 0: all cameras agree; 1: one does not.
 
 def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
-    from rich.table import Table
-
     from voxelpose.calibration.check import remedy, verdict_on
 
-    console = rich_console()
-    table = Table(
-        "camera", "off by, px", "the others, px", "planes", "", box=None, padding=(0, 2, 0, 0)
-    )
+    rows = []
     for line in check.agreement.table:
         verdict = verdict_on(check, line.camera)
         if verdict == "does not agree":
             verdict = f"[red]{verdict}[/red]"
-        table.add_row(
-            plain(line.camera),
-            f"{line.error_px:.1f}",
-            f"{line.others_px:.1f}",
-            str(line.planes),
-            verdict,
-        )
-    console.print(table)
-    console.print(plain(check.agreement.summary), soft_wrap=True)
+        errors = f"{line.error_px:.1f}", f"{line.others_px:.1f}"
+        rows.append((plain(line.camera), *errors, str(line.planes), verdict))
+    print_table(rows, "camera", "off by, px", "the others, px", "planes", "")
+    console = rich_console(soft_wrap=True)
+    console.print(plain(check.agreement.summary))
     for repair in check.repairs:
-        console.print(f"[bold]{plain(repair.summary)}[/bold]", soft_wrap=True)
-        console.print(f"  {plain(remedy(check, repair.camera))}", soft_wrap=True)
+        console.print(f"[bold]{plain(repair.summary)}[/bold]")
+        console.print(f"  {plain(remedy(check, repair.camera))}")
     if check.after is not None:
-        console.print(f"with that put right: {plain(check.after.summary)}", soft_wrap=True)
+        console.print(f"with that put right: {plain(check.after.summary)}")
     if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
         console.print(
             "calibrate again; if the videos were not started together, first `voxelpose calibrate"
-            " sync`",
-            soft_wrap=True,
+            " sync`"
         )
     for note in check.notes:
-        console.print(f"note: {plain(note)}", soft_wrap=True)
+        console.print(f"note: {plain(note)}")
 
 
 SUBCOMMANDS = {

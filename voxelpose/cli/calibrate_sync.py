@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    BoardArguments,
-    Cameras,
-    Dictionary,
-    Label,
-    MarkerSide,
-    OptionalFile,
-    OptionalLength,
-    OptionalName,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-    refuse_existing,
-)
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli import arguments
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
@@ -47,31 +33,29 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class CalibrateSync:
-    """Arguments of `voxelpose calibrate sync`."""
+    """Estimates the time offsets of cameras, calibrated or not.
 
-    help: ClassVar[str] = """Estimates the time offsets of cameras, calibrated or not.
+    Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who
+    moves (with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried
+    board (1 to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap
+    (1 ms, and 3 ms for each metre that a camera is nearer to it than another). With --out, the time
+    of every frame is written; save the file as timestamps.csv in the recording, and all commands
+    use the frames that match in time.
 
-Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who moves
-(with a calibration to about 1 ms, without one to 1 to 20 ms), from the speed of a carried board (1
-to 2 ms; lenses must be known), or from sound that all cameras record, such as a clap (1 ms, and 3
-ms for each metre that a camera is nearer to it than another). With --out, the time of every frame
-is written; save the file as timestamps.csv in the recording, and all commands use the frames that
-match in time.
+      voxelpose calibrate sync walk
+      voxelpose calibrate sync walk --out walk/timestamps.csv
+      voxelpose calibrate sync walk --by sound --out walk/timestamps.csv
+      voxelpose calibrate sync board_walk --by board --board 8x5 --intrinsics lenses.toml \\
+        --out board_walk/timestamps.csv
+    """
 
-  voxelpose calibrate sync walk
-  voxelpose calibrate sync walk --out walk/timestamps.csv
-  voxelpose calibrate sync walk --by sound --out walk/timestamps.csv
-  voxelpose calibrate sync board_walk --by board --board 8x5 --intrinsics lenses.toml \\
-    --out board_walk/timestamps.csv
-"""
-
-    recording: RecordingFolder
-    out: OptionalFile = None
+    recording: arguments.RecordingFolder
+    out: arguments.OptionalFile = None
     """Table of times to be written (cam_id,frame_time). Default: offsets are only printed."""
     by: Literal["auto", "geometry", "board", "sound", "silhouettes"] = "auto"
     """What offsets are found from; geometry: silhouettes with a calibration. Default: the first of
     a board (if --board is given), geometry, sound and silhouettes that there is."""
-    reference: OptionalName = None
+    reference: arguments.OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
     most: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
@@ -81,23 +65,22 @@ match in time.
     silhouettes, 60 by a board; by sound the first 600."""
     board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
     """Number of inner corners of the carried board, along and down."""
-    square: OptionalLength = None
+    square: arguments.OptionalLength = None
     """Side of its squares in metres; only needed with --marker."""
-    marker: MarkerSide = None
-    dictionary: Dictionary = "DICT_4X4_50"
-    intrinsics: OptionalFile = None
+    marker: arguments.MarkerSide = None
+    dictionary: arguments.Dictionary = "DICT_4X4_50"
+    intrinsics: arguments.OptionalFile = None
     """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
     rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
-    cameras: Cameras = None
-    unit: Unit = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Estimates the offsets; returns the exit code."""
-
-        refuse_existing([self.out], self.overwrite)
+    def run(self) -> None:
+        """Estimates the offsets."""
+        arguments.refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
             progress.stage("opening")
             from calib.files import read_rig
@@ -107,7 +90,7 @@ match in time.
             if self.board is not None:
                 # Speeds are compared in shape, not in size: any square does.
                 square = 0.1 if self.square is None else self.square
-                board = BoardArguments(
+                board = arguments.BoardArguments(
                     board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
                 ).to_board()
             settings = SyncSettings(
@@ -123,7 +106,9 @@ match in time.
                 else read_rig(self.intrinsics, self.unit, lenses=True),
                 self.label,
             )
-            sync = sync_recording(self.recording, settings, camera_names(self.cameras), progress)
+            sync = sync_recording(
+                self.recording, settings, arguments.camera_names(self.cameras), progress
+            )
         print_sync(sync)
         if self.out is not None:
             if not sync.result.agreed:
@@ -133,15 +118,10 @@ match in time.
                 f"{self.out}: time of every frame; as timestamps.csv in the recording, all commands"
                 " use it"
             )
-        return 0
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
-    """Reads frames per second by camera name, as in cam_1=30,cam_2=15.
-
-    Raises:
-        InputError: the text is not understood.
-    """
+    """Frames per second by camera name in a text as cam_1=30,cam_2=15; else an InputError."""
     if text is None:
         return None
     rates = {}
@@ -159,22 +139,19 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from rich.table import Table
-
-    console = rich_console()
-    table = Table(
-        "camera", "fps", "late by, frames", "ms", "+- ms (95 %)", box=None, padding=(0, 2, 0, 0)
-    )
+    rows = []
     for line in sync.result.offsets:
         named = plain(line.camera), f"{sync.fps[line.camera]:g}"
         if line.camera == sync.result.reference:
-            table.add_row(*named, "its clock counts", "", "")
+            rows.append((*named, "its clock counts", "", ""))
         else:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            table.add_row(*named, f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}", interval)
-    console.print(table)
+            found = f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}"
+            rows.append((*named, *found, interval))
+    print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
+    console = rich_console(soft_wrap=True)
     for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
-        console.print(plain(line), soft_wrap=True)
+        console.print(plain(line))
 
 
 def _verdict(sync: Sync) -> Iterator[str]:

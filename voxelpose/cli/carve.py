@@ -2,38 +2,31 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    Cameras,
-    Label,
-    OptionalLength,
-    OverwriteFile,
-    RecordingFolder,
-    Unit,
-    camera_names,
-)
+from voxelpose.cli import arguments
 
 
 @dataclass(frozen=True)
 class Carve:
-    """Arguments of `voxelpose carve`."""
+    """
+    Carves the visual hull of one frame and writes it as a PLY file.
 
-    help: ClassVar[str] = """Carves the visual hull of one frame and writes it as a PLY file.
+    Its volume is printed, and the number and the size of its voxels.
 
-  voxelpose carve walk --frame 40 --out hull.ply
-  voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
-"""
+      voxelpose carve walk --frame 40 --out hull.ply
+      voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
+    """
 
-    recording: RecordingFolder
+    recording: arguments.RecordingFolder
     out: Annotated[Path, arg(metavar="FILE")]
     """PLY file to be written, in metres."""
     frame: Annotated[int, arg(metavar="N")] = 0
     """Number of the frame."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: the volume's longest edge divided by --resolution."""
     resolution: Annotated[int, arg(metavar="N")] = 192
     """Number of voxels along the longest edge of the volume."""
@@ -48,13 +41,13 @@ class Carve:
     """Whether a voxel outside a camera's image is kept."""
     style: Literal["surface", "voxels"] = "surface"
     """Triangle mesh, or centres of the voxels as points."""
-    cameras: Cameras = None
-    unit: Unit = None
-    label: Label = None
-    overwrite: OverwriteFile = False
+    cameras: arguments.Cameras = None
+    unit: arguments.Unit = None
+    label: arguments.Label = None
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Carves the frame; returns the exit code."""
+    def run(self) -> None:
+        """Carves the frame."""
         from voxelpose.hull import CarveSettings, carve_recording
         from voxelpose.multiview.carving.carver import CarveRule
 
@@ -67,7 +60,7 @@ class Carve:
             volume_m=self.volume,
             rule=CarveRule(self.tolerance, self.outside),
             style=self.style,
-            cameras=camera_names(self.cameras),
+            cameras=arguments.camera_names(self.cameras),
             unit=self.unit,
             label=self.label,
         )
@@ -84,4 +77,3 @@ class Carve:
             f"{self.out}: {hull.volume_l:.1f} litres, {int(hull.occupancy.sum())} of {shape} voxels"
             f" of {hull.grid.voxel_size_m:.4g} m"
         )
-        return 0

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
@@ -16,21 +16,19 @@ _TRACKED = "cam_2"  # sees the performance from the front
 
 @dataclass(frozen=True)
 class Demo:
-    """Arguments of `voxelpose demo`."""
+    """Renders a small recording, fits it and scores the result.
 
-    help: ClassVar[str] = """Renders a small recording, fits it and scores the result.
+    No data and no network are needed. The recording shows a mannequin, whose shape differs from the
+    fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
+    recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The
+    first run compiles the program, which takes most of its time. With --body the mannequin has the
+    stature and girths of that body, with which it is fitted. With --live a recording is played
+    instead, again and again, as if cameras filmed it: the page in the browser shows what `voxelpose
+    live` finds.
 
-No data and no network are needed. The recording shows a mannequin, whose shape differs from the
-fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
-recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The first
-run compiles the program, which takes most of its time.
-With --body the mannequin has the stature and girths of that body, with which it is fitted.
-With --live a recording is played instead, again and again, as if cameras filmed it: the page in the
-browser shows what `voxelpose live` finds.
-
-  voxelpose demo --out demo
-  voxelpose demo --out demo --live
-"""
+      voxelpose demo --out demo
+      voxelpose demo --out demo --live
+    """
 
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made."""
@@ -47,8 +45,8 @@ browser shows what `voxelpose live` finds.
     """Replace an earlier demo in OUT."""
     threads: Threads = None
 
-    def run(self) -> int:
-        """Renders, fits and scores the recording; returns the exit code."""
+    def run(self) -> None:
+        """Renders, fits and scores the recording."""
         from voxelpose.results import Result, ResultWriter, as_json
 
         if not 1 <= self.frames <= 600:
@@ -56,7 +54,8 @@ browser shows what `voxelpose live` finds.
         if self.live and self.body is not None:
             raise InputError("--body does not go with --live: leave one of them out")
         if self.live:
-            return self._run_live()
+            self._run_live()
+            return
         with ResultWriter(self.out, self.overwrite) as folder, Progress() as progress:
             progress.note_compilation("multiview", *(["monocular"] if self.track else []))
             progress.stage("making a recording")
@@ -99,10 +98,9 @@ browser shows what `voxelpose live` finds.
             f"\nfor your own recording, make a folder like {self.out / 'recording'}, then run:"
             " voxelpose fit FOLDER --out OUT --stature 1.75"
         )
-        return 0
 
-    def _run_live(self) -> int:
-        """Plays the recording to the live estimation until Ctrl-C; returns the exit code."""
+    def _run_live(self) -> None:
+        """Plays the recording to the live estimation until Ctrl-C."""
         from voxelpose.cli.live import Live
         from voxelpose.results import ResultWriter, as_json, is_result
         from voxelpose.version import __version__
@@ -116,4 +114,4 @@ browser shows what `voxelpose live` finds.
                 make_recording(folder / "recording", performance="there_and_back")
                 summary = {"voxelpose": __version__, "demo": True}
                 (folder / "summary.json").write_text(as_json(summary), encoding="utf-8")
-        return Live(folder=out / "recording", loop=True, browser=self.browser).run()
+        Live(folder=out / "recording", loop=True, browser=self.browser).run()

@@ -2,24 +2,22 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import plain, print_table, rich_console
 
 
 @dataclass(frozen=True)
 class Doctor:
-    """Arguments of `voxelpose doctor`."""
+    """Checks what works on this machine, with remedies for the rest.
 
-    help: ClassVar[str] = """Checks what works on this machine, with remedies for the rest.
+    Exit code 0: fitting works; 1: something that fitting needs does not work.
 
-Exit code 0: fitting works; 1: something that fitting needs does not work.
-
-  voxelpose doctor
-  voxelpose doctor --clean .
-"""
+      voxelpose doctor
+      voxelpose doctor --clean .
+    """
 
     clean: Annotated[tuple[Path, ...], arg(metavar="FOLDER...", help_behavior_hint="")] = ()
     """Check nothing, but remove what killed runs left in these folders: results and files
@@ -28,9 +26,8 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
     def run(self) -> int:
         """Runs all checks and prints their results, or cleans up; returns the exit code."""
         if self.clean:
-            return self._clean()
-        from rich.table import Table
-
+            self._clean()
+            return 0
         from voxelpose.machine_checks import examine
         from voxelpose.version import __version__
 
@@ -38,15 +35,14 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
         with console.status("checking ..."):
             checks = examine()
         colours = {"works": "green", "limited": "yellow", "fails": "red"}
-        table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+        rows = []
         for check in checks:
-            table.add_row(
-                f"[{colours[check.state]}]{check.state}[/]", check.name, plain(check.found)
-            )
+            state = f"[{colours[check.state]}]{check.state}[/]"
+            rows.append((state, check.name, plain(check.found)))
             if check.remedy:
-                table.add_row("", "", f"[bold]-> {plain(check.remedy)}[/bold]")
+                rows.append(("", "", f"[bold]-> {plain(check.remedy)}[/bold]"))
         console.print(f"voxelpose {__version__}")
-        console.print(table)
+        print_table(rows)
         states = [check.state for check in checks]
         failing = states.count("fails")
         if failing:
@@ -59,7 +55,7 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
             console.print("everything works")
         return 1 if failing else 0
 
-    def _clean(self) -> int:
+    def _clean(self) -> None:
         from calib.atomic import remove_leftovers
 
         removed = [path for folder in self.clean for path in remove_leftovers(folder)]
@@ -67,4 +63,3 @@ Exit code 0: fitting works; 1: something that fitting needs does not work.
             print(f"removed {path}")
         if not removed:
             print("killed runs have left nothing there")
-        return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
@@ -18,22 +18,22 @@ _TRUTH_FILES = (".json", ".trc", ".safetensors")  # a joints.csv may be a result
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Arguments of `voxelpose evaluate`."""
+    """Scores results against known joint positions.
 
-    help: ClassVar[str] = """Scores results against known joint positions.
+    The known positions (the truth) are a TRC or a truth.json with the 15 joints of joints.csv, in
+    world coordinates, one position per frame: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...],
+    ...}}. The file may also be the last argument. Default: truth.json in the folder of the
+    recording.
 
-The known positions (the truth) are a TRC or a truth.json with the 15 joints of joints.csv, in world
-coordinates, one position per frame: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...], ...}}.
-The file may also be the last argument. Default: truth.json in the folder of the recording.
+    Of any body, a robot's or an animal's, the truth is its motion (.safetensors), which knows the
+    joint angles too, or a joints.csv with the body's own names. Default: truth.safetensors of the
+    recording.
 
-Of any body, a robot's or an animal's, the truth is its motion (.safetensors), which knows the joint
-angles too, or a joints.csv with the body's own names. Default: truth.safetensors of the recording.
-
-  voxelpose evaluate walk_fit --truth walk/truth.json
-  voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
-  voxelpose evaluate robot_fit --truth robot/truth.safetensors
-  voxelpose evaluate fits/* --markdown > table.md
-"""
+      voxelpose evaluate walk_fit --truth walk/truth.json
+      voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
+      voxelpose evaluate robot_fit --truth robot/truth.safetensors
+      voxelpose evaluate fits/* --markdown > table.md
+    """
 
     results: Annotated[
         Positional[tuple[Path, ...]], arg(metavar="RESULT", help_behavior_hint="(required)")
@@ -52,8 +52,8 @@ angles too, or a joints.csv with the body's own names. Default: truth.safetensor
     json: bool = False
     """Print JSON instead of a table."""
 
-    def run(self) -> int:
-        """Prints the scores; returns the exit code."""
+    def run(self) -> None:
+        """Prints the scores."""
         from voxelpose.evaluation import evaluate, markdown_table
         from voxelpose.results import as_json
 
@@ -74,7 +74,6 @@ angles too, or a joints.csv with the body's own names. Default: truth.safetensor
             from voxelpose.cli.summary import print_score
 
             print_score(*scores.values())
-        return 0
 
 
 def _results_and_truths(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -20,26 +20,25 @@ _FORMATS = "bvh,glb,trc,c3d,csv,npz"
 
 @dataclass(frozen=True)
 class Export:
-    """Arguments of `voxelpose export`."""
+    """Writes a result in the formats of other programs.
 
-    help: ClassVar[str] = """Writes a result in the formats of other programs.
+      bvh  motion.bvh: skeleton, for Blender, Maya, MotionBuilder
+      glb  motion.glb: animated body, for Blender, three.js, game engines
+      trc  motion.trc, motion.mot: points and joint coordinates, for OpenSim
+      opensim  opensim_*: setup files that scale a model and run inverse kinematics
+      c3d  motion.c3d: points, for motion capture software and MATLAB
+      csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
+      npz  motion.npz: all data as NumPy arrays
 
-  bvh  motion.bvh: skeleton, for Blender, Maya, MotionBuilder
-  glb  motion.glb: animated body, for Blender, three.js, game engines
-  trc  motion.trc, motion.mot: points and joint coordinates, for OpenSim
-  opensim  opensim_*: setup files that scale a model and run inverse kinematics
-  c3d  motion.c3d: points, for motion capture software and MATLAB
-  csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
-  npz  motion.npz: all data as NumPy arrays
+      voxelpose export walk_fit
+      voxelpose export walk_fit --to glb,csv --out for_the_lab
+      voxelpose export walk_fit --to opensim --out for_opensim
+      voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
 
-  voxelpose export walk_fit
-  voxelpose export walk_fit --to glb,csv --out for_the_lab
-  voxelpose export walk_fit --to opensim --out for_opensim
-  voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
-
-Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit and
---gap-method makes the files, not the result, from its unfiltered poses. export.json says how.
-"""
+    Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit
+    and --gap-method makes the files, not the result, from its unfiltered poses. export.json says
+    how.
+    """
 
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
     """Folder of a result."""
@@ -64,8 +63,8 @@ Filter and gaps are those of the result; any of --filter, --cutoff, --filter-ord
     )
     """Another method of filling gaps."""
 
-    def run(self) -> int:
-        """Writes the files and prints their names; returns the exit code."""
+    def run(self) -> None:
+        """Writes the files and prints their names."""
         from voxelpose.export.formats import export_motion
         from voxelpose.results import Result
 
@@ -76,7 +75,6 @@ Filter and gaps are those of the result; any of --filter, --cutoff, --filter-ord
         overwrite = self.overwrite or self.out is None
         for path in export_motion(motion, self.out or self.result, formats, overwrite):
             print(path)
-        return 0
 
     def _conditioned(self, motion: Motion) -> Motion:
         """The motion with another filter, where one is asked for."""

@@ -9,28 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import Suppress, arg
 
-from voxelpose.cli.arguments import (
-    GROUPS,
-    BodyName,
-    Cameras,
-    Cutoff,
-    Filter,
-    FilterOrder,
-    Fps,
-    Frames,
-    GapLimit,
-    GapMethod,
-    Label,
-    OptionalLength,
-    OverwriteResult,
-    RecordingFolder,
-    Sex,
-    Threads,
-    Unit,
-    Up,
-    camera_names,
-    up_direction,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 # Of a hundred seconds of the recording of `voxelpose demo`, 2026-11, with pictures.
@@ -66,29 +45,29 @@ _SHARES = {
 class EstimationArguments:
     """Arguments of `voxelpose fit` and `voxelpose track` alike."""
 
-    groups: ClassVar = GROUPS
-    recording: RecordingFolder
+    groups: ClassVar = arguments.GROUPS
+    recording: arguments.RecordingFolder
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
-    stature: OptionalLength = None
+    stature: arguments.OptionalLength = None
     """Height in metres. Default: from subject.toml, else estimated (fit) or 1.70 (track)."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
-    body: BodyName = None
-    sex: Sex = "unknown"
-    frames: Frames = None
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    up: Up = None
-    overwrite: OverwriteResult = False
+    body: arguments.BodyName = None
+    sex: arguments.Sex = "unknown"
+    frames: arguments.Frames = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    up: arguments.Up = None
+    overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
-    filter: Filter = "butterworth"
-    cutoff: Cutoff = 7.0
-    filter_order: FilterOrder = None
-    gap_limit: GapLimit = "0"
-    gap_method: GapMethod = "linear"
+    filter: arguments.Filter = "butterworth"
+    cutoff: arguments.Cutoff = 7.0
+    filter_order: arguments.FilterOrder = None
+    gap_limit: arguments.GapLimit = "0"
+    gap_method: arguments.GapMethod = "linear"
     background: Literal["auto", "uniform", "moving", "paper"] = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
@@ -98,7 +77,7 @@ class EstimationArguments:
     without an empty view. Default: none."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
-    threads: Threads = None
+    threads: arguments.Threads = None
     pictures: bool = True
     """Draw the overlay videos and the contact sheet."""
     verbose: bool = False
@@ -111,8 +90,8 @@ class EstimationArguments:
         cameras: tuple[str, ...] | None,
         options: Mapping[str, bool | int | float | str],
         estimator: str,
-    ) -> int:
-        """Estimates the motion, writes the result, prints a summary; returns the exit code."""
+    ) -> None:
+        """Estimates the motion, writes the result, prints a summary."""
         with Progress(_SHARES.get(estimator)) as progress:
             progress.note_compilation(estimator)
             progress.stage("opening")
@@ -130,7 +109,7 @@ class EstimationArguments:
                 background=self.background,
                 segmenter=self.segmenter and resolved_segmenter(self.segmenter),
                 smooth=self.smooth,
-                up=up_direction(self.up),
+                up=arguments.up_direction(self.up),
                 threads=self.threads,
                 backend=self.backend,
                 conditioning=Conditioning(
@@ -153,31 +132,28 @@ class EstimationArguments:
         from voxelpose.cli.summary import print_result
 
         print_result(result, self.verbose)
-        return 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(EstimationArguments):
-    """Arguments of `voxelpose fit`."""
+    """Estimates the motion of a person from several cameras.
 
-    help: ClassVar[str] = """Estimates the motion of a person from several cameras.
+    RECORDING holds a video per camera, calibration.toml and, if possible, background/ with videos
+    or images of the empty view. OUT receives joints.csv, motion.bvh, motion.safetensors,
+    summary.json, overlay videos and contact_sheet.png.
 
-RECORDING holds a video per camera, calibration.toml and, if possible, background/ with videos or
-images of the empty view. OUT receives joints.csv, motion.bvh, motion.safetensors, summary.json,
-overlay videos and contact_sheet.png.
+      voxelpose fit walk --out walk_fit --stature 1.75
+      voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
+      voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
+      voxelpose fit run --out run_fit --body walk_fit
+      voxelpose fit run --out run_fit --body 92A5
+      voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
+    """
 
-  voxelpose fit walk --out walk_fit --stature 1.75
-  voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
-  voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
-  voxelpose fit run --out run_fit --body walk_fit
-  voxelpose fit run --out run_fit --body 92A5
-  voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
-"""
-
-    cameras: Cameras = None
+    cameras: arguments.Cameras = None
     interference: bool = True
     """Match body parts jointly where their movable areas overlap; else one after the other."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: chosen by the program."""
     tolerance: Annotated[int, arg(metavar="N")] = 0
     """Number of cameras that may see background where the body is; 1 tolerates one bad camera."""
@@ -187,15 +163,14 @@ overlay videos and contact_sheet.png.
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""
 
-    def run(self) -> int:
-        """Estimates the motion; returns the exit code."""
-        options: dict[str, bool | int | float | str] = {}
-        if not self.interference:
-            options["interference"] = False
-        if self.voxel is not None:
-            options["voxel_size_m"] = self.voxel
-        if self.tolerance:
-            options["tolerance"] = self.tolerance
-        if self.repair != "auto":
-            options["repair"] = self.repair
-        return self.estimate(camera_names(self.cameras), options, self.estimator)
+    def run(self) -> None:
+        """Estimates the motion."""
+        given = {
+            "interference": self.interference,
+            "voxel_size_m": self.voxel,
+            "tolerance": self.tolerance,
+            "repair": self.repair,
+        }
+        usual = {"interference": True, "voxel_size_m": None, "tolerance": 0, "repair": "auto"}
+        options = {name: value for name, value in given.items() if value != usual[name]}
+        self.estimate(arguments.camera_names(self.cameras), options, self.estimator)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -12,19 +12,17 @@ from voxelpose.cli.terminal import Progress
 
 @dataclass(frozen=True)
 class Build:
-    """Arguments of `voxelpose library build`."""
+    """Builds a pose library from motion capture, for one body.
 
-    help: ClassVar[str] = """Builds a pose library from motion capture, for one body.
+    MOTION are BVH files, exponential-map files, or folders of them; with the --body of a robot or
+    an animal, results or motion files of that body. An interrupted build resumes when the same
+    command is run again.
 
-MOTION are BVH files, exponential-map files, or folders of them; with the --body of a robot or an
-animal, results or motion files of that body. An interrupted build resumes when
-the same command is run again.
-
-  voxelpose library build mocap --out me.vplib --stature 1.75
-  voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
-  voxelpose library build mocap --out man.vplib --body 92A5
-  voxelpose library build arm_fit --out arm.vplib --body arm.urdf --pitch 20
-"""
+      voxelpose library build mocap --out me.vplib --stature 1.75
+      voxelpose library build mocap --out all.vplib --stature 1.75 --leave-out 007_01 --poses 60000
+      voxelpose library build mocap --out man.vplib --body 92A5
+      voxelpose library build arm_fit --out arm.vplib --body arm.urdf --pitch 20
+    """
 
     motion: Annotated[
         Positional[tuple[Path, ...]], arg(metavar="MOTION...", help_behavior_hint="(required)")
@@ -52,8 +50,8 @@ the same command is run again.
     """Clip that is not used, by the name of its file; may be given several times."""
     threads: Threads = None
 
-    def run(self) -> int:
-        """Builds the library; returns the exit code."""
+    def run(self) -> None:
+        """Builds the library."""
         with Progress() as progress:
             progress.note_compilation()
             progress.stage("opening")
@@ -81,26 +79,26 @@ the same command is run again.
         from silhouette_core.monocular.tree.summary import summary
 
         print(summary(library, self.out))
-        return 0
 
 
 @dataclass(frozen=True)
 class Info:
-    """Arguments of `voxelpose library info`."""
+    """
+    Describes a pose library.
 
-    help: ClassVar[str] = """Describes a pose library.
+    Its size, its poses and its body are printed.
 
-  voxelpose library info me.vplib
-  voxelpose library info me.vplib --png sheet.png
-"""
+      voxelpose library info me.vplib
+      voxelpose library info me.vplib --png sheet.png
+    """
 
     library: Annotated[Positional[Path], arg(metavar="LIB")]
     """The library."""
     png: OptionalFile = None
     """PNG to be written: a contact sheet of its silhouettes."""
 
-    def run(self) -> int:
-        """Prints the description; returns the exit code."""
+    def run(self) -> None:
+        """Prints the description."""
         from silhouette_core.monocular.tree.store import read_library
         from silhouette_core.monocular.tree.summary import summary
 
@@ -111,7 +109,6 @@ class Info:
 
             write_sheet(library, self.png)
             print(f"contact sheet: {self.png}")
-        return 0
 
 
 SUBCOMMANDS = {"build": Build, "info": Info}

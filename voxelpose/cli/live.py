@@ -13,20 +13,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    GROUPS,
-    Cameras,
-    Fps,
-    Label,
-    OptionalLength,
-    PageArguments,
-    Sex,
-    Unit,
-    Up,
-    camera_names,
-    up_direction,
-)
-from voxelpose.cli.terminal import Progress, plain, rich_console
+from voxelpose.cli import arguments
+from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -38,82 +26,64 @@ if TYPE_CHECKING:
 _STATUS_EVERY_S = 1
 
 
-class StateLine:
-    """State of a session: one changing line on a terminal, a line per change elsewhere."""
-
-    def __init__(self) -> None:
-        """Prints nothing yet."""
-        self._line: Status | None = None
-        self._said: tuple[str, ...] = ()
-        if sys.stderr.isatty():
-            self._line = rich_console(stderr=True).status("")
-            self._line.start()
-
-    def show(self, state: SessionState) -> None:
-        """Shows the present state."""
-        wrong = tuple(f"{name}: {said}" for name, said in state.cameras.items() if said != "ok")
-        if self._line is not None:
-            numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
-            if math.isfinite(state.latency_s):
-                numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
-            self._line.update(plain("; ".join([state.message, numbers, *wrong])))
-            return
-        # Seconds that count down are no news.
-        message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
-        if (message, *wrong) != self._said:
-            self._said = (message, *wrong)
-            print("; ".join(self._said), file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Removes the changing line."""
-        if self._line is not None:
-            self._line.stop()
+def show_state(state: SessionState, line: Status, said: tuple[str, ...]) -> tuple[str, ...]:
+    """Shows a session's state: in one changing line on a terminal, elsewhere, where it is not what
+    was said before, in a new one; returns what has been said.
+    """
+    wrong = tuple(f"{name}: {words}" for name, words in state.cameras.items() if words != "ok")
+    if sys.stderr.isatty():
+        numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
+        if math.isfinite(state.latency_s):
+            numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
+        line.update(plain("; ".join([state.message, numbers, *wrong])))
+        return said
+    # Seconds that count down are no news.
+    message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
+    if (message, *wrong) != said:
+        print("; ".join((message, *wrong)), file=sys.stderr, flush=True)
+    return message, *wrong
 
 
 def print_session(session: LiveSession) -> None:
     """Prints frames, dropped frames and the durations of the stages of a session."""
-    from rich.table import Table
-
-    console, state = rich_console(), session.state
-    table = Table("stage", "min ms", "max ms", "mean ms", "median ms", "95 % ms", "99 % ms")
-    table.box, table.padding = None, (0, 2, 0, 0)
-    for name, values in session.times.summary().items():
-        table.add_row(name, *(f"{1000 * value:.1f}" for value in values))
-    if table.row_count:
-        console.print(table)
-    console.print(f"{state.frames} frames estimated, {state.dropped} dropped")
+    rows = [
+        (name, *(f"{1000 * value:.1f}" for value in values))
+        for name, values in session.times.summary().items()
+    ]
+    print_table(
+        rows, "stage", *(f"{name} ms" for name in ("min", "max", "mean", "median", "95 %", "99 %"))
+    )
+    print(f"{session.state.frames} frames estimated, {session.state.dropped} dropped")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live(PageArguments):
-    """Arguments of `voxelpose live`."""
+class Live(arguments.PageArguments):
+    """Follows a person before running cameras, shows and sends the motion.
 
-    help: ClassVar[str] = """Follows a person before running cameras, shows and sends the motion.
+    FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
+    played at their own rate where no --source is given. With several cameras the body is followed
+    in space; with --camera NAME, or a single source, by the network as in `voxelpose track`. Ctrl-C
+    ends the session.
 
-FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
-played at their own rate where no --source is given. With several cameras the body is followed in
-space; with --camera NAME, or a single source, by the network as in `voxelpose track`.
-Ctrl-C ends the session.
+      voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
+      voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
+      voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
+      voxelpose live walk --loop --record rehearsal --private
+    """
 
-  voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
-  voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
-  voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
-  voxelpose live walk --loop --record rehearsal --private
-"""
-
-    groups: ClassVar = GROUPS
+    groups: ClassVar = arguments.GROUPS
     folder: Annotated[Positional[Path | None], arg(metavar="FOLDER")] = None
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
     """Number of a webcam, address of a stream (rtsp://, http://) or a video; may be repeated."""
     camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     """Use this camera alone."""
-    cameras: Cameras = None
-    stature: OptionalLength = None
+    cameras: arguments.Cameras = None
+    stature: arguments.OptionalLength = None
     """Height in metres. Default: from subject.toml, else estimated (several cameras) or 1.70."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
-    sex: Sex = "unknown"
+    sex: arguments.Sex = "unknown"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
     start: Literal["facing", "any"] = "any"
@@ -137,13 +107,13 @@ Ctrl-C ends the session.
     """Seconds to step out of the picture before the empty view is learned."""
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
-    unit: Unit = None
-    fps: Fps = None
-    label: Label = None
-    up: Up = None
+    unit: arguments.Unit = None
+    fps: arguments.Fps = None
+    label: arguments.Label = None
+    up: arguments.Up = None
 
-    def run(self) -> int:
-        """Runs the session; returns the exit code."""
+    def run(self) -> None:
+        """Runs the session."""
         self._check()
         with Progress() as progress:
             progress.note_compilation("multiview")
@@ -156,9 +126,11 @@ Ctrl-C ends the session.
 
             progress.stage("reading calibration and empty view")
             sources = [CameraSource.parse(text) for text in self.source]
-            names = (self.camera,) if self.camera is not None else camera_names(self.cameras)
+            names = (
+                (self.camera,) if self.camera is not None else arguments.camera_names(self.cameras)
+            )
             live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
-            live = live.upright(up_direction(self.up), progress)
+            live = live.upright(arguments.up_direction(self.up), progress)
             known = live.recording.subject
             subject = replace(
                 known,
@@ -166,12 +138,7 @@ Ctrl-C ends the session.
                 chest_girth_m=self.chest or known.chest_girth_m,
                 sex=self.sex if self.sex != "unknown" else known.sex,
             )
-            options: dict[str, bool | int | float | str] = {
-                "start": self.start,
-                "outline_only": self.outline_only,
-            }
-            if self.library is not None:
-                options["library"] = str(self.library)
+            options = arguments.monocular_options(self.start, self.outline_only, self.library)
             settings = Settings(
                 stature_m=subject.stature_m,
                 chest_m=subject.chest_girth_m,
@@ -203,14 +170,9 @@ Ctrl-C ends the session.
             except KeyboardInterrupt:  # how a session usually ends
                 print(file=sys.stderr)
         print_session(session)
-        return 0
 
     def _check(self) -> None:
-        """Refuses what cannot be done, before anything is begun.
-
-        Raises:
-            InputError: an argument is wrong, or two exclude each other.
-        """
+        """Refuses, by an InputError, what cannot be done, before anything is begun."""
         if self.folder is not None and not self.folder.is_dir():
             raise InputError(f"there is no folder {self.folder}: give one with calibration.toml")
         from voxelpose.live.senders import parse_receiver
@@ -243,15 +205,13 @@ Ctrl-C ends the session.
 
     def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
-        line = StateLine()
-        try:
+        said: tuple[str, ...] = ()
+        with rich_console(stderr=True).status("") as line:
             session.start_cameras(self.record is not None and self.record_now)
             if session.state.phase == "no background":
                 session.learn_background()
             end_s = None if self.duration is None else time.monotonic() + self.duration
             while not session.wait(_STATUS_EVERY_S):
-                line.show(session.state)
+                said = show_state(session.state, line, said)
                 if end_s is not None and time.monotonic() >= end_s:
                     break
-        finally:
-            line.close()

@@ -26,30 +26,19 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Option:
-    """An option of a command.
+    """An option of a command."""
 
-    Attributes:
-        name: as on the command line, without the dashes before it.
-        field: its field of the command's class.
-        default: value where none is given; `dataclasses.MISSING` where one must be.
-        appended: whether it may be given several times, each time with one more value.
-    """
-
-    name: str
-    field: str
+    name: str  # as on the command line, without the dashes before it
+    field: str  # its field of the command's class
     kind: Any
-    default: Any
-    appended: bool
+    default: Any  # value where none is given; `dataclasses.MISSING` where one must be
+    appended: bool  # whether it may be given several times, each time with one more value
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
-        """The value that a file gives.
-
-        Args:
-            folder: the file's folder, to which paths are relative.
-            where: the file and its section, for messages.
+        """The value that a file gives; paths in it are relative to its folder.
 
         Raises:
-            InputError: the value is none of this option.
+            InputError: the value is none of this option; `where` names file and section.
         """
         import msgspec
 
@@ -149,23 +138,26 @@ class FolderSetting(NamedTuple):
     file: str
 
 
-def load_command(section: str) -> Any:
-    """The class of a command by its section in a voxelpose.toml: `fit`, `calibrate.board`, …."""
-    name, _, word = section.partition(".")
+def commands_of(name: str) -> dict[str, Any]:
+    """Classes of a command by their sections in a voxelpose.toml: `fit`, `calibrate.board`, ….
+
+    They are listed in its module's SUBCOMMANDS, or one has the module's name or that in COMMAND.
+    """
     module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
     if hasattr(module, "SUBCOMMANDS"):
-        return module.SUBCOMMANDS[word]
-    return getattr(module, getattr(module, "COMMAND", name.capitalize()))
+        return {f"{name}.{word}": command for word, command in module.SUBCOMMANDS.items()}
+    return {name: getattr(module, getattr(module, "COMMAND", name.title().replace("-", "")))}
+
+
+def load_command(section: str) -> Any:
+    """The class of a command by its section."""
+    return commands_of(section.partition(".")[0])[section]
 
 
 def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
-    """What files say about a command's options, by their names; the nearest file counts.
-
-    Args:
-        folder: the recording, or whatever the command works on.
-
-    Raises:
-        InputError: a file cannot be read, or has an unknown section, option or value.
+    """What files say about a command's options, by their names, for the folder that it works on;
+    the nearest file counts. InputError where a file cannot be read, or has an unknown section,
+    option or value.
     """
     from voxelpose.recording.subject import settings_files
 
@@ -184,10 +176,8 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
 
 
 def sections_in(folder: Path) -> list[str]:
-    """Sections of the files that hold settings for a folder.
-
-    Raises:
-        InputError: a file cannot be read, or has an unknown section.
+    """Sections of the files that hold settings for a folder. InputError where a file cannot be
+    read, or has an unknown section.
     """
     from voxelpose.recording.subject import settings_files
 
@@ -197,13 +187,8 @@ def sections_in(folder: Path) -> list[str]:
 def parse_with_settings(
     section: str, words: Sequence[str], program: str
 ) -> tuple[Any, dict[str, FolderSetting]]:
-    """A command with its arguments, those of files where the command line gives none.
-
-    Args:
-        program: how the command is called, for messages.
-
-    Returns:
-        An instance of the command's class, and what was taken from files.
+    """A command with its arguments, those of files where the command line gives none, and what was
+    taken from files. The program's name is for messages.
 
     Raises:
         InputError: a file cannot be read, or has an unknown section, option or value.
@@ -244,14 +229,6 @@ def parse_with_settings(
     return done, taken
 
 
-def settings_notes(section: str, taken: Mapping[str, FolderSetting]) -> list[str]:
-    """A line for each file that settings were taken from."""
-    names: dict[str, list[str]] = {}
-    for name, setting in taken.items():
-        names.setdefault(setting.file, []).append(name)
-    return [f"from {file} [{section}]: {', '.join(known)}" for file, known in names.items()]
-
-
 def _grouped(command: Any) -> Any:
     """A class of a command's groups of options, which help shows in a box each, or the command."""
     if not hasattr(command, "groups"):
@@ -286,11 +263,11 @@ def _sections(file: Path) -> dict[str, dict[str, Any]]:
     _check_sections(content, COMMANDS, file)
     sections = {}
     for name, table in content.items():
-        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-        if not hasattr(module, "SUBCOMMANDS"):
+        commands = commands_of(name)
+        if name in commands:
             sections[name] = table
             continue
-        _check_sections(table, module.SUBCOMMANDS, file, f"{name}.")
+        _check_sections(table, [known.partition(".")[2] for known in commands], file, f"{name}.")
         sections |= {f"{name}.{word}": inner for word, inner in table.items()}
     return sections
 

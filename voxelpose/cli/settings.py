@@ -3,12 +3,12 @@
 import json
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.options import folder_settings, load_command, nearest, options_of, sections_in
+from voxelpose.cli import options
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
@@ -17,25 +17,23 @@ _WITH_SUBJECT = "fit", "track", "live"
 
 @dataclass(frozen=True)
 class ShowSettings:
-    """Arguments of `voxelpose settings`."""
+    """Shows the value of every setting, and where it comes from.
 
-    help: ClassVar[str] = """Shows the value of every setting, and where it comes from.
+    Every option of every command can be set in files called voxelpose.toml: in the recording, in
+    the folders above it, and in the user's configuration folder. The nearest counts, and the
+    command line before all. Paths are relative to the file. Values of subject.toml are shown, too.
 
-Every option of every command can be set in files called voxelpose.toml: in the recording, in the
-folders above it, and in the user's configuration folder. The nearest counts, and the command line
-before all. Paths are relative to the file. Values of subject.toml are shown, too.
+      voxelpose settings walk
+      voxelpose settings walk --command track
+      voxelpose settings --command "calibrate board" --json
 
-  voxelpose settings walk
-  voxelpose settings walk --command track
-  voxelpose settings --command "calibrate board" --json
-
-A voxelpose.toml has a section for each command, with the names of its options:
-  [fit]
-  stature = 1.75
-  smooth = false
-  [calibrate.board]
-  paper = "a3"
-"""
+    A voxelpose.toml has a section for each command, with the names of its options:
+      [fit]
+      stature = 1.75
+      smooth = false
+      [calibrate.board]
+      paper = "a3"
+    """
 
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
@@ -46,14 +44,14 @@ A voxelpose.toml has a section for each command, with the names of its options:
     json: bool = False
     """Print JSON instead of a table."""
 
-    def run(self) -> int:
-        """Prints the settings; returns the exit code."""
+    def run(self) -> None:
+        """Prints the settings."""
         from voxelpose.results import as_json
 
         folder = self.recording or Path()
         if not folder.is_dir():
             raise InputError(f"there is no folder {folder}: give a recording, or no folder")
-        sections = dict.fromkeys(["fit", *sections_in(folder)])
+        sections = dict.fromkeys(["fit", *options.sections_in(folder)])
         if self.command is not None:
             sections = [_section(self.command)]
         tables = {section: _values(section, folder) for section in sections}
@@ -61,38 +59,33 @@ A voxelpose.toml has a section for each command, with the names of its options:
             print(as_json(tables), end="")
         else:
             _print_tables(tables)
-        return 0
 
 
 def _section(command: str) -> str:
     """The section of a command, as in `calibrate board`."""
     section = ".".join(command.replace(".", " ").split())
-    sections = _all_sections()
+    sections = all_sections()
     if section not in sections:
-        near = nearest(section, sections) or f": there are {', '.join(sections)}"
+        near = options.nearest(section, sections) or f": there are {', '.join(sections)}"
         raise InputError(f"--command {command}: there is no such command{near}")
     return section
 
 
-def _all_sections() -> list[str]:
-    import importlib
-
+def all_sections() -> list[str]:
+    """Sections that a voxelpose.toml may have: one of every command and subcommand."""
     from voxelpose.cli import COMMANDS
 
-    sections = []
-    for name in COMMANDS:
-        module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
-        words = getattr(module, "SUBCOMMANDS", None)
-        sections += [name] if words is None else [f"{name}.{word}" for word in words]
-    return sections
+    return [section for name in COMMANDS for section in options.commands_of(name)]
 
 
 def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     """Value and source of every option, by name."""
-    found = folder_settings(section, folder)
+    import msgspec
+
+    found = options.folder_settings(section, folder)
     known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
     values = {}
-    for name, option in options_of(load_command(section)).items():
+    for name, option in options.options_of(options.load_command(section)).items():
         if name in found:
             value, source = found[name]
         elif name in known:
@@ -101,7 +94,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
             value, source = None, "to be given"
         else:
             value, source = option.default, "default"
-        values[name] = {"value": _plain_value(value), "from": source}
+        values[name] = {"value": msgspec.to_builtins(value, enc_hook=str), "from": source}
     return values
 
 
@@ -117,21 +110,14 @@ def _of_the_subject(folder: Path) -> dict[str, Any]:
     }
 
 
-def _plain_value(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain_value(part) for part in value]
-    return str(value) if isinstance(value, Path) else value
-
-
 def _print_tables(tables: dict[str, dict[str, dict[str, Any]]]) -> None:
     for section, values in tables.items():
-        rows = [(name, _shown(entry["value"]), entry["from"]) for name, entry in values.items()]
+        rows = []
+        for name, entry in values.items():
+            value = entry["value"]
+            shown = "-" if value is None else json.dumps(value, ensure_ascii=False)
+            rows.append((name, shown, entry["from"]))
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
         print(f"[{section}]")
         for name, shown, source in rows:
             print(f"  {name:<{wide[0]}}  {shown:<{wide[1]}}  {source}")
-
-
-def _shown(value: Any) -> str:
-    """A value as in TOML, `-` for none; on one line."""
-    return "-" if value is None else json.dumps(value, ensure_ascii=False)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 from voxelpose.cli.arguments import Fps, Label, PageArguments, RecordingFolder, Unit
 from voxelpose.cli.options import folder_settings
@@ -11,31 +10,28 @@ from voxelpose.cli.terminal import message
 
 @dataclass(frozen=True)
 class Setup(PageArguments):
-    """Arguments of `voxelpose setup`."""
+    """Sets a recording up in the browser, before the first fit.
 
-    help: ClassVar[str] = """Sets a recording up in the browser, before the first fit.
+    Shows the pictures of all cameras side by side. Draw where the person may be and what furniture
+    hides, click points of the scene, see the silhouettes, check the cameras, choose up. Nothing is
+    written before Save. The page is served by this machine, and only to this machine unless --host
+    is given; Ctrl-C ends it.
 
-Shows the pictures of all cameras side by side. Draw where the person may be and what furniture
-hides, click points of the scene, see the silhouettes, check the cameras, choose up. Nothing is
-written before Save. The page is served by this machine, and only to this machine unless --host is
-given; Ctrl-C ends it.
-
-  voxelpose setup walk
-  voxelpose setup walk --no-browser --port 9000
-  voxelpose setup walk --host 0.0.0.0 --token "a long word"
-"""
+      voxelpose setup walk
+      voxelpose setup walk --no-browser --port 9000
+      voxelpose setup walk --host 0.0.0.0 --token "a long word"
+    """
 
     recording: RecordingFolder
     unit: Unit = None
     fps: Fps = None
     label: Label = None
 
-    def run(self) -> int:
-        """Serves the page until it is interrupted; returns the exit code."""
+    def run(self) -> None:
+        """Serves the page until it is interrupted."""
         address = self.address()
         from voxelpose.setup_page.opened_folder import OpenedFolder
-        from voxelpose.setup_page.setup_server import SetupServer
-        from voxelpose.setup_page.setup_session import SetupSession
+        from voxelpose.setup_page.setup_session import SetupServer, SetupSession
 
         settings = partial(folder_settings, "fit", self.recording)
         known = settings()
@@ -43,13 +39,4 @@ given; Ctrl-C ends it.
         fps = self.fps or known.get("fps", (None, ""))[0]
         label = self.label or known.get("label", (None, ""))[0]
         session = SetupSession(OpenedFolder.open(self.recording, unit, fps, label), settings)
-        server = SetupServer(session, address)
-        try:
-            print(f"{message(str(self.recording))}: {server.url} (Ctrl-C ends it)", flush=True)
-            self.open_page(server.url)
-            server.wait()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            server.close()
-        return 0
+        self.serve(message(str(self.recording)), SetupServer(session, address))

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from voxelpose.cli.terminal import plain, rich_console
+from voxelpose.cli.terminal import plain, print_table, rich_console
 from voxelpose.reliability import verdict_of
 
 if TYPE_CHECKING:
@@ -58,13 +57,12 @@ def print_result(result: Result, verbose: bool = False) -> None:
 def _print_numbers(summary: Mapping[str, Any]) -> None:
     """Prints the seconds of the stages and the quality of a result."""
     console = rich_console()
-    stages = Table("stage", "min ms", "median ms", "max ms", box=None, padding=(0, 2, 0, 0))
-    for name, range_s in summary["seconds"]["stages"].items():
-        if "median" in range_s:
-            values = (f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max"))
-            stages.add_row(plain(name), *values)
-    if stages.row_count:
-        console.print(stages)
+    rows = [
+        (plain(name), *(f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max")))
+        for name, range_s in summary["seconds"]["stages"].items()
+        if "median" in range_s
+    ]
+    print_table(rows, "stage", "min ms", "median ms", "max ms")
     for name, values in summary["quality"].items():
         if "median" in values:
             low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))
@@ -73,30 +71,24 @@ def _print_numbers(summary: Mapping[str, Any]) -> None:
 
 def print_score(score: Score) -> None:
     """Prints the errors of a result against known joint positions."""
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for value, unit, meaning in (
+    first, truth_mm = score.joints[0], score.jitter_truth_mm
+    measures = (
         (score.joint_angle_deg, "deg", "joint_angle_deg: mean error of the joint angles"),
-        (score.root_mm, "mm", f"root_mm: mean joint error relative to the {score.joints[0]}"),
+        (score.root_mm, "mm", f"root_mm: mean joint error relative to the {first}"),
         (score.mpjpe_mm, "mm", "mpjpe_mm: mean joint error in the world"),
         (score.pa_mm, "mm", "pa_mm: mean joint error after the best similarity transform"),
-        (
-            100 * score.pck150,
-            "%",
-            f"pck150: joints within 150 mm relative to the {score.joints[0]}",
-        ),
+        (100 * score.pck150, "%", f"pck150: joints within 150 mm relative to the {first}"),
         (score.angle_deg, "deg", "angle_deg: mean angular error of the bones"),
-        (
-            score.jitter_mm,
-            "mm",
-            f"jitter_mm: third difference (truth: {score.jitter_truth_mm:.1f})",
-        ),
+        (score.jitter_mm, "mm", f"jitter_mm: third difference (truth: {truth_mm:.1f})"),
         (100 * score.flips, "%", "flips: frames with left and right exchanged"),
         (100 * score.lost, "%", f"lost: frames without a pose or beyond 300 mm, of {score.frames}"),
-    ):
-        if np.isfinite(value):
-            table.add_row(f"[bold]{value:.1f} {unit}[/bold]", plain(meaning))
+    )
+    print_table(
+        (f"[bold]{value:.1f} {unit}[/bold]", plain(meaning))
+        for value, unit, meaning in measures
+        if np.isfinite(value)
+    )
     console = rich_console()
-    console.print(table)
     errors = list(zip(score.joint_root_mm, score.joints, strict=False))
     if errors and score.joints == LANDMARK_NAMES:
         worst = sorted(((mm, name) for mm, name in errors if np.isfinite(mm)), reverse=True)[:3]
@@ -104,17 +96,6 @@ def print_score(score: Score) -> None:
         if unknown := [name for mm, name in errors if not np.isfinite(mm)]:
             console.print(f"not scored, since the truth lacks them: {', '.join(unknown)}")
     elif errors:
-        _print_joints(score)
-
-
-def _print_joints(score: Score) -> None:
-    """Prints a table of the joints of a body that is no person's, and one of its joint angles."""
-    joints = Table("joint", "root_mm", box=None, padding=(0, 2, 0, 0))
-    for name, mm in zip(score.joints, score.joint_root_mm, strict=True):
-        joints.add_row(plain(name), f"{mm:.1f}")
-    angles = Table("joint angle", "degrees", box=None, padding=(0, 2, 0, 0))
-    for name, degrees in score.each_joint_angle_deg.items():
-        angles.add_row(plain(name), f"{degrees:.2f}")
-    for table in (joints, angles):
-        if table.row_count:
-            rich_console().print(table)
+        print_table(((plain(name), f"{mm:.1f}") for mm, name in errors), "joint", "root_mm")
+        angles = score.each_joint_angle_deg.items()
+        print_table(((plain(name), f"{deg:.2f}") for name, deg in angles), "joint angle", "degrees")

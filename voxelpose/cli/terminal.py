@@ -8,8 +8,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
-from types import TracebackType
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ class VisibleStream:
     """Stream that writes text to another one, control characters made visible."""
 
     def __init__(self, stream: TextIO):
-        """Wraps a stream."""
         self.stream = stream
 
     def write(self, text: str) -> int:
@@ -67,6 +65,17 @@ def rich_console(stderr: bool = False, soft_wrap: bool = False) -> Console:
     return Console(file=file, highlight=False, soft_wrap=soft_wrap)
 
 
+def print_table(rows: Iterable[Sequence[str]], *columns: str) -> None:
+    """Prints rows of rich's markup below the columns' names, if there are any; no rows: nothing."""
+    from rich.table import Table
+
+    table = Table(*columns, box=None, show_header=bool(columns), padding=(0, 2, 0, 0))
+    for row in rows:
+        table.add_row(*row)
+    if table.row_count:
+        rich_console().print(table)
+
+
 class Progress:
     """Reporter that draws one progress bar on stderr, with the time that is left.
 
@@ -78,31 +87,23 @@ class Progress:
         """Prepares the progress bar.
 
         Args:
-            shares: of the time that stages usually take, in their order, for one bar over all of
-                them; stages that are not in it do not move the bar. None: every stage begins anew.
+            shares: of the time that stages usually take, in their order, for one bar over all;
+                others do not move it. None: every stage begins anew.
         """
         self._shares = shares
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
         self._beside: subprocess.Popen[bytes] | None = None
         if sys.stderr.isatty():
-            from rich.progress import (
-                BarColumn,
-                SpinnerColumn,
-                TaskProgressColumn,
-                TextColumn,
-                TimeElapsedColumn,
-                TimeRemainingColumn,
-            )
-            from rich.progress import Progress as Bar
+            from rich import progress
 
-            self._bar = Bar(
-                SpinnerColumn(),
-                TextColumn("{task.description:<24}"),
-                BarColumn(),
-                TaskProgressColumn(),
-                TimeElapsedColumn(),
-                TimeRemainingColumn(),
+            self._bar = progress.Progress(
+                progress.SpinnerColumn(),
+                progress.TextColumn("{task.description:<24}"),
+                progress.BarColumn(),
+                progress.TaskProgressColumn(),
+                progress.TimeElapsedColumn(),
+                progress.TimeRemainingColumn(),
                 console=rich_console(stderr=True),
                 speed_estimate_period=3600,
             )
@@ -113,12 +114,7 @@ class Progress:
             self._bar.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if self._beside is not None:
             self._beside.terminate()
             self._beside.wait()

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from voxelpose.cli.arguments import OptionalName
+from voxelpose.cli.arguments import OptionalName, monocular_options
 from voxelpose.cli.fit import EstimationArguments
 
 
 @dataclass(frozen=True, kw_only=True)
 class Track(EstimationArguments):
-    """Arguments of `voxelpose track`."""
+    """Estimates the motion of a person from one camera.
 
-    help: ClassVar[str] = """Estimates the motion of a person from one camera.
+    RECORDING is a video, or a folder with a video per camera and, if possible, calibration.toml and
+    background/ with the empty view. Without a calibration, typical camera parameters are assumed.
+    OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
+    poses of every frame with their probabilities. With the --body of a robot or an animal, a library of that body's
+    motion, or poses within the limits of its joints.
 
-RECORDING is a video, or a folder with a video per camera and, if possible, calibration.toml and
-background/ with the empty view. Without a calibration, typical camera parameters are assumed.
-OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
-poses of every frame with their probabilities. With the --body of a robot or an animal, a library of
-that body's motion, or poses within the limits of its joints.
-
-  voxelpose track clip.mp4 --out clip_track --stature 1.75
-  voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
-  voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
-  voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
-  voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
-  voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
-"""
+      voxelpose track clip.mp4 --out clip_track --stature 1.75
+      voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
+      voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
+      voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
+      voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
+      voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
+    """
 
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
@@ -42,15 +40,10 @@ that body's motion, or poses within the limits of its joints.
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """Leave out the colours inside the outline, which show arms before the body."""
 
-    def run(self) -> int:
-        """Estimates the motion; returns the exit code."""
+    def run(self) -> None:
+        """Estimates the motion."""
         from voxelpose.recording.folder import one_camera
 
-        options: dict[str, bool | int | float | str] = {
-            "start": self.start,
-            "outline_only": self.outline_only,
-        }
-        if self.library is not None:
-            options["library"] = str(self.library)
+        options = monocular_options(self.start, self.outline_only, self.library)
         folder, camera = one_camera(self.recording, self.camera)
-        return replace(self, recording=folder).estimate((camera,), options, "monocular")
+        replace(self, recording=folder).estimate((camera,), options, "monocular")

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    OptionalFile,
-    OptionalLength,
-    OverwriteFile,
-    PageArguments,
-    Unit,
-    refuse_existing,
-)
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
@@ -24,19 +17,17 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class View(PageArguments):
-    """Arguments of `voxelpose view`."""
+class View(arguments.PageArguments):
+    """Shows cameras, voxels, body and skeleton over time in the browser.
 
-    help: ClassVar[str] = """Shows cameras, voxels, body and skeleton over time in the browser.
+    The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends
+    it. The visual hull is carved from the recording of the result. For a recording without a
+    result, cameras and hull are shown.
 
-The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends it.
-The visual hull is carved from the recording of the result. For a recording without a result,
-cameras and hull are shown.
-
-  voxelpose view walk_fit
-  voxelpose view walk_fit --frame 40 --png hull.png
-  voxelpose view walk_fit --video hull.webm
-"""
+      voxelpose view walk_fit
+      voxelpose view walk_fit --frame 40 --png hull.png
+      voxelpose view walk_fit --video hull.webm
+    """
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
     """Folder of a result, or a recording."""
@@ -44,21 +35,21 @@ cameras and hull are shown.
     """Number of the frame. Default: the middle one."""
     open3d: bool = False
     """Open a window with hull and skeleton of one frame instead of the browser."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """PNG of one frame to be written instead; no screen is needed."""
-    video: OptionalFile = None
+    video: arguments.OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
     recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
     """The recording, if it was moved after the fit."""
-    voxel: OptionalLength = None
+    voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: that of the fit."""
-    unit: Unit = None
-    overwrite: OverwriteFile = False
+    unit: arguments.Unit = None
+    overwrite: arguments.OverwriteFile = False
 
-    def run(self) -> int:
-        """Shows or writes the scenes; returns the exit code."""
-        refuse_existing([self.png], self.overwrite, "--png")
-        refuse_existing([self.video], self.overwrite, "--video")
+    def run(self) -> None:
+        """Shows or writes the scenes."""
+        arguments.refuse_existing([self.png], self.overwrite, "--png")
+        arguments.refuse_existing([self.video], self.overwrite, "--video")
         if not (self.open3d or self.png or self.video):
             self.address()  # refused before the work, not after
         if self.open3d:
@@ -77,7 +68,6 @@ cameras and hull are shown.
             self._show(scenes)
         finally:
             scenes.close()
-        return 0
 
     def _show(self, scenes: ResultScenes) -> None:
         pictures = self.open3d or self.png is not None or self.video is not None
@@ -101,19 +91,15 @@ cameras and hull are shown.
                 count = write_film(scenes, self.video, progress)
             print(f"{self.video}: {count} frames")
         if self.open3d:
-            from voxelpose.view.images.hull_picture import show_hull, skeleton_of
+            from voxelpose.view.images.hull_picture import hull_of, show_hull, skeleton_of
 
             scene = scenes.scene(frame)
-            if scene.hull is None:
-                raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
-            show_hull(
-                scene.hull.grid,
-                scene.hull.occupancy,
-                skeleton_of(scene),
-                f"{self.folder} frame {frame}",
-            )
+            hull, title = hull_of(scene), f"{self.folder} frame {frame}"
+            show_hull(hull.grid, hull.occupancy, skeleton_of(scene), title)
         if not pictures:
-            self._serve(scenes, frame)
+            from voxelpose.view.viewer.browser import Browser
+
+            self.serve(scenes.title, Browser(scenes, self.address(), frame))
 
     def _frame(self, scenes: ResultScenes, posed: bool) -> int:
         """Returns the number of the frame to show; the middle one where none is given."""
@@ -127,16 +113,3 @@ cameras and hull are shown.
                 f" {frames[-1]}"
             )
         return self.frame
-
-    def _serve(self, scenes: ResultScenes, frame: int) -> None:
-        from voxelpose.view.viewer.browser import Browser
-
-        browser = Browser(scenes, self.address(), frame)
-        print(f"{scenes.title}: {browser.url} (Ctrl-C ends it)", flush=True)
-        self.open_page(browser.url)
-        try:
-            browser.run()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            browser.close()

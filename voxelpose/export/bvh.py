@@ -51,11 +51,8 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
 
 def _without_gaps(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotations and root positions of every frame from the first to the last pose, BVH axes.
-
-    Returns:
-        (F, P, 3, 3) float64, rotation of every part relative to its parent, and (F, 3) float64,
-        root positions, centimetres.
+    """Rotations (F, P, 3, 3) of parts relative to their parents and root positions (F, 3), cm, of
+    every frame from the first to the last pose, BVH axes.
     """
     local, root, frames = local_rotations(motion), motion.parts()[1][:, 0], every_frame(motion)
     if len(frames) > len(motion):

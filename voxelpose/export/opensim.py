@@ -7,7 +7,7 @@ of the world (y up), metres, as in Pose2Sim: files of both programs made with on
 coincide. A person who faces the world's +y faces OpenSim's +x, as OpenSim's models do.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -117,20 +117,15 @@ def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class OpenSimMarker:
-    """A point of the TRC on the model.
+    """A point of the TRC on the model."""
 
-    Attributes:
-        name: as in the TRC.
-        body: body of the model on which it lies.
-        place_m: in that body's frame (x forward, y up, z right), of a person 1.70 m tall.
-        fixed: whether it is the joint's centre, the frame's origin. Others are moved to where the
-            static pose has them.
-    """
-
-    name: str
-    body: str
+    name: str  # as in the TRC
+    body: str  # body of the model on which it lies
+    # In that body's frame (x forward, y up, z right), of a person 1.70 m tall.
     place_m: tuple[float, float, float]
     weight: float
+    # Whether it is the joint's centre, the frame's origin. Others are moved to where the static
+    # pose has them.
     fixed: bool
 
 
@@ -203,26 +198,20 @@ def opensim_markers() -> tuple[OpenSimMarker, ...]:
 
 def write_marker_set(motion: Motion, path: Path) -> None:
     """Writes the marker set, of a person 1.70 m tall, in the frames of the model's bodies."""
-    root = ElementTree.Element("MarkerSet", name="voxelpose")
-    objects = ElementTree.SubElement(root, "objects")
+    markers = []
     for marker in opensim_markers():
-        place = " ".join(f"{number:g}" for number in marker.place_m)
-        entry = ElementTree.SubElement(objects, "Marker", name=marker.name)
-        _add(
-            entry,
-            socket_parent_frame=f"/bodyset/{marker.body}",
-            location=place,
-            fixed=str(marker.fixed).lower(),
-        )
-    _write_document(root, path)
+        texts = {
+            "socket_parent_frame": f"/bodyset/{marker.body}",
+            "location": " ".join(f"{number:g}" for number in marker.place_m),
+            "fixed": str(marker.fixed).lower(),
+        }
+        markers.append(_node("Marker", texts, name=marker.name))
+    _write_document(_node("MarkerSet", _node("objects", *markers), name="voxelpose"), path)
 
 
 def write_static(motion: Motion, path: Path) -> None:
-    """Writes the fitted body in its rest pose as TRC: upright, facing OpenSim's +x, arms 45 degrees
-    down. It takes the place of a static trial.
-
-    Args:
-        motion: its body is a person's.
+    """Writes the fitted body, a person's, in its rest pose as TRC: upright, facing OpenSim's +x,
+    arms 45 degrees down. It takes the place of a static trial.
     """
     model = motion.model
     turned = np.array([0.0, 0.0, 0.0, 1.0])  # half round, since bodies rest facing -y
@@ -243,42 +232,32 @@ def write_seen(motion: Motion, path: Path) -> None:
 
 
 def write_scale_setup(motion: Motion, path: Path) -> None:
-    """Writes the setup of OpenSim's scale tool: lengths from the static pose, then the markers that
-    are no joint centres where that pose has them.
-
-    Args:
-        motion: gives the frame rate, which decides the times of the static pose.
+    """Writes the setup of OpenSim's scale tool: lengths from the static pose, whose times the
+    motion's frame rate decides, then the markers that are no joint centres where that pose has
+    them.
     """
     times = f"0 {(_STATIC_FRAMES - 1) / motion.fps:.6f}"
-    tool = ElementTree.Element("ScaleTool", name="voxelpose")
-    _add(tool, mass="-1", height=f"{1000 * motion.model.sizes.stature_m:.0f}", age="-1")
-    maker = ElementTree.SubElement(tool, "GenericModelMaker")
-    _add(maker, model_file=MODEL_FILE, marker_set_file=MARKERS_FILE)
-    scaler = ElementTree.SubElement(tool, "ModelScaler")
-    _add(scaler, apply="true", scaling_order="measurements")
-    measurements = ElementTree.SubElement(scaler, "MeasurementSet", name="voxelpose")
-    objects = ElementTree.SubElement(measurements, "objects")
-    for name, pairs, bodies, axes in _measurements():
-        _add_measurement(objects, name, pairs, bodies, axes)
-    _add(
-        scaler,
-        marker_file=STATIC_FILE,
-        time_range=times,
-        preserve_mass_distribution="false",
-        output_model_file=SCALED_MODEL_FILE,
-    )
-    placer = ElementTree.SubElement(tool, "MarkerPlacer")
-    _add(placer, apply="true")
-    tasks = _add_marker_tasks(placer, placing=True)
-    for name in _HELD:
-        _add_coordinate_task(tasks, name)
-    _add(
-        placer,
-        marker_file=STATIC_FILE,
-        time_range=times,
-        output_model_file=SCALED_MODEL_FILE,
-        output_marker_file=_PLACED_MARKERS,
-        max_marker_movement="-1",
+    statics = {"marker_file": STATIC_FILE, "time_range": times}
+    scaled = {"output_model_file": SCALED_MODEL_FILE}
+    measurements = _node("objects", *(_measurement(*given) for given in _measurements()))
+    tool = _node(
+        "ScaleTool",
+        {"mass": "-1", "height": f"{1000 * motion.model.sizes.stature_m:.0f}", "age": "-1"},
+        _node("GenericModelMaker", {"model_file": MODEL_FILE, "marker_set_file": MARKERS_FILE}),
+        _node(
+            "ModelScaler",
+            {"apply": "true", "scaling_order": "measurements"},
+            _node("MeasurementSet", measurements, name="voxelpose"),
+            statics | {"preserve_mass_distribution": "false"} | scaled,
+        ),
+        _node(
+            "MarkerPlacer",
+            {"apply": "true"},
+            _tasks(True, *map(_coordinate_task, _HELD)),
+            statics | scaled,
+            {"output_marker_file": _PLACED_MARKERS, "max_marker_movement": "-1"},
+        ),
+        name="voxelpose",
     )
     _write_document(tool, path)
 
@@ -286,25 +265,22 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
 def write_ik_setup(motion: Motion, path: Path) -> None:
     """Writes the setup of OpenSim's inverse kinematics, from the first pose to the last."""
     first, last = motion.frames[[0, -1]] / motion.fps
-    tool = ElementTree.Element("InverseKinematicsTool", name="voxelpose")
-    _add(
-        tool,
-        model_file=SCALED_MODEL_FILE,
-        constraint_weight="Inf",
-        accuracy="1e-05",
-        time_range=f"{first:.6f} {last:.6f}",
-        output_motion_file=_IK_RESULT,
-        report_errors="true",
-        marker_file=_MOTION_FILE,
-        coordinate_file=_COORDINATES_FILE,
-    )
-    tasks = _add_marker_tasks(tool, placing=False)
-    for side in _SIDES.values():  # silhouettes do not show pronation
-        _add_coordinate_task(tasks, f"pro_sup_{side}")
-    # The model begins facing +x, from where it would not find a person who faces the other way; so
-    # little weight turns it, and leaves the markers to decide.
-    _add_coordinate_task(tasks, "pelvis_rotation", "from_file", 1e-4)
-    _write_document(tool, path)
+    texts = {
+        "model_file": SCALED_MODEL_FILE,
+        "constraint_weight": "Inf",
+        "accuracy": "1e-05",
+        "time_range": f"{first:.6f} {last:.6f}",
+        "output_motion_file": _IK_RESULT,
+        "report_errors": "true",
+        "marker_file": _MOTION_FILE,
+        "coordinate_file": _COORDINATES_FILE,
+    }
+    # Silhouettes do not show pronation. The model begins facing +x, from where it would not find a
+    # person who faces the other way; so little weight turns it, and leaves the markers to decide.
+    pronation = [_coordinate_task(f"pro_sup_{side}") for side in _SIDES.values()]
+    turn = _coordinate_task("pelvis_rotation", "from_file", 1e-4)
+    tasks = _tasks(False, *pronation, turn)
+    _write_document(_node("InverseKinematicsTool", texts, tasks, name="voxelpose"), path)
 
 
 def _measurements() -> Iterator[tuple[str, list[tuple[str, str]], list[str], str]]:
@@ -321,45 +297,51 @@ def _measurements() -> Iterator[tuple[str, list[tuple[str, str]], list[str], str
             yield name, both, list(bodies), axes
 
 
-def _add_measurement(
-    objects: ElementTree.Element,
-    name: str,
-    pairs: Iterable[tuple[str, str]],
-    bodies: Iterable[str],
-    axes: str,
-) -> None:
-    measurement = ElementTree.SubElement(objects, "Measurement", name=name)
-    _add(measurement, apply="true")
-    inner = ElementTree.SubElement(ElementTree.SubElement(measurement, "MarkerPairSet"), "objects")
-    for pair in pairs:
-        _add(ElementTree.SubElement(inner, "MarkerPair"), markers=" ".join(pair))
-    inner = ElementTree.SubElement(ElementTree.SubElement(measurement, "BodyScaleSet"), "objects")
-    for body in bodies:
-        _add(ElementTree.SubElement(inner, "BodyScale", name=body), axes=axes)
+def _measurement(
+    name: str, pairs: Iterable[tuple[str, str]], bodies: Iterable[str], axes: str
+) -> ElementTree.Element:
+    marked = [_node("MarkerPair", {"markers": " ".join(pair)}) for pair in pairs]
+    scales = [_node("BodyScale", {"axes": axes}, name=body) for body in bodies]
+    return _node(
+        "Measurement",
+        {"apply": "true"},
+        _node("MarkerPairSet", _node("objects", *marked)),
+        _node("BodyScaleSet", _node("objects", *scales)),
+        name=name,
+    )
 
 
-def _add_marker_tasks(tool: ElementTree.Element, placing: bool) -> ElementTree.Element:
-    """Adds a task for every marker; to place the others, joint centres decide."""
-    tasks = ElementTree.SubElement(tool, "IKTaskSet")
-    objects = ElementTree.SubElement(tasks, "objects")
+def _tasks(placing: bool, *coordinates: ElementTree.Element) -> ElementTree.Element:
+    """A task for every marker, and others; to place the others, joint centres decide."""
+    tasks = []
     for marker in opensim_markers():
         weight = marker.weight if not placing else 5.0 if marker.fixed else 0.1
-        task = ElementTree.SubElement(objects, "IKMarkerTask", name=marker.name)
-        _add(task, apply="true", weight=f"{weight:g}")
-    return objects
+        tasks.append(
+            _node("IKMarkerTask", {"apply": "true", "weight": f"{weight:g}"}, name=marker.name)
+        )
+    return _node("IKTaskSet", _node("objects", *tasks, *coordinates))
 
 
-def _add_coordinate_task(
-    tasks: ElementTree.Element, name: str, source: str = "manual_value", weight: float = 1.0
-) -> None:
-    """Adds a task that keeps a coordinate near zero, or near its value in a file."""
-    task = ElementTree.SubElement(tasks, "IKCoordinateTask", name=name)
-    _add(task, apply="true", weight=f"{weight:g}", value_type=source, value="0")
+def _coordinate_task(
+    name: str, source: str = "manual_value", weight: float = 1.0
+) -> ElementTree.Element:
+    """A task that keeps a coordinate near zero, or near its value in a file."""
+    texts = {"apply": "true", "weight": f"{weight:g}", "value_type": source, "value": "0"}
+    return _node("IKCoordinateTask", texts, name=name)
 
 
-def _add(element: ElementTree.Element, **texts: str) -> None:
-    for tag, text in texts.items():
-        ElementTree.SubElement(element, tag).text = text
+def _node(
+    tag: str, *contents: ElementTree.Element | Mapping[str, str], name: str = ""
+) -> ElementTree.Element:
+    """An element with others inside, or texts by their tags."""
+    element = ElementTree.Element(tag, {"name": name} if name else {})
+    for content in contents:
+        if isinstance(content, ElementTree.Element):
+            element.append(content)
+            continue
+        for inner, text in content.items():
+            ElementTree.SubElement(element, inner).text = text
+    return element
 
 
 def _write_document(content: ElementTree.Element, path: Path) -> None:

@@ -22,11 +22,8 @@ def local_rotations(motion: Motion) -> NDArray[np.float64]:
 
 
 def part_ends(model: BodyModel) -> NDArray[np.float64]:
-    """End point of every part in the rest pose.
-
-    Returns:
-        (P, 3) float64, metres: the mean of the 5 % of the part's vertices that are farthest from
-        its joint; for the head, the landmark head_top.
+    """End point (P, 3) m of every part in the rest pose: the mean of the 5 % of the part's vertices
+    that are farthest from its joint; for the head, the landmark head_top.
     """
     ends = model.joints_m.copy()
     for part in range(len(model.names)):
@@ -41,12 +38,9 @@ def part_ends(model: BodyModel) -> NDArray[np.float64]:
 
 
 def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Points of the fitted body, T poses, that marker formats hold in place of markers.
-
-    Returns:
-        K names, and (T, K, 3) float64, world, metres: the joints of joints.csv, the joints of
-        the other parts under the parts' names, and of a person `_heel`, `_toe_tip` and
-        `_finger_tip` of both sides.
+    """K names and positions (T, K, 3) m, world, of points of the fitted body that marker formats
+    hold in place of markers: the joints of joints.csv, the joints of the other parts under the
+    parts' names, and of a person `_heel`, `_toe_tip` and `_finger_tip` of both sides.
     """
     model = motion.model
     names: list[str] = list(model.tree.landmark_names)

@@ -33,11 +33,9 @@ _HYPOTHESIS_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z
 
 
 def write_joints(motion: Motion, path: Path) -> None:
-    """Writes joint positions in world coordinates (axes of the calibration), metres.
-
-    Args:
-        motion: T poses; frames without a pose have no rows. Where some were filled, they have the
-            confidence 0, and the last column, `filled`, is 1 for them.
+    """Writes joint positions in world coordinates (axes of the calibration), metres. Frames without
+    a pose have no rows; where some were filled, they have the confidence 0, and the last column,
+    `filled`, is 1 for them.
     """
     positions, confidence = motion.landmarks(), motion.landmark_confidence()
     names = column_names(motion.model.tree.landmark_names)
@@ -66,9 +64,7 @@ def column_names(names: Sequence[str]) -> list[str]:
 
 def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
     """Names of the joints of a joints.csv, in their order, and one more than its last frame.
-
-    Raises:
-        InputError: the file cannot be read, or its frames are numbered as none are.
+    InputError where the file cannot be read, or its frames are numbered as none are.
     """
     names: dict[str, None] = {}
     rows = last = 0
@@ -89,20 +85,17 @@ def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
 def read_joints(
     path: Path, count: int, offset: int = 0, names: Sequence[str] = LANDMARK_NAMES
 ) -> NDArray[np.float64]:
-    """Reads joint positions.
+    """Reads joint positions of a CSV file with the columns frame, joint, x_m, y_m and z_m;
+    InputError where that is not possible.
 
     Args:
-        path: the CSV file; it needs the columns frame, joint, x_m, y_m and z_m.
         count: number of frames to return; rows of other frames are ignored.
         offset: number added to the file's frame numbers.
         names: L names of the joints.
 
     Returns:
-        (count, L, 3) float64, world, metres, in the order of the names; NaN where a joint has
-        no row.
-
-    Raises:
-        InputError: the file cannot be read.
+        (count, L, 3) float64, world, metres, in the order of the names; NaN where a joint has no
+            row.
     """
     number = {name: index for index, name in enumerate(names)}
     joints_m = np.full((count, len(number), 3), np.nan)
@@ -218,20 +211,14 @@ def _write(
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """One of several possible poses of a frame.
+    """One of several possible poses of a frame."""
 
-    Attributes:
-        rank: position in the order of probability, 1 for the most probable.
-        probability: probability from 0 to 1.
-        joints_m: (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where
-            the file has no row.
-        bones: (B, 2) int, pairs of joints between which a bone is drawn.
-    """
-
-    rank: int
-    probability: float
+    rank: int  # position in the order of probability, 1 for the most probable
+    probability: float  # probability from 0 to 1
+    # (L, 3) float64, world, metres, in the order of the body's landmarks; NaN where the file has no
+    # row.
     joints_m: NDArray[np.float64]
-    bones: NDArray[np.integer]
+    bones: NDArray[np.integer]  # (B, 2) int, pairs of joints between which a bone is drawn
 
 
 def write_hypotheses(
@@ -253,14 +240,8 @@ def write_hypotheses(
 
 
 def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[Hypothesis, ...]]:
-    """Reads the hypotheses of every frame number, the most probable first.
-
-    Args:
-        path: the CSV file; a missing file gives no hypotheses.
-        tree: as of `write_hypotheses`.
-
-    Raises:
-        InputError: the file is damaged.
+    """Reads the hypotheses of every frame number, the most probable first, of a body's `tree`; a
+    missing file gives none. InputError where it is damaged.
     """
     if not path.exists():
         return {}

@@ -43,10 +43,8 @@ class CameraSource:
 
     @classmethod
     def parse(cls, text: str) -> CameraSource:
-        """Reads [NAME=]ADDRESS.
-
-        Raises:
-            InputError: there is no address, or it is a file that does not exist.
+        """Reads [NAME=]ADDRESS. InputError where there is no address, or it is a file that does not
+        exist.
         """
         name, equals, address = text.partition("=")
         # An address may hold an equals sign of its own.
@@ -82,15 +80,13 @@ def retry_waits_s() -> Iterator[float]:
 
 
 class CameraReader:
-    """Reads one camera in a thread of its own, and tries again for ever where it fails.
+    """Reads one camera in a thread of its own, and tries again for ever where it fails. Its state
+    is "ok", "ended" where no picture will come any more, or a line that says what is wrong.
 
     Args:
         size: (width, height) px for which the camera is calibrated.
         now: seconds since the session's start.
         fps: rate at which a file is played; None: the file's own.
-
-    Attributes:
-        state: "ok", "ended" where no picture will come any more, or a line that says what is wrong.
     """
 
     def __init__(
@@ -102,7 +98,6 @@ class CameraReader:
         fps: float | None = None,
         loop: bool = False,
     ):
-        """Starts nothing yet."""
         self.source, self.state, self.pictures = source, "connecting", 0
         self._size, self._deliver, self._now = size, deliver, now
         self._fps, self._loop = fps, loop
@@ -210,7 +205,6 @@ class Newest(Generic[_Item]):
     """Place for one item between two threads: a newer one replaces it, and is `dropped`."""
 
     def __init__(self) -> None:
-        """Starts empty."""
         self.dropped = 0
         self._item: _Item | None = None
         self._closed = False
@@ -239,17 +233,11 @@ class Newest(Generic[_Item]):
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """Pictures taken at one moment.
+    """Pictures taken at one moment."""
 
-    Attributes:
-        number: counted from 0, shots that nobody took included.
-        time_s: of the moment, s since the session's start.
-        pictures: (H, W, 3) uint8 BGR by camera name.
-    """
-
-    number: int
-    time_s: float
-    pictures: Mapping[str, NDArray[np.uint8]]
+    number: int  # counted from 0, shots that nobody took included
+    time_s: float  # of the moment, s since the session's start
+    pictures: Mapping[str, NDArray[np.uint8]]  # (H, W, 3) uint8 BGR by camera name
 
 
 @dataclass(eq=False)
@@ -276,15 +264,12 @@ class _Stream:
 
 
 class ShotMatcher:
-    """Matches pictures by their time stamps, as soon as every camera that delivers has one.
+    """Matches pictures by their time stamps, as soon as every camera that delivers has one; `each`
+    is called with every shot, also with those that nobody takes, and returns at once.
 
     A camera that has been silent for a while is left out until it delivers again, but of several
-    cameras two are needed.
-
-    Args:
-        names: of the cameras, in the calibration's order.
-        now: seconds since the session's start.
-        each: called with every shot, also with those that nobody takes; returns at once.
+    cameras two are needed. The cameras' names are in the calibration's order; `now` tells the
+    seconds since the session's start.
     """
 
     def __init__(
@@ -293,7 +278,6 @@ class ShotMatcher:
         now: Callable[[], float],
         each: Callable[[Shot], None] | None = None,
     ):
-        """Starts without pictures."""
         self.shots: Newest[Shot] = Newest()
         self._now, self._each = now, each
         self._streams = {name: _Stream(deque(maxlen=_KEPT)) for name in names}

@@ -1,15 +1,16 @@
 """The two estimators in live use: silhouettes of a moment in, a posed body out."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.points import nearest_point
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -63,22 +64,6 @@ class LiveMoment:
     pictures: Pictures
 
 
-class LiveEstimator(Protocol):
-    """Finds the person in one moment after the other; its two stages run in a thread each."""
-
-    def prepare(self, moment: LiveMoment, /) -> Any:
-        """What the second stage needs of a moment."""
-        ...
-
-    def step(self, prepared: Any, /) -> PosedBody | None:
-        """The person; None where there is none."""
-        ...
-
-    def close(self) -> None:
-        """Ends what the estimator has begun."""
-        ...
-
-
 class _Sparing:
     """What finds poses, whose body model, which is large, is sent only when it has changed."""
 
@@ -97,14 +82,13 @@ class _Sparing:
         self._finder.close()
 
 
-class EstimatorProcess(RemoteObject):
-    """What finds poses, in a process of its own.
+class LiveEstimator(RemoteObject, ABC):
+    """Finds the person in one moment after the other, in two stages that run in a thread each: the
+    second in a process of its own.
 
     Args:
-        make: makes it there, with the methods `step` and `close`; a function or class of a module.
-
-    Raises:
-        InputError: as `make` raises it.
+        make: makes what does it there, with the methods `step` and `close`; a function or class of
+            a module, whose InputError is raised here.
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
@@ -113,8 +97,12 @@ class EstimatorProcess(RemoteObject):
         self._model: BodyModel | None = None
         self.wait()
 
+    @abstractmethod
+    def prepare(self, moment: LiveMoment, /) -> Any:
+        """What the second stage needs of a moment."""
+
     def step(self, given: Any) -> PosedBody | None:
-        """See `LiveEstimator.step`; what it raises there is raised here."""
+        """The person, None where there is none, from what `prepare` made."""
         found = self.call("step", given)
         if found is None:
             return None
@@ -122,7 +110,7 @@ class EstimatorProcess(RemoteObject):
         return replace(found, model=self._model)
 
 
-class LiveMultiView(EstimatorProcess):
+class LiveMultiView(LiveEstimator):
     """Several cameras."""
 
     def __init__(self, rig: Rig, settings: Settings):
@@ -191,32 +179,23 @@ class _Untimed(StageClock):
         yield
 
 
-@dataclass(frozen=True)
-class MonocularSetup:
-    """What both stages of one camera are made from.
-
-    Attributes:
-        options: of the monocular estimator; the library they name exists.
-        pictures: whether the pictures have colours, or are silhouettes.
-    """
-
-    rig: Rig
-    settings: Settings
-    options: MonocularOptions
-    fps: float
-    pictures: bool
-
-
-class LiveMonocular(EstimatorProcess):
+class LiveMonocular(LiveEstimator):
     """One camera: the person here, poses in a process of their own."""
 
-    def __init__(self, setup: MonocularSetup, reporter: Reporter):
-        """Checks what the setup names, and begins the process."""
-        person_for(setup.options, setup.settings, reporter)  # here, where it is reported
-        coloured = setup.pictures and not setup.options.outline_only
-        self._finder = PersonFinder(setup.rig.cameras[0], coloured)
-        self._name = setup.rig.names[0]
-        super().__init__(MonocularPoses, setup)
+    def __init__(
+        self,
+        camera: Camera,
+        settings: Settings,
+        options: MonocularOptions,
+        fps: float,
+        coloured: bool,
+        reporter: Reporter,
+    ):
+        """Checks the options, whose library exists, and begins the process."""
+        person_for(options, settings, reporter)  # here, where it is reported
+        self._finder = PersonFinder(camera, coloured and not options.outline_only)
+        self._name = camera.name
+        super().__init__(MonocularPoses, camera, settings, options, fps)
 
     def prepare(self, moment: LiveMoment) -> SeenPerson | None:
         """Person in a frame; None where it shows nobody."""
@@ -232,11 +211,9 @@ class LiveMonocular(EstimatorProcess):
 class MonocularPoses:
     """Poses of the person whom one camera sees."""
 
-    def __init__(self, setup: MonocularSetup):
-        """Reads the library."""
-        person = person_for(setup.options, setup.settings, SilentReporter())
-        how = setup.settings, setup.options, 1 / setup.fps, _Untimed()
-        self._stages = PoseStages(person, setup.rig.cameras[0], *how)
+    def __init__(self, camera: Camera, settings: Settings, options: MonocularOptions, fps: float):
+        person = person_for(options, settings, SilentReporter())
+        self._stages = PoseStages(person, camera, settings, options, 1 / fps, _Untimed())
 
     def step(self, seen: SeenPerson) -> PosedBody:
         """The likeliest pose and others."""
@@ -259,13 +236,8 @@ def posed_body(
     hypotheses: Hypotheses = (),
     hull_m: NDArray[np.float32] | None = None,
 ) -> PosedBody:
-    """Body with its parts and joints in the world.
-
-    Args:
-        confidence: of the pose, from 0 to 1.
-        shown: (15,) confidence of each joint, relative to the pose's.
-        hypotheses: as of `PosedBody`.
-        hull_m: as of `PosedBody`.
+    """Body with its parts and joints in the world; `shown`, (15,), is each joint's confidence
+    relative to the pose's, 0 to 1, the rest as of `PosedBody`.
     """
     (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
     joints_m = landmarks(model, rotation[None], origin[None])[0]

@@ -20,7 +20,6 @@ from voxelpose.live.live_estimators import (
     LiveEstimator,
     LiveMonocular,
     LiveMultiView,
-    MonocularSetup,
 )
 from voxelpose.live.session import SessionSettings
 from voxelpose.recording.folder import Recording, default_camera
@@ -40,12 +39,9 @@ class LiveInput:
     fps: float
 
     def upright(self, up: tuple[float, float, float] | None, reporter: Reporter) -> LiveInput:
-        """The same cameras in a world with z up, in which a session works and sends.
-
-        Args:
-            up: direction of up in the calibration's world; None: as it states, else as the cameras
-                stand.
-            reporter: told if up is not z.
+        """The same cameras in a world with z up, in which a session works and sends; the reporter
+        is told if `up`, a direction in the calibration's world, is not z. None: as that states,
+        else as the cameras stand.
         """
         frame = self.recording.upright_frame(up)
         if not frame.is_world:
@@ -84,7 +80,8 @@ def open_input(
     fps: float | None = None,
     label: str | None = None,
 ) -> LiveInput:
-    """Opens the cameras' calibration, and the videos that stand in for cameras.
+    """Opens the cameras' calibration, and the videos that stand in for cameras; InputError where
+    something is missing, or does not fit.
 
     Args:
         folder: a recording folder, whose videos are played if there are no sources; None: a single
@@ -93,9 +90,6 @@ def open_input(
         unit: of the calibration's lengths, where its file does not state it.
         fps: rate of the cameras; None: as the files state, or 30.
         label: of the person in masks/; None: found.
-
-    Raises:
-        InputError: something is missing, or does not fit.
     """
     if not sources:
         if folder is None:
@@ -120,21 +114,15 @@ def open_input(
 
 
 def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
-    """Estimator for one camera or for several.
-
-    Args:
-        settings: what is known about the person, and options of the monocular estimator.
-
-    Raises:
-        InputError: the options or the library cannot be used.
+    """Estimator for one camera or for several, with what is known about the person, and options of
+    the monocular estimator; InputError where these or the library cannot be used.
     """
     recording = live.recording
     if len(recording.rig) > 1:
         return LiveMultiView(recording.rig, settings)
     options = read_options(MonocularOptions, settings.options, "monocular")
-    pictures = not recording.silhouettes_given
-    setup = MonocularSetup(recording.rig, settings, options, live.fps, pictures)
-    return LiveMonocular(setup, reporter)
+    coloured = not recording.silhouettes_given
+    return LiveMonocular(recording.rig.cameras[0], settings, options, live.fps, coloured, reporter)
 
 
 def _named(

@@ -113,7 +113,6 @@ class PagePanel:
         session: LiveSession,
         receivers: Callable[[], Sequence[ReceiverState]],
     ) -> None:
-        """Makes the panel."""
         self.shown = frozenset(LAYERS)
         self._session, self._receivers = session, receivers
         self._status = gui.add_html("")
@@ -174,15 +173,8 @@ class Page:
         receivers: Callable[[], Sequence[ReceiverState]],
         title: str = "voxelpose live",
     ) -> None:
-        """Starts the server.
-
-        Args:
-            session: whose controls are called from threads of the page.
-            rig: the cameras, at least one.
-            title: of the page.
-
-        Raises:
-            InputError: see `Gate`.
+        """Starts the server, see `Gate` for what it raises. The rig has a camera or more; the
+        page's threads call the session's controls.
         """
         self._served = PageServer(address, title)
         self.url = self._served.url

@@ -32,20 +32,12 @@ Masks = Mapping[str, NDArray[np.bool_]]
 
 
 class LiveRecorder:
-    """Writes every moment's pictures, or silhouettes alone, in a thread of its own.
+    """Writes every moment's pictures, or silhouettes alone where `private`, in a thread of its own;
+    `failure` says why it ended by itself. InputError where the folder exists, or cannot be made.
 
     A picture is a file, and its time a line of timestamps.csv, so that a full disk or an
-    interruption costs nothing that was written before.
-
-    Args:
-        empty: pictures of the empty view by camera name; left out where `private`.
-        private: whether silhouettes are kept instead of pictures.
-
-    Attributes:
-        failure: why recording ended by itself; empty: it did not.
-
-    Raises:
-        InputError: the folder exists, or cannot be made.
+    interruption costs nothing that was written before. `empty` are pictures of the empty view by
+    camera name.
     """
 
     def __init__(
@@ -56,7 +48,6 @@ class LiveRecorder:
         empty: Mapping[str, Sequence[Picture]],
         private: bool = False,
     ):
-        """Makes the folder with all that does not change."""
         self.folder, self.private = folder, private
         self.written, self.failure = 0, ""
         self._sizes = {camera.name: camera.size for camera in rig}
@@ -75,9 +66,7 @@ class LiveRecorder:
 
     def put(self, shot: Shot, masks: Masks | None = None) -> None:
         """Hands over a moment of which every camera has a picture, and the silhouettes, which a
-        private recording keeps instead; returns at once.
-
-        It is left out where the disk is too slow.
+        private recording keeps instead; returns at once, leaving it out where the disk is too slow.
         """
         kept = masks if self.private else shot.pictures
         if kept is not None and not self.failure and set(shot.pictures) == set(self._sizes):

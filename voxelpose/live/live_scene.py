@@ -40,7 +40,6 @@ class CameraViews:
     """Draws the cameras. Of each frame one camera's picture is sent, in turn: they cost most."""
 
     def __init__(self, scene: viser.SceneApi, rig: Sequence[Camera]) -> None:
-        """Places the cameras."""
         self._cameras = tuple(rig)
         self._views = [UndistortedView.from_camera(camera, _PICTURE_PX) for camera in rig]
         look = {"scale": 0.4, "thickness": 0.008, "color": (60, 66, 74), "receive_shadow": False}
@@ -74,12 +73,8 @@ class CameraViews:
 def small_picture(
     picture: NDArray[np.uint8], silhouette: NDArray[np.bool_] | None, view: UndistortedView
 ) -> NDArray[np.uint8]:
-    """Small picture, (h, w, 3) uint8 RGB, undistorted, with the silhouette's outline.
-
-    Args:
-        picture: (H, W, 3) uint8 BGR, as captured.
-        silhouette: (h, w) bool, of the picture or of it scaled down; None: no outline.
-        view: of the size to be returned.
+    """Small picture (h, w, 3) uint8 RGB, as the view shows it, of one as captured, (H, W, 3) uint8
+    BGR, with the outline of its silhouette, (h, w) bool, perhaps scaled down, if there is one.
     """
     size = view.pinhole.size
     # Bilinear: means over all pixels of a large picture would cost ten times as much.
@@ -119,7 +114,6 @@ class SkinnedFigure:
     """Draws the body: browsers get its mesh once, then only the bones' places and rotations."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        """Prepares; nothing is drawn before the first body."""
         self._scene = scene
         self._handle: viser.MeshSkinnedHandle | None = None
         self._model: BodyModel | None = None
@@ -179,7 +173,6 @@ class LiveScene:
     """The nodes of viser's scene."""
 
     def __init__(self, server: viser.ViserServer, rig: Sequence[Camera]) -> None:
-        """Makes the room."""
         scene = server.scene
         centers = np.array([camera.center_m for camera in rig])
         middle = _looked_at(rig)

@@ -38,19 +38,13 @@ def long_side_px(rig: Rig) -> int:
 
 @dataclass(frozen=True)
 class EmptyView:
-    """Pictures of the empty scene as a source of frames, for `Silhouettes`.
+    """Pictures of the empty scene as a source of frames, for `Silhouettes`."""
 
-    Attributes:
-        rig: the cameras, as they take their pictures.
-        pictures: (H, W, 3) uint8 BGR each, by camera name.
-        allowed: (H, W) bool, where the person may be, by camera name.
-        silhouettes_given: whether the pictures are silhouettes already.
-    """
-
-    rig: Rig
-    pictures: Mapping[str, Sequence[Picture]]
+    rig: Rig  # the cameras, as they take their pictures
+    pictures: Mapping[str, Sequence[Picture]]  # (H, W, 3) uint8 BGR each, by camera name
+    # (H, W) bool, where the person may be, by camera name.
     allowed: Mapping[str, Mask] = field(default_factory=dict)
-    silhouettes_given: bool = False
+    silhouettes_given: bool = False  # whether the pictures are silhouettes already
     fps: float = 30
     frame_count: int = 0
 
@@ -76,17 +70,11 @@ class EmptyView:
 
 
 class LiveSilhouettes:
-    """Silhouettes near the last ones, and now and then, camera by camera, of the whole picture.
-
-    Args:
-        silhouettes: with the learned backgrounds.
-
-    Attributes:
-        others: names of the cameras that show somebody beside the largest component.
+    """Silhouettes near the last ones, and now and then, camera by camera, of the whole picture, by
+    learned backgrounds; `others` names the cameras that show somebody beside the largest component.
     """
 
     def __init__(self, silhouettes: Silhouettes):
-        """Starts without silhouettes."""
         self.others: frozenset[str] = frozenset()
         self._silhouettes = silhouettes
         self._near: dict[str, tuple[slice, slice]] = {}
@@ -131,10 +119,8 @@ _Shapes = dict[str, tuple[int, int, int]]
 
 
 class SilhouetteProcess:
-    """`LiveSilhouettes` in another process, which shares the pictures' memory.
-
-    Raises:
-        InputError: the machine has too little shared memory.
+    """`LiveSilhouettes` in another process, which shares the pictures' memory; InputError where the
+    machine has too little of it.
     """
 
     def __init__(self, rig: Rig):

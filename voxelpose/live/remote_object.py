@@ -17,13 +17,11 @@ _CLOSE_S = 10  # after which a process that does not end is killed
 
 
 class RemoteObject:
-    """An object in another process: threads of one would wait for each other's Python.
+    """An object, as a module's function or class makes it, in another process: threads of one would
+    wait for each other's Python.
 
     A pipe rather than an executor: that one has threads of its own on the way, which take turns
     with the session's.
-
-    Args:
-        make: makes the object there; a function or class of a module.
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
@@ -49,11 +47,8 @@ class RemoteObject:
         self._made = True
 
     def call(self, method: str, *arguments: object) -> Any:
-        """Result of one of the object's methods; one thread calls at a time.
-
-        Raises:
-            RuntimeError: the process has ended.
-            BaseException: what the method raised there.
+        """Result of one of the object's methods, or what it raised; one thread calls at a time.
+        RuntimeError where the process has ended.
         """
         self.wait()
         try:

@@ -23,6 +23,7 @@ from calib.errors import InputError
 from voxelpose.live.camera_source import retry_waits_s
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.messages import json_message, vmc_datagrams
+from voxelpose.view.serving.gate import until_one_ends
 
 VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
@@ -49,11 +50,7 @@ class ReceiverAddress:
         return f"{start}?…" if query else start
 
     def resolved(self) -> tuple[socket.AddressFamily, str]:
-        """Family and number of the host.
-
-        Raises:
-            InputError: the host's name is not known here.
-        """
+        """Family and number of the host. InputError where the host's name is not known here."""
         kind = socket.SOCK_DGRAM if self.protocol == "vmc" else socket.SOCK_STREAM
         try:
             found = socket.getaddrinfo(self.host, self.port, type=kind)
@@ -67,14 +64,9 @@ class ReceiverAddress:
 
 
 def parse_receiver(text: str) -> ReceiverAddress:
-    """Receiver that a `--send` names.
-
-    Args:
-        text: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or `ws://HOST:PORT`, with a
-            path and a query where the receiver wants them.
-
-    Raises:
-        InputError: it is neither of them.
+    """Receiver that a `--send` names: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or
+    `ws://HOST:PORT`, with a path and a query where the receiver wants them. InputError where it is
+    neither.
     """
     try:
         parts = urlsplit(text.strip())
@@ -101,67 +93,49 @@ def parse_receiver(text: str) -> ReceiverAddress:
 
 @dataclass(frozen=True)
 class ReceiverState:
-    """State of one receiver.
+    """State of one receiver."""
 
-    Attributes:
-        address: as the user wrote it, without its query.
-        message: "sending", "waiting for a frame", or what is wrong and when it is tried again.
-        working: whether frames arrive, as far as the protocol tells.
-        dropped: number of frames that a newer one replaced before they could be sent.
-        send_s: from `Senders.send` to the network, median of recent frames; nan before the first.
-    """
-
-    address: str
-    message: str
-    working: bool
+    address: str  # as the user wrote it, without its query
+    message: str  # "sending", "waiting for a frame", or what is wrong and when it is tried again
+    working: bool  # whether frames arrive, as far as the protocol tells
     sent: int = 0
-    dropped: int = 0
+    dropped: int = 0  # number of frames that a newer one replaced before they could be sent
+    # From `Senders.send` to the network, median of recent frames; nan before the first.
     send_s: float = math.nan
 
 
 class Sender(ABC):
-    """Sends frames to one receiver, in the event loop of `Senders`."""
+    """Sends frames to one receiver, in the event loop of `Senders`; any thread may read `state`."""
 
     def __init__(self, address: ReceiverAddress) -> None:
-        """Looks the host up.
-
-        Raises:
-            InputError: the host's name is not known here.
-        """
+        """Looks the host up. InputError where the host's name is not known here."""
         self.address = address
         self.family, self.host = address.resolved()
         self._waiting: tuple[LiveFrame, float] | None = None
         self._arrived = asyncio.Event()
-        self._message, self._working = "waiting for a frame", False
-        self._sent = self._dropped = 0
+        self.state = ReceiverState(address.shown, "waiting for a frame", False)
         self._send_s: deque[float] = deque(maxlen=_RECENT)
 
     def offer(self, frame: LiveFrame, offered_s: float) -> None:
         """Takes a frame and the time of `Senders.send`; it replaces one that still waits."""
-        self._dropped += self._waiting is not None
+        if self._waiting is not None:
+            self.state = replace(self.state, dropped=self.state.dropped + 1)
         self._waiting = frame, offered_s
         self._arrived.set()
-
-    @property
-    def state(self) -> ReceiverState:
-        """How it goes; any thread may ask."""
-        send_s = median(self._send_s) if self._send_s else math.nan
-        counts = self._sent, self._dropped
-        return ReceiverState(self.address.shown, self._message, self._working, *counts, send_s)
 
     async def keep_trying(self) -> None:
         """Connects and sends, and tries again where that fails, until it is cancelled."""
         waits_s = retry_waits_s()
         try:
             while True:
-                before, problem = self._sent, ""
+                before, problem = self.state.sent, ""
                 try:
                     await self.connection()
                 except OSError as error:
                     problem = error.strerror or str(error)
                 except Exception as error:  # one receiver must not end the session
                     problem = f"{type(error).__name__}: {error}"
-                waits_s = retry_waits_s() if self._sent > before else waits_s
+                waits_s = retry_waits_s() if self.state.sent > before else waits_s
                 wait_s = next(waits_s)
                 self.note_state(f"{problem}, trying again in {wait_s:g} s", False)
                 await asyncio.sleep(wait_s)
@@ -170,10 +144,8 @@ class Sender(ABC):
 
     @abstractmethod
     async def connection(self) -> None:
-        """Connects and sends frames, until it fails.
-
-        Raises:
-            OSError: the receiver is absent, refused, or closed; the message says which.
+        """Connects and sends frames, until it fails. OSError where the receiver is absent, refused,
+        or closed; the message says which.
         """
 
     async def newest(self) -> tuple[LiveFrame, float]:
@@ -186,13 +158,13 @@ class Sender(ABC):
 
     def note_sent(self, offered_s: float) -> None:
         """Notes that a frame, offered at that time, has gone to the network."""
-        self._sent += 1
         self._send_s.append(time.perf_counter() - offered_s)
+        self.state = replace(self.state, sent=self.state.sent + 1, send_s=median(self._send_s))
         self.note_state("sending", True)
 
     def note_state(self, message: str, working: bool) -> None:
         """Notes how it goes."""
-        self._message, self._working = message, working
+        self.state = replace(self.state, message=message, working=working)
 
 
 class DatagramSender(Sender):
@@ -218,10 +190,8 @@ class DatagramSender(Sender):
 
 
 def _refused(outlet: socket.socket, datagram: bytes) -> bool:
-    """Sends a datagram; returns whether an earlier one was reported as refused.
-
-    Raises:
-        OSError: the network cannot be reached.
+    """Sends a datagram; returns whether an earlier one was reported as refused. OSError where the
+    network cannot be reached.
     """
     with suppress(BlockingIOError):  # the network takes no more: this one is lost, as UDP may
         try:
@@ -255,7 +225,7 @@ class WebSocketSender(Sender):
                 proxy=None,
             ) as link:
                 self.note_state("connected, waiting for a frame", True)
-                await self._converse(link)
+                await until_one_ends(self._feed(link), self._read(link))
         except TimeoutError:
             raise ConnectionError("no answer") from None
         except ConnectionRefusedError:
@@ -269,23 +239,6 @@ class WebSocketSender(Sender):
             ) from None
         except (InvalidHandshake, EOFError):
             raise ConnectionError("it does not speak WebSocket") from None
-
-    async def _converse(self, link: ClientConnection) -> None:
-        """Sends and reads until either fails.
-
-        Raises:
-            ConnectionClosed: the receiver closed.
-            TimeoutError: it does not read.
-        """
-        tasks = asyncio.create_task(self._feed(link)), asyncio.create_task(self._read(link))
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-        for task in done:
-            task.result()
 
     async def _feed(self, link: ClientConnection) -> None:
         while True:
@@ -308,10 +261,8 @@ class Senders:
     """
 
     def __init__(self, addresses: Sequence[str]) -> None:
-        """Starts the thread for addresses as `parse_receiver` takes them, or none.
-
-        Raises:
-            InputError: an address is wrong, or its host is not known.
+        """Starts the thread for addresses as `parse_receiver` takes them, or none. InputError where
+        an address is wrong, or its host is not known.
         """
         kinds: dict[str, type[Sender]] = {"vmc": DatagramSender, "ws": WebSocketSender}
         parsed = [parse_receiver(text) for text in addresses]

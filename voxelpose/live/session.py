@@ -41,7 +41,6 @@ class StageTimes:
     """Durations by stage; may be read by any thread while one adds to them."""
 
     def __init__(self) -> None:
-        """Starts without frames."""
         self._lock = threading.Lock()
         self.reset()
 
@@ -90,33 +89,24 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class SessionSettings:
-    """Settings of a session.
-
-    Attributes:
-        sources: of the cameras' pictures, by camera name.
-        empty: pictures of the empty view by camera name; cameras that are missing make the session
-            begin with learning the background.
-        regions: (H, W) bool, where the person may be, by camera name.
-        silhouettes_given: whether the pictures are silhouettes already.
-        fps: rate at which files are played; None: their own.
-        loop: whether files begin again at their end.
-        countdown_s: from the button to the learning of the background.
-        record: recording folders to be made, one after the other, are this path and numbers after
-            it; None: recording is not possible.
-        private: whether silhouettes alone are recorded.
-    """
+    """Settings of a session."""
 
     rig: Rig
-    sources: Mapping[str, CameraSource]
+    sources: Mapping[str, CameraSource]  # of the cameras' pictures, by camera name
+    # Pictures of the empty view by camera name; cameras that are missing make the session begin
+    # with learning the background.
     empty: Mapping[str, Sequence[Picture]] = field(default_factory=dict)
+    # (H, W) bool, where the person may be, by camera name.
     regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    silhouettes_given: bool = False
+    silhouettes_given: bool = False  # whether the pictures are silhouettes already
     subject: Subject = field(default_factory=Subject)
-    fps: float | None = None
-    loop: bool = False
-    countdown_s: float = 5.0
+    fps: float | None = None  # rate at which files are played; None: their own
+    loop: bool = False  # whether files begin again at their end
+    countdown_s: float = 5.0  # from the button to the learning of the background
+    # Recording folders to be made, one after the other, are this path and numbers after it; None:
+    # recording is not possible.
     record: Path | None = None
-    private: bool = False
+    private: bool = False  # whether silhouettes alone are recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +171,8 @@ class LiveSession:
             reader.start()
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits for the session's end, at most so long; whether it has ended.
-
-        Raises:
-            BaseException: what a stage raised.
+        """Waits for the session's end, at most so long; whether it has ended. Raises what a stage
+        raised.
         """
         over = self._over.wait(timeout_s)
         if self._failure is not None:

@@ -34,20 +34,14 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class TimeChart:
-    """Curves over time.
+    """Curves over time."""
 
-    Attributes:
-        title: above the chart.
-        curves: label -> (values (T,), colour).
-        limits: of the axis; None: from the values.
-        below: values below this are shaded as doubtful; None: none are.
-    """
-
-    title: str
+    title: str  # above the chart
     unit: str
+    # Label -> (values (T,), colour).
     curves: Mapping[str, tuple[NDArray[np.floating], str]] = field(default_factory=dict)
-    limits: tuple[float, float] | None = None
-    below: float | None = None
+    limits: tuple[float, float] | None = None  # of the axis; None: from the values
+    below: float | None = None  # values below this are shaded as doubtful; None: none are
 
 
 def time_chart(
@@ -56,12 +50,11 @@ def time_chart(
     name: str,
     size_in: tuple[float, float] = (3.7, 2.1),
 ) -> str:
-    """Chart, an svg element, of curves over time.
+    """Chart, an svg element, of curves over time, of a size in inches of 72 px.
 
     Args:
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
-        size_in: width and height, inches of 72 px.
     """
     style = {**_STYLE, "axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6}
     with matplotlib.rc_context({**style, "svg.hashsalt": name}):
@@ -90,12 +83,8 @@ def time_chart(
 def part_chart(
     overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64]
 ) -> str:
-    """Chart, an svg element, of every part's fraction inside the hull, a row per part.
-
-    Args:
-        overlap: (T, P) fractions, drawn in the colours of the viewer.
-        labels: of the P parts.
-        time_s: (T,) seconds.
+    """Chart, an svg element, of every part's fraction (T, P) inside the hull in the colours of the
+    viewer, a row per part with its label, over time (T,), s.
     """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": "parts"}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")

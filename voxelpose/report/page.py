@@ -79,10 +79,9 @@ def write_report(
     overwrite: bool = False,
     reporter: Reporter | None = None,
 ) -> Path:
-    """Writes report.html, one self-contained page.
+    """Writes report.html, one self-contained page, about a result.
 
     Args:
-        folder: a result.
         out: the file; None: report.html in the result.
         recording: where the recording is now, if it was moved.
         overwrite: whether a file that is not a report may be replaced.

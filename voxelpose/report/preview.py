@@ -26,20 +26,13 @@ _MOST_CAMERAS = 6
 
 @dataclass(frozen=True)
 class Preview:
-    """Pictures in temporal order.
+    """Pictures in temporal order."""
 
-    Attributes:
-        pictures: data URIs.
-        time_s: time of each, seconds.
-        cameras: names, in the pictures from left to right and top to bottom.
-        size: width and height, pixels.
-    """
-
-    pictures: tuple[str, ...]
+    pictures: tuple[str, ...]  # data URIs
     frames: tuple[int, ...]
-    time_s: tuple[float, ...]
-    cameras: tuple[str, ...]
-    size: tuple[int, int]
+    time_s: tuple[float, ...]  # time of each, seconds
+    cameras: tuple[str, ...]  # names, in the pictures from left to right and top to bottom
+    size: tuple[int, int]  # width and height, pixels
 
 
 def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
@@ -70,12 +63,8 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
 
 
 def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) -> str:
-    """Image (h, w, 3) uint8 BGR as a data URI.
-
-    Args:
-        width: largest width, px, to which it is reduced.
-        suffix: ".webp" or ".jpg".
-        quality: from 1 to 100.
+    """Image (h, w, 3) uint8 BGR, reduced to a largest width in px, as a data URI of the format
+    .webp or .jpg with a quality from 1 to 100.
     """
     data = encoded(reduced(image, width / image.shape[1]), suffix, quality)
     media = "webp" if suffix == ".webp" else "jpeg"

@@ -2,8 +2,9 @@
 fitted body and of their outlines with one another.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -31,27 +32,18 @@ _SMALL = ("thumb", "fingers", "toes")
 
 @dataclass(frozen=True)
 class CameraLine:
-    """Agreement of one camera.
-
-    Attributes:
-        overlap: mean intersection over union of the projected body and the silhouette, 0 to 1.
-        uncovered: mean fraction of the silhouette that the body does not cover.
-        beyond: mean fraction of the projected body that lies outside the silhouette.
-        moments: number of moments at which the camera shows the body.
-        outline_px: error of its outlines against those of the other cameras, independent of the
-            body; None where it cannot be measured.
-        apart: whether it agrees clearly less than the others.
-        unknown: share of its picture that is marked as unknown.
-    """
+    """Agreement of one camera."""
 
     camera: str
-    overlap: float
-    uncovered: float
-    beyond: float
-    moments: int
+    overlap: float  # mean intersection over union of the projected body and the silhouette, 0 to 1
+    uncovered: float  # mean fraction of the silhouette that the body does not cover
+    beyond: float  # mean fraction of the projected body that lies outside the silhouette
+    moments: int  # number of moments at which the camera shows the body
+    # Error of its outlines against those of the other cameras, independent of the body; None where
+    # it cannot be measured.
     outline_px: float | None
-    apart: bool
-    unknown: float = 0.0
+    apart: bool  # whether it agrees clearly less than the others
+    unknown: float = 0.0  # share of its picture that is marked as unknown
 
 
 @dataclass(frozen=True)
@@ -64,10 +56,7 @@ class CameraCheck:
 
 def check_cameras(scenes: ResultScenes) -> CameraCheck:
     """Compares body and silhouettes, and the outlines, at moments spread over the recording; empty
-    where that is missing.
-
-    Raises:
-        InputError: the recording cannot be read.
+    where that is missing. InputError where the recording cannot be read.
     """
     motion = scenes.motion
     if motion is None or scenes.recording is None:
@@ -142,31 +131,20 @@ Level = Literal["good", "look", "bad"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Assessment of one aspect of a result.
+    """Assessment of one aspect of a result."""
 
-    Attributes:
-        level: "good", "look" closer, or "bad".
-        advice: what to do; empty where nothing is wrong.
-    """
-
-    level: Level
+    level: Level  # "good", "look" closer, or "bad"
     title: str
     words: str
-    advice: str = ""
+    advice: str = ""  # what to do; empty where nothing is wrong
 
 
 def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Finding]:
     """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
     recording since, worst first.
     """
-    assessed = [
-        *_changes(changed),
-        _lost(result),
-        *_outlines(result),
-        *_parts(result),
-        *_joints(result),
-        *_cameras(cameras),
-    ]
+    seen = (_outlines(result), _parts(result), _joints(result), _cameras(cameras))
+    assessed = [*_changes(changed), _lost(result), *chain(*seen)]
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 
@@ -193,11 +171,10 @@ def ranges_text(frames: NDArray[np.int64]) -> str:
     return f"frame{'' if len(frames) == 1 else 's'} {', '.join(listed)}{more}"
 
 
-def _changes(changed: str) -> list[Finding]:
-    if not changed:
-        return []
-    advice = "Fit again. Until then, what this page says of cameras and silhouettes is as of now."
-    return [Finding("look", "Recording", f"{changed[:1].upper()}{changed[1:]}.", advice)]
+def _changes(changed: str) -> Iterator[Finding]:
+    if changed:
+        advice = "Fit again. Until then, what this page says of cameras and silhouettes is as of"
+        yield Finding("look", "Recording", f"{changed[:1].upper()}{changed[1:]}.", f"{advice} now.")
 
 
 def _lost(result: Result) -> Finding:
@@ -218,9 +195,9 @@ def _lost(result: Result) -> Finding:
     )
 
 
-def _outlines(result: Result) -> list[Finding]:
+def _outlines(result: Result) -> Iterator[Finding]:
     if "outline_agreement" not in result.motion.quality:
-        return []
+        return
     agreement = np.asarray(result.motion.quality["outline_agreement"], float)
     median = float(np.nanmedian(agreement))
     doubtful = agreement < RELIABILITY.agreement
@@ -237,13 +214,13 @@ def _outlines(result: Result) -> list[Finding]:
         " voxelpose view: film the empty room, avoid clothes of the walls' colour, keep other"
         f" people out. If body and {noun} are shifted in one camera only, that camera was moved."
     )
-    return [Finding(level, "Outlines", words, "" if level == "good" else advice)]
+    yield Finding(level, "Outlines", words, "" if level == "good" else advice)
 
 
-def _parts(result: Result) -> list[Finding]:
+def _parts(result: Result) -> Iterator[Finding]:
     overlap = result.motion.quality.get("part_overlap")
     if overlap is None:
-        return []
+        return
     model = result.motion.model
     trunk = _TRUNK if is_person_tree(model.tree) else model.names[:1]
     # Parts too small to be measured are nan.
@@ -254,39 +231,36 @@ def _parts(result: Result) -> list[Finding]:
         if share > RELIABILITY.lost and not name.endswith(_SMALL)
     }
     if not weak:
-        return [Finding("good", "Body parts", "Every limb lies inside the carved hull.")]
+        yield Finding("good", "Body parts", "Every limb lies inside the carved hull.")
+        return
     level: Level = "bad" if any(name in trunk for name in weak) else "look"
     listed = ", ".join(
         f"{display_name(name)} ({100 * share:.0f} % of frames)" for name, share in weak.items()
     )
-    return [
-        Finding(
-            level,
-            "Body parts",
-            f"Often outside the carved hull: {listed}.",
-            "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
-            " view. Limbs beside the trunk are occluded by it: cameras at other heights help.",
-        )
-    ]
+    yield Finding(
+        level,
+        "Body parts",
+        f"Often outside the carved hull: {listed}.",
+        "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
+        " view. Limbs beside the trunk are occluded by it: cameras at other heights help.",
+    )
 
 
-def _joints(result: Result) -> list[Finding]:
+def _joints(result: Result) -> Iterator[Finding]:
     """Joints that are said to be uncertain, or the error to be expected from one camera."""
     verdict = verdict_of(result.summary)
     if verdict.error_mm is not None:
-        return [_joints_of_one_camera(result, verdict.error_mm)]
+        yield _joints_of_one_camera(result, verdict.error_mm)
     listed = [display_name(name) for name in verdict.uncertain]
     if not listed:
-        return []
-    return [
-        Finding(
-            "look",
-            "Joints",
-            f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
-            "The outlines say little of them: silhouettes that miss them, a limb that is held"
-            " against the body, or unusual proportions. Look at them in the video first.",
-        )
-    ]
+        return
+    yield Finding(
+        "look",
+        "Joints",
+        f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
+        "The outlines say little of them: silhouettes that miss them, a limb that is held"
+        " against the body, or unusual proportions. Look at them in the video first.",
+    )
 
 
 def _joints_of_one_camera(result: Result, error_mm: float) -> Finding:
@@ -303,21 +277,20 @@ def _joints_of_one_camera(result: Result, error_mm: float) -> Finding:
     )
 
 
-def _cameras(check: CameraCheck) -> list[Finding]:
+def _cameras(check: CameraCheck) -> Iterator[Finding]:
     if len(check.lines) < 2:
-        return []
+        return
     apart = [line.camera for line in check.lines if line.apart]
     if not apart:
         words = f"The body agrees equally well with all {len(check.lines)} cameras."
-        return [Finding("good", "Cameras", words)]
-    return [
-        Finding(
-            "look",
-            "Cameras",
-            f"{', '.join(apart)} {'agrees' if len(apart) == 1 else 'agree'} less than the others"
-            " with the body, or with their outlines.",
-            "It may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
-            " calibrate check RECORDING reports which, and how to repair it. Or fit again without"
-            " it (--cameras lists those to use).",
-        )
-    ]
+        yield Finding("good", "Cameras", words)
+        return
+    yield Finding(
+        "look",
+        "Cameras",
+        f"{', '.join(apart)} {'agrees' if len(apart) == 1 else 'agree'} less than the others"
+        " with the body, or with their outlines.",
+        "It may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
+        " calibrate check RECORDING reports which, and how to repair it. Or fit again without"
+        " it (--cameras lists those to use).",
+    )

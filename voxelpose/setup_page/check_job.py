@@ -66,18 +66,11 @@ class CheckJob:
         if self._findings["state"] != "running":
             return self._findings
         progress = self._progress
-        return self._findings | {
-            "stage": progress.name,
-            "done": progress.done,
-            "total": progress.total,
-        }
+        where = {"stage": progress.name, "done": progress.done, "total": progress.total}
+        return self._findings | where
 
     def picture(self) -> bytes:
-        """PNG of the last check.
-
-        Raises:
-            InputError: there is none.
-        """
+        """PNG of the last check. InputError where there is none."""
         if self._picture is None:
             raise InputError("the cameras have not been checked")
         return self._picture
@@ -98,10 +91,8 @@ class CheckJob:
         except InputError as error:
             self._findings = {"state": "failed", "error": str(error)}
         except Exception:
-            self._findings = {
-                "state": "failed",
-                "error": "the check broke off: the terminal shows the reason",
-            }
+            words = "the check broke off: the terminal shows the reason"
+            self._findings = {"state": "failed", "error": words}
             traceback.print_exc()
 
 

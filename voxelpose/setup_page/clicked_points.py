@@ -23,10 +23,8 @@ _LARGEST_BYTES = 50_000_000
 
 
 def read_clicked(path: Path) -> list[PointClicked]:
-    """Points of a points.csv; none where there is no file.
-
-    Raises:
-        InputError: it is damaged, or holds more points than the page can show.
+    """Points of a points.csv; none where there is no file. InputError where it is damaged, or holds
+    more points than the page can show.
     """
     if not path.exists():
         return []
@@ -44,11 +42,7 @@ def read_clicked(path: Path) -> list[PointClicked]:
 
 
 def check_points(points: Sequence[PointClicked]) -> None:
-    """Checks that no two points have the same name.
-
-    Raises:
-        InputError: two have.
-    """
+    """Checks that no two points have the same name. InputError where two have."""
     names = [point.name for point in points]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -56,14 +50,9 @@ def check_points(points: Sequence[PointClicked]) -> None:
 
 
 def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
-    """Writes points.csv, in which further columns of an earlier one are kept; returns the names
-    that are clicked nowhere and so were not written.
-
-    Args:
-        points: all points; rows of cameras that are not shown are among their pixels.
-
-    Raises:
-        InputError: the file cannot be written.
+    """Writes points.csv, in which further columns of an earlier one, and rows of cameras that are
+    not shown, are kept; returns the names that are clicked nowhere and so were not written.
+    InputError where the file cannot be written.
     """
     others, kept = _further_columns(path)
     text = io.StringIO()
@@ -85,14 +74,11 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
 
 
 def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str, Any]]:
-    """How far each click is from where the calibration puts its point.
+    """How far each click is from where the calibration puts its point: a measured one, or one
+    clicked in two cameras and more, which is triangulated.
 
-    Args:
-        points: measured ones, or clicked in two cameras and more, which are triangulated.
-
-    Returns:
-        By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera;
-        `position_m`, world coordinates; `measured`, whether they were typed in.
+    By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera; `position_m`,
+    world coordinates; `measured`, whether they were typed in.
     """
     found: dict[str, dict[str, Any]] = {}
     for point in points:
@@ -153,14 +139,9 @@ def up_choices(rig: Rig) -> list[dict[str, Any]]:
 
 
 def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]]]:
-    """The floor's grid, the world's axes and an upright pole of 1.8 m as the cameras see them.
-
-    Args:
-        rig: as calibrated.
-        frame: with the floor at z = 0.
-
-    Returns:
-        By camera, lines with `kind` (grid, middle, x, y, z, pole) and `pixels` [[x, y], ...].
+    """The grid of the floor, z = 0 of a frame, the world's axes and an upright pole of 1.8 m as the
+    cameras see them: by camera, lines with `kind` (grid, middle, x, y, z, pole) and `pixels` [[x,
+    y], ...].
     """
     upright = frame.rig(rig)
     x, y = _middle(upright)
@@ -200,12 +181,9 @@ def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)
     near = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
-    pieces, run = [], []
-    for pixel, is_near in zip(pixels.tolist(), [*near.tolist(), False], strict=False):
-        if is_near:
-            run.append([round(pixel[0], 2), round(pixel[1], 2)])
-            continue
-        pieces.append(run)
-        run = []
-    pieces.append(run)
-    return [{"kind": kind, "pixels": piece} for piece in pieces if len(piece) > 1]
+    cuts = np.flatnonzero(np.diff(near)) + 1
+    return [
+        {"kind": kind, "pixels": [[round(x, 2), round(y, 2)] for x, y in piece.tolist()]}
+        for piece, inside in zip(np.split(pixels, cuts), np.split(near, cuts), strict=True)
+        if inside[0] and len(piece) > 1
+    ]

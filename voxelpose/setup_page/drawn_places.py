@@ -84,14 +84,9 @@ def drawn_region(
 def write_region(
     folder: Path, name: str, drawing: RegionDrawing, file: RegionFile | None, size: tuple[int, int]
 ) -> tuple[list[Path], list[Path]]:
-    """Writes the region of a camera; returns the files that were written and removed.
-
-    Args:
-        file: its present file.
-        size: width and height in px.
-
-    Raises:
-        InputError: the region leaves nothing, or the system refuses.
+    """Writes the region of a camera of a size (W, H) px, whose present file is given; returns the
+    files that were written and removed. InputError where the region leaves nothing, or the system
+    refuses.
     """
     if file is not None and file.path.is_dir():
         raise InputError(f"{file.path} is a folder: replace it by {name}.png, then draw")
@@ -138,26 +133,18 @@ def _stored_polygons(path: Path) -> list[Polygon]:
 
 @dataclass(frozen=True, eq=False)
 class PlaceFiles:
-    """Regions and unknown places of the files.
+    """Regions and unknown places of the files."""
 
-    Attributes:
-        sizes: width and height in px of each camera.
-        regions: region files by camera name.
-        painted: (H, W) bool, unknown places that are painted, by camera name.
-        polygons: those of recording.toml in px, by camera name.
-    """
-
-    sizes: dict[str, tuple[int, int]]
-    regions: dict[str, RegionFile]
+    sizes: dict[str, tuple[int, int]]  # width and height in px of each camera
+    regions: dict[str, RegionFile]  # region files by camera name
+    # (H, W) bool, unknown places that are painted, by camera name.
     painted: dict[str, NDArray[np.bool_]]
-    polygons: dict[str, list[Polygon]]
+    polygons: dict[str, list[Polygon]]  # those of recording.toml in px, by camera name
 
     @classmethod
     def read(cls, recording: Recording) -> PlaceFiles:
-        """Reads the files of a recording.
-
-        Raises:
-            InputError: a file cannot be read, or does not fit its camera.
+        """Reads the files of a recording. InputError where a file cannot be read, or does not fit
+        its camera.
         """
         sizes = {camera.name: camera.size for camera in recording.rig}
         paths = pictures_by_camera(recording.folder / "unknown", stills=True)
@@ -192,10 +179,8 @@ class PlaceFiles:
         return {name: mask for name, mask in masks.items() if mask.any()}
 
     def save(self, folder: Path, drawn: PlacesDrawn) -> tuple[list[Path], list[Path]]:
-        """Writes what is drawn; returns the files that were written and removed.
-
-        Raises:
-            InputError: a file cannot be written.
+        """Writes what is drawn; returns the files that were written and removed. InputError where a
+        file cannot be written.
         """
         written, removed = [], []
         for name, drawing in drawn.regions.items():
@@ -214,14 +199,11 @@ class PlaceFiles:
 
 @dataclass(frozen=True, eq=False)
 class DrawnRecording(Recording):
-    """A recording with regions and unknown places that need not be saved.
+    """A recording with regions and unknown places that need not be saved."""
 
-    Attributes:
-        drawn_regions: where the person may be, (H, W) bool, by camera name.
-        drawn_unknown: where nothing is known, (H, W) bool, by camera name.
-    """
-
+    # Where the person may be, (H, W) bool, by camera name.
     drawn_regions: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    # Where nothing is known, (H, W) bool, by camera name.
     drawn_unknown: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
@@ -234,15 +216,9 @@ class DrawnRecording(Recording):
 
 
 def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
-    """Changes a section of a TOML file; its comments, and all else in it, stay. Returns whether
-    there was anything to write.
-
-    Args:
-        path: the file; made where there is none and something to write.
-        values: by key; None takes one out.
-
-    Raises:
-        InputError: the file is no TOML, the section is none, or the file cannot be written.
+    """Changes values of a section of a TOML file by their keys, None takes one out; its comments,
+    and all else in it, stay. Returns whether there was anything to write: only then a file is made.
+    InputError where it is no TOML, the section is none, or it cannot be written.
     """
     if not values or (not path.exists() and all(value is None for value in values.values())):
         return False
@@ -278,10 +254,8 @@ def _short(pixel: float) -> int | float:
 
 
 def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
-    """Checks what depends on the recording, which has cameras of these names.
-
-    Raises:
-        InputError: there is no such camera, or up is no direction.
+    """Checks what depends on the recording, which has cameras of these names. InputError where
+    there is no such camera, or up is no direction.
     """
     if chosen.cameras is not UNSET and chosen.cameras is not None:
         check_camera_names(chosen.cameras, names)
@@ -292,14 +266,9 @@ def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
 
 
 def save_choices(path: Path, chosen: FitChosen) -> bool:
-    """Writes settings into [fit] of a voxelpose.toml; whether there was anything to write.
-
-    Args:
-        path: the file; made where there is none.
-        chosen: the settings; None takes one out of the file, so that the usual value counts.
-
-    Raises:
-        InputError: the file is no TOML, or cannot be written.
+    """Writes settings into [fit] of a voxelpose.toml, made where there is none; None takes one out,
+    so that the usual value counts. Returns whether there was anything to write. InputError where it
+    is no TOML, or cannot be written.
     """
     values: dict[str, Any] = msgspec.to_builtins(chosen)  # without what is unset
     if isinstance(values.get("cameras"), list):

@@ -25,17 +25,11 @@ _RATE = 25  # where nothing tells it; nothing here depends on it
 
 @dataclass(frozen=True, eq=False)
 class OpenedFolder:
-    """A recording folder that is being set up.
+    """A recording folder that is being set up."""
 
-    Attributes:
-        recording: its pictures; cameras that are not calibrated stand anywhere.
-        calibrated: whether the cameras are where the calibration says.
-        fault: why `fit` would refuse the folder; "" where it would not.
-    """
-
-    recording: Recording
-    calibrated: bool
-    fault: str
+    recording: Recording  # its pictures; cameras that are not calibrated stand anywhere
+    calibrated: bool  # whether the cameras are where the calibration says
+    fault: str  # why `fit` would refuse the folder; "" where it would not
 
     @classmethod
     def open(
@@ -45,15 +39,9 @@ class OpenedFolder:
         fps: float | None = None,
         label: str | None = None,
     ) -> OpenedFolder:
-        """Opens all cameras of which there are pictures.
-
-        Args:
-            unit: unit of the calibration's lengths, where the file does not state it.
-            fps: frames per second, where the files do not state it.
-            label: of the person in masks/; None: found.
-
-        Raises:
-            InputError: it is no folder, or there are no pictures, or some that cannot be read.
+        """Opens a folder, with unit, frame rate and label of the person in masks/ where its files
+        do not state them; InputError where it is none, or there are no pictures, or some that
+        cannot be read.
         """
         try:
             return cls(Recording.open(folder, None, None, unit, fps, label), True, "")

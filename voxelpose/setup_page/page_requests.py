@@ -29,15 +29,10 @@ PointName = Annotated[
 
 
 class RegionDrawing(Struct, forbid_unknown_fields=True):
-    """Where the person may be in one camera.
+    """Where the person may be in one camera."""
 
-    Attributes:
-        painted: whether what the file holds beside polygons is kept.
-        polygons: in px, inside which the person may be.
-    """
-
-    painted: bool
-    polygons: Polygons
+    painted: bool  # whether what the file holds beside polygons is kept
+    polygons: Polygons  # in px, inside which the person may be
 
 
 class PlacesDrawn(Struct, forbid_unknown_fields=True):
@@ -48,15 +43,11 @@ class PlacesDrawn(Struct, forbid_unknown_fields=True):
 
 
 class PointClicked(Struct, forbid_unknown_fields=True):
-    """A point of the scene.
-
-    Attributes:
-        pixels: px, by camera name, where it was clicked.
-        position_m: world coordinates in metres, where measured.
-    """
+    """A point of the scene."""
 
     name: PointName
-    pixels: dict[Name, Corner] = {}
+    pixels: dict[Name, Corner] = {}  # px, by camera name, where it was clicked
+    # World coordinates in metres, where measured.
     position_m: tuple[Metre, Metre, Metre] | None = None
 
 
@@ -65,23 +56,19 @@ Up = Annotated[str, Meta(min_length=1, max_length=80)]
 
 
 class FitChosen(Struct, forbid_unknown_fields=True):
-    """Settings of `fit`; None: the usual value, absent: as it is.
-
-    Attributes:
-        tolerance: cameras that may see background where the body is.
-        voxel: edge of a voxel, metres.
-        repair: what is done about cameras that do not agree.
-        stature: height of the person, metres.
-        up: direction of up, an axis or three numbers.
-    """
+    """Settings of `fit`; None: the usual value, absent: as it is."""
 
     background: BackgroundKind | UnsetType | None = UNSET
+    # Cameras that may see background where the body is.
     tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
+    # Edge of a voxel, metres.
     voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
+    # What is done about cameras that do not agree.
     repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
+    # Height of the person, metres.
     stature: Annotated[float, Meta(ge=0.3, le=3.0)] | UnsetType | None = UNSET
     cameras: Annotated[list[Name], Meta(min_length=1, max_length=200)] | UnsetType | None = UNSET
-    up: Up | UnsetType | None = UNSET
+    up: Up | UnsetType | None = UNSET  # direction of up, an axis or three numbers
 
 
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):
@@ -106,15 +93,10 @@ class PointsRequest(Struct, forbid_unknown_fields=True):
 
 
 class GroundRequest(Struct, forbid_unknown_fields=True):
-    """A floor to be drawn.
+    """A floor to be drawn."""
 
-    Attributes:
-        up: direction of up; None: as it is found.
-        height_m: height of the floor along it.
-    """
-
-    up: Up | None = None
-    height_m: Metre = 0.0
+    up: Up | None = None  # direction of up; None: as it is found
+    height_m: Metre = 0.0  # height of the floor along it
 
 
 class SaveRequest(Struct, forbid_unknown_fields=True):

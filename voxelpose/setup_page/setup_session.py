@@ -1,8 +1,8 @@
-"""What the page shows and saves: one recording folder that is being set up."""
+"""What the page shows and saves of one recording folder, and its server behind the gate."""
 
 import base64
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -16,6 +16,7 @@ from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
+from voxelpose.setup_page import page_requests
 from voxelpose.setup_page.check_job import CheckJob
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
@@ -34,22 +35,24 @@ from voxelpose.setup_page.drawn_places import (
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
+    LARGEST_BODY,
     GroundRequest,
-    PlacesDrawn,
     PointsRequest,
     SaveRequest,
     SilhouetteRequest,
     StageRequest,
 )
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import check_camera_names
-from voxelpose.view.viewer.previews import (
-    SILHOUETTE,
-    BackgroundModels,
-    MomentFrames,
-    overlay_png,
-    stage_answer,
+from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.page_answers import (
+    Content,
+    PageAnswers,
+    check_camera_names,
+    json_content,
+    moment_of,
+    parse_request,
 )
+from voxelpose.view.viewer import previews
 
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
@@ -61,20 +64,15 @@ class SetupSession:
     """A recording folder behind the page."""
 
     def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
-        """Reads what the folder holds besides pictures.
-
-        Args:
-            settings: reads the settings of `fit` for the folder.
-
-        Raises:
-            InputError: a file of the folder is damaged.
+        """Reads what the folder holds besides pictures; `settings` reads those of `fit` for it.
+        InputError where a file of the folder is damaged.
         """
         self._opened, self._settings = opened, settings
         self._recording = opened.recording
         self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
-        self._moments = MomentFrames(self._recording)
-        self._backgrounds = BackgroundModels(self._learned)
+        self._moments = previews.MomentFrames(self._recording)
+        self._backgrounds = previews.BackgroundModels(self._learned)
         self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
         self.check = CheckJob(self._recording)
@@ -86,10 +84,8 @@ class SetupSession:
         self.check.close()
 
     def state(self) -> dict[str, Any]:
-        """All that the page shows at first, and after saving.
-
-        Raises:
-            InputError: a file was damaged meanwhile.
+        """All that the page shows at first, and after saving. InputError where a file was damaged
+        meanwhile.
         """
         recording = self._recording
         with self._saving:
@@ -128,10 +124,8 @@ class SetupSession:
         }
 
     def picture(self, camera: str, moment: int | None) -> bytes:
-        """A frame as JPEG; of the empty view where no moment is given.
-
-        Raises:
-            InputError: there is none.
+        """A frame as JPEG; of the empty view where no moment is given. InputError where there is
+        none.
         """
         frames = self._moments.empty() if moment is None else self._moments.frames(moment)
         check_camera_names([camera], self._recording.rig.names)
@@ -140,23 +134,19 @@ class SetupSession:
         return encoded(frames[camera], ".jpg", 93)
 
     def painted(self, camera: str, kind: str) -> bytes:
-        """What is painted in regions/ or unknown/, as PNG to be laid over the picture.
-
-        Raises:
-            InputError: nothing is.
+        """What is painted in regions/ or unknown/, as PNG to be laid over the picture. InputError
+        where nothing is.
         """
         file, mask = self._places.regions.get(camera), self._places.painted.get(camera)
         if kind == "region" and file is not None:
-            return overlay_png(file.mask, _REGION, 0)
+            return previews.overlay_png(file.mask, _REGION, 0)
         if kind == "unknown" and mask is not None:
-            return overlay_png(mask, _UNKNOWN, 110)
+            return previews.overlay_png(mask, _UNKNOWN, 110)
         raise InputError("nothing is painted there")
 
-    def silhouettes(self, asked: SilhouetteRequest) -> dict[str, Any]:
-        """Silhouettes of a moment: `ready` with a PNG by camera, or not yet.
-
-        Raises:
-            InputError: there is no such moment or camera, or files cannot be read.
+    def silhouettes(self, asked: page_requests.SilhouetteRequest) -> dict[str, Any]:
+        """Silhouettes of a moment: `ready` with a PNG by camera, or not yet. InputError where there
+        is no such moment or camera, or files cannot be read.
         """
         frames = self._moments.frames(asked.moment)
         model = self._model(asked)
@@ -168,28 +158,27 @@ class SetupSession:
             "guessed": list(model.without_background),
             "cameras": {
                 name: {
-                    "png": base64.b64encode(overlay_png(mask, SILHOUETTE, 120)).decode(),
+                    "png": base64.b64encode(
+                        previews.overlay_png(mask, previews.SILHOUETTE, 120)
+                    ).decode(),
                     "share": float(np.mean(mask)),
                 }
                 for name, mask in masks.items()
             },
         }
 
-    def stage(self, asked: StageRequest) -> dict[str, Any]:
+    def stage(self, asked: page_requests.StageRequest) -> dict[str, Any]:
         """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
-        yet.
-
-        Raises:
-            InputError: there is no such moment, camera or stage, or files cannot be read.
+        yet. InputError where there is no such moment, camera or stage, or files cannot be read.
         """
         check_camera_names([asked.camera], self._recording.rig.names)
         with self._staging:
             stages = self._stages(asked)
         if stages is None:
             return {"ready": False}
-        return stage_answer(stages, asked, self._recording.rig[asked.camera].size)
+        return previews.stage_answer(stages, asked, self._recording.rig[asked.camera].size)
 
-    def _stages(self, asked: StageRequest) -> SilhouetteStages | None:
+    def _stages(self, asked: page_requests.StageRequest) -> SilhouetteStages | None:
         """Stages of a silhouette, the last of which are kept; None while the model is learned."""
         key = msgspec.json.encode((asked.camera, asked.moment, asked.background, asked.places))
         if self._staged[0] != key:
@@ -200,11 +189,11 @@ class SetupSession:
             self._staged = key, model.stages(asked.camera, frame)
         return self._staged[1]
 
-    def _model(self, asked: SilhouetteRequest | StageRequest) -> Silhouettes | None:
-        """Silhouettes with what is drawn; None while their backgrounds are learned.
-
-        Raises:
-            InputError: there is no such camera, or files cannot be read.
+    def _model(
+        self, asked: page_requests.SilhouetteRequest | page_requests.StageRequest
+    ) -> Silhouettes | None:
+        """Silhouettes with what is drawn; None while their backgrounds are learned. InputError
+        where there is no such camera, or files cannot be read.
         """
         self._check_places(asked.places)
         model = self._backgrounds.get(asked.background)
@@ -222,21 +211,17 @@ class SetupSession:
         source = DrawnRecording(**vars(self._recording))
         return Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
 
-    def errors(self, asked: PointsRequest) -> dict[str, Any]:
-        """How far the clicks are from where the calibration puts the points.
-
-        Raises:
-            InputError: there is no calibration, or two points have the same name.
+    def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
+        """How far the clicks are from where the calibration puts the points. InputError where there
+        is no calibration, or two points have the same name.
         """
         self._need("points")
         check_points(asked.points)
         return point_errors(asked.points, self._recording.rig)
 
-    def ground(self, asked: GroundRequest) -> dict[str, Any]:
-        """Lines of the floor by camera.
-
-        Raises:
-            InputError: there is no calibration, or up is no direction.
+    def ground(self, asked: page_requests.GroundRequest) -> dict[str, Any]:
+        """Lines of the floor by camera. InputError where there is no calibration, or up is no
+        direction.
         """
         self._need("floor")
         up = None if asked.up is None else direction_of(asked.up)
@@ -245,22 +230,15 @@ class SetupSession:
         return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:
-        """Begins the check of the cameras.
-
-        Raises:
-            InputError: it is not possible.
-        """
+        """Begins the check of the cameras. InputError where it is not possible."""
         self._need("check")
         self.check.start()
         return self.check.status()
 
-    def save(self, asked: SaveRequest) -> dict[str, Any]:
-        """Writes what is asked for; returns the files, what is left out, and the new state.
-
-        Everything is checked before anything is written.
-
-        Raises:
-            InputError: a value makes no sense, or a file cannot be written.
+    def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
+        """Writes what is asked for, all of which is checked before; returns the files, what is left
+        out, and the new state. InputError where a value makes no sense, or a file cannot be
+        written.
         """
         folder = self.folder
         self._check_places(asked.places)
@@ -283,7 +261,7 @@ class SetupSession:
             "state": self.state(),
         }
 
-    def _check_places(self, places: PlacesDrawn) -> None:
+    def _check_places(self, places: page_requests.PlacesDrawn) -> None:
         check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)
 
     def _need(self, part: str) -> None:
@@ -313,3 +291,62 @@ class SetupSession:
             "source": "the calibration's [metadata]" if stated else "how the cameras stand",
             "choices": up_choices(self._recording.rig),
         }
+
+
+class SetupServer:
+    """Serves the page until it is closed."""
+
+    def __init__(self, session: SetupSession, address: Address) -> None:
+        """Starts, in a thread of its own; the session is closed with it. InputError where the
+        address cannot be used.
+        """
+        self._session = session
+        self._ended = threading.Event()
+        answers = PageAnswers("voxelpose.setup_page", self._got, self._posted)
+        self._gate = Gate(address, answers.serve, LARGEST_BODY)
+        self.url, self.port = self._gate.url, self._gate.port
+
+    def run(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
+
+    def close(self) -> None:
+        """Ends all connections and threads."""
+        self._ended.set()
+        self._gate.close()
+        self._session.close()
+
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+        """What is asked for; None where it can only be a file."""
+        session = self._session
+        match path:
+            case ("api", "state"):
+                return json_content(session.state())
+            case ("api", "check"):
+                return json_content(session.check.status())
+            case ("api", "check", "picture"):
+                return session.check.picture(), "image/png"
+            case ("picture", camera):
+                return session.picture(camera, moment_of(query)), "image/jpeg"
+            case ("painted", kind, camera):
+                return session.painted(camera, kind), "image/png"
+        return None
+
+    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+        """The answer to JSON that the page has sent; None where nobody takes it."""
+        session = self._session
+        match path:
+            case ("api", "silhouettes"):
+                return json_content(session.silhouettes(parse_request(body, SilhouetteRequest)))
+            case ("api", "stage"):
+                return json_content(session.stage(parse_request(body, StageRequest)))
+            case ("api", "points"):
+                return json_content(session.errors(parse_request(body, PointsRequest)))
+            case ("api", "ground"):
+                return json_content(session.ground(parse_request(body, GroundRequest)))
+            case ("api", "save"):
+                return json_content(session.save(parse_request(body, SaveRequest)))
+            case ("api", "check", "start"):
+                return json_content(session.start_check())
+        return None

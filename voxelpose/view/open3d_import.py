@@ -17,16 +17,11 @@ def has_screen() -> bool:
 
 
 def import_open3d(screen: bool = False) -> ModuleType:
-    """Imports open3d, which takes a second or two and is therefore done only where it is used.
+    """Imports open3d, which takes a second or two, only where it is used, perhaps for a window on a
+    screen; InputError, which names the remedy, where it is missing or broken, or there is no
+    screen.
 
-    On Linux its library needs libusb, which minimal machines lack; the libusb-package wheel
-    contains it.
-
-    Args:
-        screen: whether a window will be opened.
-
-    Raises:
-        InputError: it is missing or broken, or there is no screen; the line names the remedy.
+    On Linux its library needs libusb, which minimal machines lack; the libusb-package wheel has it.
     """
     if screen and not has_screen():
         raise InputError(

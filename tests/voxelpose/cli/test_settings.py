@@ -8,7 +8,7 @@ import pytest
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, _parse, run
 from voxelpose.cli.options import load_command, options_of
-from voxelpose.cli.settings import _all_sections
+from voxelpose.cli.settings import all_sections
 from voxelpose.recording.subject import SETTINGS_FILE, settings_files
 
 
@@ -82,7 +82,7 @@ def test_what_may_be_repeated_is_replaced_not_added_to(desk):
 
 def test_every_option_of_every_command_can_be_set(desk):
     values = {bool: "true", int: "3", float: "0.5", str: "'x'", Path: "'x'"}
-    for section in _all_sections():
+    for section in all_sections():
         for option in options_of(load_command(section)).values():
             for kind in (option.kind, *getattr(option.kind, "__args__", ())):
                 text = values.get(kind)
@@ -191,4 +191,4 @@ def test_settings_of_nothing_are_refused(desk, capsys, words, line):
 
 
 def test_every_command_has_a_section():
-    assert {section.split(".")[0] for section in _all_sections()} == set(COMMANDS)
+    assert {section.split(".")[0] for section in all_sections()} == set(COMMANDS)

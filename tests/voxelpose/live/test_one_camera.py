@@ -15,7 +15,7 @@ from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
-from voxelpose.live.live_estimators import LiveMoment, LiveMonocular, MonocularSetup
+from voxelpose.live.live_estimators import LiveMoment, LiveMonocular
 from voxelpose.multiview.tracking.body_track import Moment
 
 RIG = ring(1, (320, 240))
@@ -37,8 +37,8 @@ def live(library, tmp_path):
         write_library(replace(library, proposal=proposal), tmp_path / "lib.vplib")
         options = MonocularOptions(str(tmp_path / "lib.vplib"), "any")
         settings = Settings(person().sizes.stature_m, smooth=False)
-        setup = MonocularSetup(RIG, settings, options, 25.0, True)
-        made.append(LiveMonocular(setup, SilentReporter()))
+        camera = RIG.cameras[0]
+        made.append(LiveMonocular(camera, settings, options, 25.0, True, SilentReporter()))
         return made[-1]
 
     yield of

@@ -48,9 +48,8 @@ def test_a_video_per_camera_and_a_sheet(tmp_path):
 
 def test_every_tile_of_the_sheet_shows_the_figure(tmp_path):
     motion = waving(3)
-    rotation, origin = motion.parts()
     source = GreySource(ring(2), 3)
-    sheet = overlay.ContactSheet(motion, rotation, origin, list(source.rig), {})
+    sheet = overlay.ContactSheet(motion, list(source.rig), {})
     for frame, _, images in source:
         sheet.add(frame, images)
     assert len(sheet.tiles) == 2 * 3

@@ -13,7 +13,7 @@ from silhouette_core.image.plausibility import (
 from silhouette_core.image.silhouettes import UndistortedView
 from tests.sources import ring, write_recording
 from voxelpose.recording.folder import Recording
-from voxelpose.view.images.refused_silhouettes import draw_refused, refusal_drawn
+from voxelpose.view.images.overlay import draw_refused, refusal_drawn
 
 RIG = ring(3, (160, 120), (-0.2, 0.05, 0.0, 0.0))
 WALL = np.zeros((60, 80), bool)

@@ -19,9 +19,8 @@ from voxelpose.cli import run
 from voxelpose.view.images.figure import body_parts
 from voxelpose.view.serving.gate import Address, GateRequest
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.fit_silhouettes import FitSilhouette, FitSilhouettes
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.silhouette_page import SilhouettePage
+from voxelpose.view.viewer.silhouette_page import FitSilhouette, FitSilhouettes, SilhouettePage
 
 SIZE, LENS = (320, 240), (-0.2, 0.05, 0.0, 0.0)
 PIXEL = [SIZE[0] / 2, SIZE[1] / 2]

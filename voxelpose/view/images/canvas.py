@@ -40,15 +40,8 @@ def write_text(
     colour: Colour = INK,
     bold: bool = False,
 ) -> None:
-    """Writes one line in place.
-
-    Args:
-        image: (h, w, 3) uint8 BGR.
-        x: left end of its base line, pixels.
-        y: height of its base line, pixels.
-        size: its height, pixels.
-        colour: BGR.
-        bold: whether the strokes are thicker.
+    """Writes one line into an image (h, w, 3) uint8 BGR, in place, `size` px high, from the left
+    end (x, y) px of its base line on.
     """
     if hasattr(cv2, "FontFace"):
         cv2.putText(image, text, (x, y), colour, cv2.FontFace("sans"), size, 600 if bold else 400)
@@ -92,13 +85,8 @@ def dots(image: Image, points: NDArray[np.float64], radius: float, colour: Colou
 def tint(
     image: Image, outlines: list[NDArray[np.float64]], colour: Colour, strength: float
 ) -> Image:
-    """Mixes the inside of closed outlines with a colour, in place, and returns the image.
-
-    Args:
-        image: (h, w, 3) uint8 BGR.
-        outlines: arrays (N, 2), pixels; holes by the even-odd rule.
-        colour: BGR.
-        strength: fraction of the colour.
+    """Mixes the inside of closed outlines (N, 2), px, with holes by the even-odd rule, with a
+    fraction `strength` of a colour, in place; returns the image (h, w, 3) uint8 BGR.
     """
     fixed = [_fixed(outline) for outline in outlines]
     fixed = [outline for outline in fixed if len(outline) > 2]
@@ -141,14 +129,9 @@ def png(image: Image) -> bytes:
 
 
 def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
-    """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file.
-
-    Args:
-        suffix: ".png", ".jpg" or ".webp".
-        quality: of a JPEG or WebP, 1 to 100.
-
-    Raises:
-        OSError: it cannot be encoded: sides of a JPEG have at most 65 500 px.
+    """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file: .png, .jpg or
+    .webp, these with a quality of 1 to 100. OSError where it cannot be encoded: sides of a JPEG
+    have at most 65 500 px.
     """
     flag = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
     good, data = cv2.imencode(suffix, image, [] if quality is None else [flag, quality])

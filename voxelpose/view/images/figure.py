@@ -11,32 +11,18 @@ from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
-from voxelpose.view.images.canvas import (
-    INK,
-    LEFT,
-    MIDDLE,
-    PAPER,
-    RIGHT,
-    Colour,
-    Image,
-    colour_of,
-    dots,
-    hatched,
-    segments,
-    stroke,
-    tint,
-)
+from voxelpose.view.images import canvas
 
-_SIDES: tuple[Colour, ...] = (MIDDLE, LEFT, RIGHT)
+_SIDES: tuple[canvas.Colour, ...] = (canvas.MIDDLE, canvas.LEFT, canvas.RIGHT)
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
-def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
+def skeleton_bones(model: BodyModel) -> list[tuple[int, int, canvas.Colour]]:
     """Lines of the skeleton: joints at both ends, as rows of `skeleton_joints`, and the colour."""
     if model.names != PART_NAMES:
         marks, first = model.tree.landmark_names, len(model.names)
         bones = model.tree.landmark_bones.tolist()
-        return [(first + start, first + end, colour_of(marks[end])) for start, end in bones]
+        return [(first + start, first + end, canvas.colour_of(marks[end])) for start, end in bones]
     joints = (*PART_NAMES, "head_top")
     chains = ["pelvis lumbar upper_thorax neck head head_top".split()]
     for side in ("left_", "right_"):
@@ -45,13 +31,13 @@ def skeleton_bones(model: BodyModel) -> list[tuple[int, int, Colour]]:
             for names in (limb.split() for limb in _LIMBS)
         ]
     return [
-        (joints.index(start), joints.index(end), colour_of(end))
+        (joints.index(start), joints.index(end), canvas.colour_of(end))
         for chain in chains
         for start, end in pairwise(chain)
     ]
 
 
-def bone_ends(bones: list[tuple[int, int, Colour]]) -> NDArray[np.int64]:
+def bone_ends(bones: list[tuple[int, int, canvas.Colour]]) -> NDArray[np.int64]:
     """Joints (B, 2) int64 at both ends of the lines of `skeleton_bones`; a body may have none."""
     return np.array([bone[:2] for bone in bones], np.int64).reshape(-1, 2)
 
@@ -59,15 +45,12 @@ def bone_ends(bones: list[tuple[int, int, Colour]]) -> NDArray[np.int64]:
 def skeleton_joints(
     model: BodyModel, rotation: NDArray[np.float64], origin: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Joints of the skeleton's lines in the world.
-
-    Args:
-        rotation: (P, 3, 3) world from part.
-        origin: (P, 3) metres.
+    """Joints of the skeleton's lines in the world, of parts rotated by (P, 3, 3) world from part,
+    with joints (P, 3) m.
 
     Returns:
         (28, 3) metres: the parts' joints and the vertex of the head; of a body that is no person's
-        (P + L, 3), the parts' joints and the landmarks.
+            (P + L, 3), the parts' joints and the landmarks.
     """
     marks = kinematics.landmarks(model, rotation[None], origin[None])[0]
     if model.names != PART_NAMES:
@@ -85,14 +68,8 @@ def body_parts(
 
 
 class FigurePainter:
-    """Draws one body into the pictures of one camera.
-
-    The picture stays as recorded: the body is drawn with the lens's distortion.
-
-    Attributes:
-        scale: size of the working picture over that of the recorded one.
-        ideal: the pinhole camera of the working picture.
-        size: width and height of the working picture.
+    """Draws one body into the pictures of one camera, which stay as recorded: with the lens's
+    distortion.
     """
 
     def __init__(
@@ -105,30 +82,26 @@ class FigurePainter:
         """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched."""
         self.model, self.camera, self.scale = model, camera, scale
         self._unknown = unknown
-        self.ideal = camera.pinhole(scale)
-        self.size = self.ideal.size
-        self._side = np.array([-1] + [_SIDES.index(colour_of(name)) for name in model.names])
+        self.ideal = camera.pinhole(scale)  # of the working picture, `scale` times the recorded
+        self.size = self.ideal.size  # width and height
+        self._side = np.array([-1] + [_SIDES.index(canvas.colour_of(name)) for name in model.names])
         self._bones = skeleton_bones(model)
         self._ends = bone_ends(self._bones)
 
-    def resized(self, frame: Image) -> Image:
+    def resized(self, frame: canvas.Image) -> canvas.Image:
         """Copy of a recorded frame at the working size."""
         if self._unknown is not None:
-            frame = hatched(frame, self._unknown)
+            frame = canvas.hatched(frame, self._unknown)
         if self.scale == 1.0:
             return frame.copy()
         method = cv2.INTER_AREA if self.scale < 1.0 else cv2.INTER_CUBIC
         return np.asarray(cv2.resize(frame, self.size, interpolation=method), np.uint8)
 
     def paint(
-        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> Image:
-        """Draws one pose, and returns the image.
-
-        Args:
-            image: (h, w, 3) uint8 BGR at the working size (see `resized`); changed in place.
-            rotation: (P, 3, 3) world from part.
-            origin: (P, 3) joints in the world, metres.
+        self, image: canvas.Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
+    ) -> canvas.Image:
+        """Draws one pose, rotations (P, 3, 3) world from part and joints (P, 3) m in the world,
+        into an image (h, w, 3) uint8 BGR at the working size (see `resized`), in place; returns it.
         """
         parts = body_parts(self.model, kinematics.skin(self.model, rotation, origin), self.ideal)
         left, top, width, height = cv2.boundingRect((parts > 0).view(np.uint8))
@@ -138,11 +111,11 @@ class FigurePainter:
         line = max(1, round((height - 1) / 300))
         for side, colour in enumerate(_SIDES):
             outlines = self._outlines(self._side[parts] == side, (left, top))
-            tint(image, outlines, colour, 0.33)
+            canvas.tint(image, outlines, colour, 0.33)
             for outline in outlines:
-                stroke(image, outline, colour, line, closed=True)
+                canvas.stroke(image, outline, colour, line, closed=True)
         for outline in self._outlines(parts > 0, (left, top)):
-            stroke(image, outline, INK, line, closed=True)
+            canvas.stroke(image, outline, canvas.INK, line, closed=True)
         self._skeleton(image, rotation, origin, line)
         return image
 
@@ -152,22 +125,28 @@ class FigurePainter:
         return (recorded + 0.5) * self.scale - 0.5
 
     def _skeleton(
-        self, image: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64], line: int
+        self,
+        image: canvas.Image,
+        rotation: NDArray[np.float64],
+        origin: NDArray[np.float64],
+        line: int,
     ) -> None:
         joints = self.pixels(skeleton_joints(self.model, rotation, origin))
         ends = joints[self._ends]
-        segments(image, ends, PAPER, line + 3)
+        canvas.segments(image, ends, canvas.PAPER, line + 3)
         for colour in _SIDES:
-            segments(image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1)
+            canvas.segments(
+                image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1
+            )
         marked = joints[np.unique(self._ends)]
-        dots(image, marked, line + 1.3, PAPER)
-        dots(image, marked, line + 0.3, INK)
+        canvas.dots(image, marked, line + 1.3, canvas.PAPER)
+        canvas.dots(image, marked, line + 0.3, canvas.INK)
 
     def _outlines(
         self, mask: NDArray[np.bool_], corner: tuple[int, int]
     ) -> list[NDArray[np.float64]]:
-        """Closed borders (N, 2) of a mask in pixels of the working picture; `corner` is the place
-        of its first pixel in the pinhole picture.
+        """Closed borders (N, 2) of a mask whose first pixel is the pinhole picture's `corner`, in
+        px of the working picture.
         """
         contours, _ = cv2.findContours(
             mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=corner

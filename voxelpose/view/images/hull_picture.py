@@ -21,7 +21,7 @@ from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import Scene
+from voxelpose.view.viewer.scene import CarvedHull, Scene
 
 SIZE = 480, 720
 """Width and height of a hull's picture from one side, px."""
@@ -67,11 +67,10 @@ def hull_picture(
     azimuths_deg: tuple[float, ...] = (-90, -30, 30, 90),
     box_m: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.uint8]:
-    """Pictures (720, 480 * number of sides, 3) uint8, BGR, of the hull's surface from several
-    sides, side by side; needs no screen.
+    """Pictures (720, 480 * number of sides, 3) uint8, BGR, of the surface of a hull, (nx, ny, nz)
+    bool, not empty, from several sides, side by side; needs no screen.
 
     Args:
-        occupancy: (nx, ny, nz) bool, not empty.
         azimuths_deg: position of the viewer, one picture each: 0 is along +x, 90 along +y; -90 is
             before a person that faces -y.
         box_m: lowest and highest corner (3,) of what fills the picture; None: of the hull.
@@ -91,14 +90,12 @@ def shaded_view(
     azimuth_deg: float,
     size: tuple[int, int],
 ) -> NDArray[np.uint8]:
-    """Picture (height, width, 3) uint8, BGR, of a surface from one side, lit from above the
-    viewer's shoulder.
+    """Picture of a `size` (width, height), (height, width, 3) uint8, BGR, of a surface from an
+    azimuth as of `hull_picture`, lit from above the viewer's shoulder.
 
     Args:
         skin: vertices (V, 3) float64, m, and faces (F, 3) int, outward oriented.
         box_m: lowest and highest corner (3,) of what fills the picture.
-        azimuth_deg: position of the viewer, see `hull_picture`.
-        size: width and height, pixels.
     """
     (vertices, faces), (low, high), (width, height) = skin, box_m, size
     angle = np.radians(azimuth_deg)
@@ -126,13 +123,8 @@ def shaded_view(
 def show_hull(
     grid: VoxelGrid, occupancy: NDArray[np.bool_], skeleton: Skeleton | None, title: str
 ) -> None:
-    """Opens a window with the hull's surface and the skeleton; returns when it is closed.
-
-    Args:
-        occupancy: (nx, ny, nz) bool, not empty.
-
-    Raises:
-        InputError: open3d cannot be imported, or there is no screen.
+    """Opens a window with the surface of a hull, (nx, ny, nz) bool, not empty, and the skeleton;
+    returns when it is closed. InputError where open3d cannot be imported, or there is no screen.
     """
     open3d = import_open3d(screen=True)
     vertices, faces = surface(*grid.cropped(occupancy))
@@ -181,6 +173,13 @@ def _shade(
     return shaded.astype(np.uint8)
 
 
+def hull_of(scene: Scene) -> CarvedHull:
+    """The hull of a scene; InputError where there is none."""
+    if scene.hull is None:
+        raise InputError(f"frame {scene.frame} has no hull: {'; '.join(scene.notes)}")
+    return scene.hull
+
+
 def skeleton_of(scene: Scene) -> Skeleton | None:
     """The fitted skeleton of a scene; None where there is no pose."""
     if scene.body is None:
@@ -190,25 +189,18 @@ def skeleton_of(scene: Scene) -> Skeleton | None:
 
 def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
     """Writes hull and skeleton of one frame, from four sides, as PNG; returns the hull's volume,
-    litres.
-
-    Raises:
-        InputError: there is no hull to show, or the file cannot be written.
+    litres. InputError where there is no hull to show, or the file cannot be written.
     """
     scene = scenes.scene(frame)
-    if scene.hull is None:
-        raise InputError(f"frame {frame} has no hull: {'; '.join(scene.notes)}")
-    picture = hull_picture(scene.hull.grid, scene.hull.occupancy, skeleton_of(scene))
-    write_whole(path, png(picture))
-    return scene.hull.litres(scene.hull.occupancy)
+    hull = hull_of(scene)
+    write_whole(path, png(hull_picture(hull.grid, hull.occupancy, skeleton_of(scene))))
+    return hull.litres(hull.occupancy)
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM;
-    returns the number of frames written: those without a hull are left out.
-
-    Raises:
-        InputError: there is nothing to show, or the file cannot be written.
+    returns the number of frames written: those without a hull are left out. InputError where there
+    is nothing to show, or the file cannot be written.
     """
     motion = scenes.motion
     if motion is None:
@@ -256,12 +248,8 @@ def body_picture(body: BodyModel) -> Image:
 
 
 def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
-    """Several bodies from the front, all at the same scale and on the same floor: (h, w, 3) uint8,
-    BGR, in rows of at most eight.
-
-    Args:
-        bodies: at least one.
-        captions: two lines of text for each, separated by a newline.
+    """Several bodies from the front, all at the same scale and on the same floor, above two lines
+    of text each: (h, w, 3) uint8, BGR, in rows of at most eight.
     """
     size = 230, 270
     tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))

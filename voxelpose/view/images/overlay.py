@@ -1,8 +1,11 @@
-"""Overlays and contact sheet: the fitted body over the pictures it was fitted to."""
+"""Pictures of a fit: overlays and contact sheet, which show the body over the pictures; and
+silhouettes that are refused, beside the result that is not there.
+"""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -11,28 +14,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.atomic import write_whole
 from calib.camera import Camera
+from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import Frame, FrameSource
+from silhouette_core.image.plausibility import ImplausibleSilhouettesError, telling_frames
+from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.jit import cores
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
-from voxelpose.view.images.canvas import (
-    FAINT,
-    INK,
-    LEFT,
-    MIDDLE,
-    PAPER,
-    RIGHT,
-    WARNING,
-    Image,
-    dots,
-    has_sides,
-    png,
-    text_width,
-    write_text,
-)
+from voxelpose.recording.folder import Recording
+from voxelpose.view.images import canvas
+from voxelpose.view.images.canvas import FAINT, INK, MIDDLE, PAPER, Image, png, write_text
 from voxelpose.view.images.figure import FigurePainter
 from voxelpose.view.images.webm import WebmWriter
 
@@ -43,29 +38,24 @@ _LEAST_PX, _MOST_PX = 640, 960  # longer side of a video
 _PAINTED_AHEAD = 2  # time steps
 
 
+_Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Rotations (P, 3, 3), world from part, and joints (P, 3) m in the world."""
+
+
 class ContactSheet:
     """Collects tiles while frames are read; each camera is cropped to where the body moves."""
 
     def __init__(
-        self,
-        motion: Motion,
-        rotation: NDArray[np.float64],
-        origin: NDArray[np.float64],
-        cameras: Sequence[Camera],
-        unknown: Mapping[str, NDArray[np.bool_]],
+        self, motion: Motion, cameras: Sequence[Camera], unknown: Mapping[str, NDArray[np.bool_]]
     ) -> None:
-        """Chooses at most six moments, and the crops.
-
-        Args:
-            rotation: (T, P, 3, 3) world from part, as of `motion.parts()`.
-            origin: (T, P, 3) metres, likewise.
-            cameras: one row each.
-            unknown: (H, W) bool by camera name, where nothing is known.
+        """Chooses at most six moments, and the crops, of cameras, a row each; `unknown`, (H, W)
+        bool by camera name, tells where nothing is known.
         """
         self.motion = motion
-        self.rotation, self.origin = rotation, origin
         self.rows = even_moments(len(motion), 6, margin=0).tolist()
-        boxes = [_box(motion, rotation, origin, camera, self.rows) for camera in cameras]
+        self.poses = list(zip(*(part[self.rows] for part in motion.parts()), strict=True))
+        skins = np.array([kinematics.skin(motion.model, *pose) for pose in self.poses])
+        boxes = [_box(skins.reshape(-1, 3), camera) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
         width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
@@ -75,39 +65,40 @@ class ContactSheet:
             _View(motion, camera, box, self.tile, unknown.get(camera.name))
             for camera, box in zip(cameras, boxes, strict=True)
         ]
-        self.tiles: dict[tuple[int, int], Image] = {}
+        self.tiles: dict[tuple[int, int], canvas.Image] = {}
 
-    def add(self, row: int, images: Mapping[str, Image]) -> None:
+    def add(self, row: int, images: Mapping[str, canvas.Image]) -> None:
         """Keeps the tiles of one row of the motion, if it is one of the moments."""
         if row in self.rows:
-            column, pose = self.rows.index(row), (self.rotation[row], self.origin[row])
+            column = self.rows.index(row)
             for line, view in enumerate(self.views):
-                self.tiles[line, column] = view.crop(images[view.painter.camera.name], *pose)
+                image = images[view.painter.camera.name]
+                self.tiles[line, column] = view.crop(image, self.poses[column])
 
-    def image(self, title: str) -> Image:
+    def image(self, title: str) -> canvas.Image:
         """The finished sheet, (h, w, 3) uint8 BGR."""
         width, height = self.tile
         sheet_width = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
-        sheet_width = max(sheet_width, 2 * _MARGIN + text_width(title, 24, True) + _LEGEND)
+        sheet_width = max(sheet_width, 2 * _MARGIN + canvas.text_width(title, 24, True) + _LEGEND)
         sheet_height = _HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN
-        sheet = np.full((sheet_height, sheet_width, 3), PAPER, np.uint8)
-        write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
+        sheet = np.full((sheet_height, sheet_width, 3), canvas.PAPER, np.uint8)
+        canvas.write_text(sheet, title, _MARGIN, 44, 24, canvas.INK, bold=True)
         x = sheet_width - _MARGIN
-        sides = ("middle", MIDDLE), ("right side", RIGHT), ("left side", LEFT)
-        for label, colour in sides if has_sides(self.motion.model.names) else ():
-            x -= text_width(label, 14)
-            write_text(sheet, label, x, 42, 14, FAINT)
-            dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
+        sides = ("middle", canvas.MIDDLE), ("right side", canvas.RIGHT), ("left side", canvas.LEFT)
+        for label, colour in sides if canvas.has_sides(self.motion.model.names) else ():
+            x -= canvas.text_width(label, 14)
+            canvas.write_text(sheet, label, x, 42, 14, canvas.FAINT)
+            canvas.dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
             x -= 36
         for line, view in enumerate(self.views):
             top = _HEAD + line * (height + _GAP)
             name = view.painter.camera.name
-            write_text(sheet, name, _MARGIN, top + height // 2, 16, INK, bold=True)
+            canvas.write_text(sheet, name, _MARGIN, top + height // 2, 16, canvas.INK, bold=True)
             for column, row in enumerate(self.rows):
                 left = _MARGIN + _LABEL + column * (width + _GAP)
                 if line == 0:
                     label = f"frame {self.motion.frames[row]} · {self.motion.time_s[row]:.2f} s"
-                    write_text(sheet, label, left, _HEAD - 10, 14, FAINT)
+                    canvas.write_text(sheet, label, left, _HEAD - 10, 14, canvas.FAINT)
                 if (line, column) in self.tiles:
                     sheet[top : top + height, left : left + width] = self.tiles[line, column]
         return sheet
@@ -145,30 +136,19 @@ class _View:
         self.painter = FigurePainter(motion.model, part, scale, hidden)
         self.shift = shift + low * scale
 
-    def crop(
-        self, frame: Image, rotation: NDArray[np.float64], origin: NDArray[np.float64]
-    ) -> Image:
+    def crop(self, frame: canvas.Image, pose: _Pose) -> canvas.Image:
         image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
-        self.painter.paint(image, rotation, origin)
+        self.painter.paint(image, *pose)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
         rim = (48, 42, 38)
         tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)
         return np.asarray(tile, np.uint8)
 
 
-def _box(
-    motion: Motion,
-    rotation: NDArray[np.float64],
-    origin: NDArray[np.float64],
-    camera: Camera,
-    rows: Sequence[int],
-) -> tuple[float, float, float, float]:
-    """Left, top, width, height, px, around the body in some rows; the picture if not visible."""
-    visible = []
-    for row in rows:
-        pixels, _ = camera.project(kinematics.skin(motion.model, rotation[row], origin[row]))
-        visible.append(pixels[np.isfinite(pixels).all(axis=1)])
-    pixels = np.clip(np.concatenate(visible), 0, np.array(camera.size) - 1)
+def _box(points: NDArray[np.float64], camera: Camera) -> tuple[float, float, float, float]:
+    """Left, top, width, height, px, around points (N, 3); the picture if none is visible."""
+    pixels, _ = camera.project(points)
+    pixels = np.clip(pixels[np.isfinite(pixels).all(axis=1)], 0, np.array(camera.size) - 1)
     low, high = np.zeros(2), np.array(camera.size, float)
     if len(pixels):
         low, high = pixels.min(0), pixels.max(0)
@@ -180,28 +160,23 @@ def _box(
 def draw_pictures(
     source: FrameSource, motion: Motion, folder: Path, title: str, reporter: Reporter
 ) -> None:
-    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png`.
+    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png` below a title; frames
+    without a pose are shown unchanged and marked. OSError where a video cannot be written, for
+    example because the disk is full.
 
     Reads the frames again. Few time steps are held in memory at a time: while one is written, the
     next ones are painted.
-
-    Args:
-        motion: the poses; frames without one are shown unchanged and marked.
-        title: first line of the contact sheet.
-
-    Raises:
-        OSError: a video could not be written, for example because the disk is full.
     """
     rotation, origin = motion.parts()
     rows = {int(frame): row for row, frame in enumerate(motion.frames)}
     unknown = source.unknown()
-    sheet = ContactSheet(motion, rotation, origin, list(source.rig), unknown)
+    sheet = ContactSheet(motion, list(source.rig), unknown)
     videos = [
         _Video(folder, camera, motion, source.fps, unknown.get(camera.name))
         for camera in source.rig
     ]
     reporter.stage("pictures", source.frame_count)
-    painted: deque[list[Future[Image]]] = deque()
+    painted: deque[list[Future[canvas.Image]]] = deque()
     tiles: list[Future[None]] = []
 
     def write_oldest() -> None:
@@ -244,7 +219,7 @@ def draw_pictures(
     finally:  # no thread writes any more
         for video in videos:
             video.writer.release()
-    (folder / "contact_sheet.png").write_bytes(png(sheet.image(title)))
+    (folder / "contact_sheet.png").write_bytes(canvas.png(sheet.image(title)))
 
 
 class _Video:
@@ -264,12 +239,7 @@ class _Video:
         self.painter = FigurePainter(motion.model, camera, scale, unknown)
         self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 
-    def painted(
-        self,
-        frame: Frame,
-        pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
-        caption: str,
-    ) -> Image:
+    def painted(self, frame: Frame, pose: _Pose | None, caption: str) -> canvas.Image:
         """Picture of a frame with its pose; any thread may paint it."""
         image = self.painter.resized(frame)
         if pose is not None:
@@ -279,10 +249,87 @@ class _Video:
         return image
 
 
-def _mark(image: Image, caption: str, warning: str) -> None:
+def _mark(image: canvas.Image, caption: str, warning: str) -> None:
     size = max(13, image.shape[0] // 45)
     x, y = size, image.shape[0] - size
-    for colour, shift in ((PAPER, 1), (INK, 0)):
-        write_text(image, caption, x + shift, y + shift, size, colour, bold=True)
+    for colour, shift in ((canvas.PAPER, 1), (canvas.INK, 0)):
+        canvas.write_text(image, caption, x + shift, y + shift, size, colour, bold=True)
     if warning:
-        write_text(image, warning, x, y - 2 * size, size, WARNING, bold=True)
+        canvas.write_text(image, warning, x, y - 2 * size, size, canvas.WARNING, bold=True)
+
+
+_REFUSED_HEAD, _NAME = 64, 58
+_ROW_PX = 420  # height of a camera's row at most
+_SHOWN = 3  # moments, each with the frame after it
+
+
+@contextmanager
+def refusal_drawn(recording: Recording, out: Path | str) -> Iterator[None]:
+    """For a `with` block that estimates a recording into the folder `out`, whose parent exists:
+    silhouettes that are refused are drawn into `OUT.silhouettes.png`, which the InputError then
+    names; where they are not, an earlier such picture is removed.
+    """
+    target = Path(out).resolve()
+    path = target.with_name(f"{target.name}.silhouettes.png")
+    try:
+        yield
+    except ImplausibleSilhouettesError as error:
+        sheet = draw_refused(recording, error)
+        try:
+            write_whole(path, png(sheet))
+        except InputError:  # nothing can be written there: that they are refused says more
+            raise error from None
+        raise error.shown_in(path) from error
+    path.unlink(missing_ok=True)
+
+
+def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Image:
+    """A sheet (h, w, 3) uint8 BGR: cameras from top to bottom, three moments from left to right,
+    each with the frame after it, and the silhouettes over their pictures.
+    """
+    steps = telling_frames(recording.frame_count)
+    pairs = even_moments(len(steps) // 2, _SHOWN).tolist()
+    shown = {steps[k]: k for pair in pairs for k in (2 * pair, 2 * pair + 1)}  # each frame once
+    frames = dict(zip(shown, recording.at(list(shown)), strict=True))
+    room = (_WIDEST - 2 * _MARGIN + _GAP) // (2 * _SHOWN) - _GAP
+    rows = []
+    for name, masks in error.masks.items():
+        height, width = masks[0].shape
+        scale = min(room / width, _ROW_PX / height)
+        size = round(width * scale), round(height * scale)
+        lens = error.lenses.get(name)
+        tiles = [_tile(frames[step][name], masks[k], lens, size) for step, k in shown.items()]
+        rows.append((f"{name}: {error.faults[name]}", size, tiles))
+    sheet = np.full(
+        (_REFUSED_HEAD + sum(_NAME + size[1] for _, size, _ in rows) + _MARGIN, _WIDEST, 3),
+        PAPER,
+        np.uint8,
+    )
+    title = f"{recording.folder.resolve().name} · silhouettes that cannot be those of a person"
+    write_text(sheet, title, _MARGIN, 44, 24, INK, bold=True)
+    top = _REFUSED_HEAD
+    for words, (width, height), tiles in rows:
+        write_text(sheet, words, _MARGIN, top + 26, 17, INK, bold=True)
+        left, top = _MARGIN, top + _NAME
+        for step, tile in zip(shown, tiles, strict=True):
+            write_text(sheet, f"frame {recording.numbers[step]}", left, top - 8, 14, FAINT)
+            sheet[top : top + height, left : left + width] = tile
+            left += width + _GAP
+        top += height
+    return sheet
+
+
+def _tile(
+    frame: Frame, mask: NDArray[np.bool_], lens: UndistortedView | None, size: tuple[int, int]
+) -> Image:
+    """A frame in a size (width, height), grey outside of its silhouette, which is outlined."""
+    if lens is not None:
+        frame = lens.undistort_part(frame, (0, 0), lens.pinhole.size)
+    image = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+    share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)[..., None]
+    grey = image.mean(axis=2, keepdims=True)  # rooms have all colours
+    inner, outer = 0.6 * image + 0.4 * np.array(MIDDLE), 0.5 * grey
+    image = np.asarray(share * inner + (1 - share) * outer, np.uint8)
+    inside = (share[..., 0] > 0.5).astype(np.uint8)
+    outlines, _ = cv2.findContours(inside, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return np.asarray(cv2.drawContours(image, outlines, -1, MIDDLE, 1, cv2.LINE_AA), np.uint8)

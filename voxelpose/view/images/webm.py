@@ -18,28 +18,18 @@ _OPTIONS = ["-deadline", "realtime", "-cpu-used", "8", "-crf", "34", "-b:v", "0"
 
 
 class WebmWriter:
-    """Writes one video. Close it, or nothing of it can be read.
-
-    Args:
-        path: the file, replaced if it exists.
-        fps: frames per second.
-        size: width and height, px.
-
-    Raises:
-        InputError: there is no FFmpeg for this machine.
+    """Writes one video, replacing an earlier file, of a size (width, height) in px. Close it, or
+    nothing of it can be read. InputError where there is no FFmpeg for this machine.
     """
 
     def __init__(self, path: Path, fps: float, size: Sequence[int]):
-        """Begins the process."""
         self.path, self.frames = path, 0
         self._size = int(size[0]), int(size[1])
         self._encoder: Generator[None, Any, None] | None = _encoder(path, fps, self._size)
 
     def write(self, image: NDArray[np.uint8]) -> None:
-        """Writes the next frame, (height, width, 3) uint8 BGR.
-
-        Raises:
-            OSError: the encoder has ended, for example because the disk is full.
+        """Writes the next frame, (height, width, 3) uint8 BGR. OSError where the encoder has ended,
+        for example because the disk is full.
         """
         assert self._encoder is not None
         assert image.shape[1::-1] == self._size
@@ -51,11 +41,7 @@ class WebmWriter:
         self.frames += 1
 
     def close(self) -> None:
-        """Completes the file, and checks that it holds every frame.
-
-        Raises:
-            OSError: it does not.
-        """
+        """Completes the file, and checks that it holds every frame. OSError where it does not."""
         self.release()
         capture = cv2.VideoCapture(str(self.path.absolute()))
         written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))

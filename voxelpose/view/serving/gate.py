@@ -13,10 +13,11 @@ import secrets
 import socket
 import threading
 from asyncio import StreamReader, StreamWriter
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError
@@ -34,30 +35,19 @@ _LAST_PORT = 65_535
 
 @dataclass(frozen=True)
 class GateKeys:
-    """What opens the gate.
+    """What opens the gate."""
 
-    Attributes:
-        token: the user's; None: whoever can reach the gate may pass.
-        cookie: name of the cookie that is set for those who had the token.
-        secret: its value, made anew for every session, so that no cookie tells the token.
-    """
-
-    token: str | None
-    cookie: str
-    secret: str
+    token: str | None  # the user's; None: whoever can reach the gate may pass
+    cookie: str  # name of the cookie that is set for those who had the token
+    secret: str  # its value, made anew for every session, so that no cookie tells the token
 
 
 @dataclass(frozen=True)
 class Reply:
-    """Answer to a request.
+    """Answer to a request."""
 
-    Attributes:
-        status: of HTTP, such as "401 Unauthorized".
-        content: a line of text, or the bytes of a file.
-    """
-
-    status: str
-    content: str | bytes
+    status: str  # of HTTP, such as "401 Unauthorized"
+    content: str | bytes  # a line of text, or the bytes of a file
     kind: str = "text/plain; charset=utf-8"
     headers: Mapping[str, str] = field(default_factory=dict)
 
@@ -83,25 +73,17 @@ class Reply:
 
 @dataclass(frozen=True)
 class GateRequest:
-    """Head of a request.
+    """Head of a request."""
 
-    Attributes:
-        head: as it came.
-        target: path and query.
-        headers: value by name in small letters; cookies are joined.
-    """
-
-    head: bytes
+    head: bytes  # as it came
     method: str
-    target: str
-    headers: dict[str, str]
+    target: str  # path and query
+    headers: dict[str, str]  # value by name in small letters; cookies are joined
 
     @classmethod
     def parse(cls, head: bytes) -> GateRequest:
-        """Request of a head that ends with an empty line.
-
-        Raises:
-            ValueError: it is not one of HTTP/1.1, or says something twice.
+        """Request of a head that ends with an empty line. ValueError where it is not one of
+        HTTP/1.1, or says something twice.
         """
         first, *lines = head.decode("latin-1").removesuffix("\r\n\r\n").split("\r\n")
         method, target, version = first.split(" ")
@@ -135,13 +117,11 @@ class GateRequest:
         return "upgrade" in self.headers
 
     def reply(self, keys: GateKeys, largest_body: int = 0) -> Reply | None:
-        """Answer of the gate; None: the request may pass.
+        """Answer of the gate to a request, which may send so many bytes to the page; None: it may
+        pass.
 
         Another site's page is turned away by its Origin, and a name that somebody has pointed at
         this machine (DNS rebinding) by its Host.
-
-        Args:
-            largest_body: bytes that may be sent to the page; 0: it takes none.
         """
         host = self.headers.get("host", "")
         if not host:
@@ -166,10 +146,8 @@ class GateRequest:
         return int(self.headers.get("content-length", "0"))
 
     def _check_body(self, largest_body: int) -> Reply | None:
-        """Answer to a method or a body that the page does not take.
-
-        Only a page of the same origin can send JSON: browsers ask before another's may, and are
-        told no.
+        """Answer to a method or a body that the page does not take. Only a page of the same origin
+        can send JSON: browsers ask before another's may, and are told no.
         """
         length = self.headers.get("content-length", "0")
         if self.method == "GET" and length == "0" and "transfer-encoding" not in self.headers:
@@ -212,6 +190,19 @@ class GateRequest:
         )
 
 
+async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
+    """Runs until one of them ends, cancels the others, and raises what it raised."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()
+
+
 def is_loopback(host: str) -> bool:
     """Whether an address or name is this machine's own, which no other machine can reach."""
     if host.lower() == "localhost":
@@ -252,24 +243,17 @@ Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Address:
-    """Where a page is served, and to whom.
-
-    Attributes:
-        host: name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.
-        port: the first free one from this number on is used, of twenty; 0: any.
-        token: who wants to see the page must know it; None: only this machine's own addresses.
-
-    Raises:
-        InputError: other machines could see the page without a token; the token is short; or there
-            is no such port.
+    """Where a page is served, and to whom. InputError where other machines could see it without a
+    token, the token is short, or there is no such port.
     """
 
+    # Name or number; "localhost" for this machine only, "0.0.0.0" for all that reach it.
     host: str = "localhost"
-    port: int = 8080
+    port: int = 8080  # the first free one from this number on is used, of twenty; 0: any
+    # Who wants to see the page must know it; None: only this machine's own addresses.
     token: str | None = None
 
     def __post_init__(self) -> None:
-        """Checks who could see the page."""
         if self.token is None and not is_loopback(self.host):
             raise InputError(
                 f"--host {self.host} shows the cameras to other machines: protect the page with"
@@ -287,14 +271,8 @@ class Gate:
     """Lets requests pass that may."""
 
     def __init__(self, address: Address, handle: Handler, largest_body: int = 0) -> None:
-        """Listens, from a thread of its own.
-
-        Args:
-            handle: answers what may pass, in that thread.
-            largest_body: bytes of JSON that a page may send with one request; 0: none.
-
-        Raises:
-            InputError: the address cannot be used.
+        """Listens, from a thread of its own, in which `handle` answers what may pass; a page may
+        send so many bytes of JSON with one request. InputError where the address cannot be used.
         """
         self._address, self._handle, self._largest_body = address, handle, largest_body
         self._passed = 0

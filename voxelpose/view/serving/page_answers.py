@@ -103,11 +103,7 @@ def json_content(content: Any) -> Content:
 
 
 def moment_of(query: Mapping[str, str]) -> int | None:
-    """The moment that a query names; None: it names none.
-
-    Raises:
-        InputError: it is no number.
-    """
+    """The moment that a query names; None: it names none. InputError where it is no number."""
     moment = query.get("moment")
     if moment is None:
         return None
@@ -117,14 +113,8 @@ def moment_of(query: Mapping[str, str]) -> int | None:
 
 
 def parse_request(body: bytes, kind: type[Asked]) -> Asked:
-    """A request of a page.
-
-    Args:
-        body: JSON.
-        kind: a class of msgspec.
-
-    Raises:
-        InputError: it is none, or a value is out of bounds.
+    """A request of a page, in JSON, as of a class of msgspec; InputError where it is none, or a
+    value is out of bounds.
     """
     try:
         return msgspec.json.decode(body, type=kind)
@@ -133,10 +123,8 @@ def parse_request(body: bytes, kind: type[Asked]) -> Asked:
 
 
 def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
-    """Checks that there are such cameras.
-
-    Raises:
-        InputError: there is one that the recording does not have.
+    """Checks that there are such cameras. InputError where there is one that the recording does not
+    have.
     """
     known = list(names)
     for name in named:

@@ -18,24 +18,18 @@ from numpy.typing import NDArray
 from viser import infra
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, until_one_ends
 from voxelpose.view.serving.page_answers import PageAnswers
 
 _LARGEST_BODY = 10_000  # bytes that the page beside may be sent
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
-    """Closes connections of strangers before anything is sent, and opens no public tunnel.
+    """Closes connections of all but `peers` (host, port), asked at each, to a server at an address
+    of this machine, before anything is sent, and opens no public tunnel.
 
     Otherwise every program of this machine, and every site in its browsers, could read what the
-    server shows by trying its port.
-
-    Args:
-        server: at an address of this machine.
-        peers: addresses (host, port) of those who may connect; asked at each connection.
-
-    Raises:
-        InputError: this version of viser is built otherwise.
+    server shows by trying its port. InputError where this version of viser is built otherwise.
     """
     try:
         from viser._messages import ShareUrlRequest
@@ -63,12 +57,8 @@ def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int
 def move_bones(
     handle: viser.MeshSkinnedHandle, bones: NDArray[np.intp], places: NDArray[np.float64]
 ) -> None:
-    """Moves bones of a mesh.
-
-    Args:
-        handle: of the mesh, which has not been removed.
-        bones: (n,) their indices.
-        places: (n, 7) float64, unit quaternion w, x, y, z and position (m) of each.
+    """Moves bones (n,) of a mesh that has not been removed to places (n, 7) float64, unit
+    quaternion w, x, y, z and position (m) of each.
     """
     from viser._messages import SetBoneOrientationMessage, SetBonePositionMessage
 
@@ -81,24 +71,16 @@ def move_bones(
 
 
 class PageServer:
-    """Serves viser's scene and panel to those whom the gate lets pass.
+    """Serves viser's scene and panel to those whom the gate lets pass, at a `url` that includes the
+    token.
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
-
-    Attributes:
-        url: address for the browser, the token included.
     """
 
     def __init__(self, address: Address, title: str, beside: PageAnswers | None = None) -> None:
-        """Starts both.
-
-        Args:
-            title: of the page, in the browser's tab.
-            beside: another page, in a folder of its own, to those whom the gate lets pass.
-
-        Raises:
-            InputError: see `Gate` and `guard_connections`.
+        """Starts both, with `beside` another page, in a folder of its own. InputError as of `Gate`
+        and `guard_connections`.
         """
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
@@ -169,16 +151,7 @@ class PageServer:
         self._peers.add(own)
         try:
             inner_writer.write(request.head)
-            ways = [
-                asyncio.create_task(_copy(inner_reader, writer)),
-                asyncio.create_task(_copy(reader, inner_writer)),
-            ]
-            try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+            await until_one_ends(_copy(inner_reader, writer), _copy(reader, inner_writer))
         finally:
             inner_writer.close()
             self._peers.discard(own)

@@ -24,14 +24,8 @@ class Browser:
     """Serves scenes to browsers."""
 
     def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
-        """Starts the server; nothing is drawn before the first `step`.
-
-        Args:
-            scenes: what is shown; closed with the server.
-            frame: number of the frame shown first.
-
-        Raises:
-            InputError: the address cannot be used.
+        """Starts the server; nothing is drawn before the first `step`, which shows a frame. The
+        scenes are closed with it. InputError where the address cannot be used.
         """
         self.scenes = scenes
         self.choice = Choice(int(np.flatnonzero(scenes.frames == frame)[0]))

@@ -33,16 +33,13 @@ class MomentFrames:
     """Frames of moments of a recording, the last few of which are kept."""
 
     def __init__(self, recording: Recording) -> None:
-        """Reads nothing yet."""
         self._recording, self._lock = recording, threading.Lock()
         self._read = lru_cache(_KEPT)(lambda moment: next(iter(recording.at([moment]))))
         self._empty: dict[str, Frame] | None = None
 
     def frames(self, moment: int) -> Mapping[str, Frame]:
-        """Frames (H, W, 3) uint8, BGR, of a time step, from 0, by camera name.
-
-        Raises:
-            InputError: there is no such moment, or it cannot be read.
+        """Frames (H, W, 3) uint8, BGR, of a time step, from 0, by camera name. InputError where
+        there is no such moment, or it cannot be read.
         """
         count = self._recording.frame_count
         if not 0 <= moment < count:
@@ -51,10 +48,8 @@ class MomentFrames:
             return self._read(moment)
 
     def empty(self) -> Mapping[str, Frame]:
-        """The empty view (H, W, 3) uint8, BGR, by camera name, where there is one.
-
-        Raises:
-            InputError: a file cannot be read.
+        """The empty view (H, W, 3) uint8, BGR, by camera name, where there is one. InputError where
+        a file cannot be read.
         """
         with self._lock:
             if self._empty is None:
@@ -67,19 +62,12 @@ class BackgroundModels:
     """Background models of a recording, each learned in a thread of its own when asked for."""
 
     def __init__(self, learn: Callable[[Any], Silhouettes]) -> None:
-        """Learns nothing yet.
-
-        Args:
-            learn: makes the silhouettes of one kind, in any thread.
-        """
         self._learned, self._lock = learn, threading.Lock()
         self._models: dict[Any, Future[Silhouettes]] = {}
 
     def get(self, kind: object) -> Silhouettes | None:
-        """Silhouettes of a kind; None while it is learned.
-
-        Raises:
-            InputError: the backgrounds cannot be read.
+        """Silhouettes of a kind; None while it is learned. InputError where the backgrounds cannot
+        be read.
         """
         with self._lock:
             if kind not in self._models:
@@ -90,20 +78,14 @@ class BackgroundModels:
 
     def _learn(self, kind: object) -> None:
         try:
-            model = self._learned(kind)
+            self._models[kind].set_result(self._learned(kind))
         except BaseException as error:  # for who asks
             self._models[kind].set_exception(error)
-        else:
-            self._models[kind].set_result(model)
 
 
 def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: int) -> bytes:
-    """A mask as a picture to be laid over another: PNG, transparent where it is False.
-
-    Args:
-        mask: (H, W) bool, whose edge is drawn opaque.
-        colour: red, green, blue.
-        alpha: opacity of the inside, 0 to 255.
+    """A mask (H, W) bool as a picture to be laid over another: PNG, with red, green and blue of a
+    colour and the opacity `alpha`, 0 to 255; its edge is opaque, and what is outside transparent.
     """
     image = np.zeros((*mask.shape, 4), np.uint8)
     image[mask] = (*colour[::-1], alpha)
@@ -114,31 +96,20 @@ def overlay_png(mask: NDArray[np.bool_], colour: tuple[int, int, int], alpha: in
 
 
 class StageAsked(Struct, forbid_unknown_fields=True):
-    """A stage of a camera's silhouette, or what one of its pixels is taken for.
+    """A stage of a camera's silhouette, or what one of its pixels is taken for."""
 
-    Attributes:
-        moment: from 0.
-        stage: what is to be drawn; None: nothing is.
-        pixel: px of the camera's picture; None: none is asked about.
-    """
-
-    moment: Moment
+    moment: Moment  # from 0
     camera: Name
+    # What is to be drawn; None: nothing is.
     stage: Literal["background", "difference", "odds", "first", "silhouette", "body"] | None = None
-    pixel: Corner | None = None
+    pixel: Corner | None = None  # px of the camera's picture; None: none is asked about
 
 
 def stage_answer(
     stages: SilhouetteStages, asked: StageAsked, size: tuple[int, int]
 ) -> dict[str, Any]:
-    """What a page is told of the stages: a picture, and a pixel explained.
-
-    Args:
-        stages: of the camera's silhouette at that moment.
-        size: width and height, px, of the camera's picture.
-
-    Raises:
-        InputError: there is no such stage.
+    """What a page is told of the stages of a camera's silhouette, whose picture has a size (W, H)
+    px: a picture, and a pixel explained. InputError where there is no such stage.
     """
     answer: dict[str, Any] = {"ready": True}
     if asked.stage is not None:

@@ -46,11 +46,6 @@ class FittedBody:
         self.volume = BodyVolume.from_model(motion.model, voxel_size_m)
         self._parts = motion.parts()
 
-    def row(self, frame: int) -> int | None:
-        """Row of the motion that holds a frame, or None."""
-        rows = np.flatnonzero(self.motion.frames == frame).tolist()
-        return rows[0] if rows else None
-
     def state(self, row: int) -> BodyState:
         """The body in a row of the motion."""
         model, quality = self.motion.model, self.motion.quality
@@ -81,24 +76,7 @@ class FittedBody:
 
 
 class ResultScenes:
-    """Scenes of a result, or of a recording alone.
-
-    Attributes:
-        rig: the cameras, as calibrated.
-        frames: (T,) int64, the numbers of all frames.
-        fps: frames per second of the recording.
-        motion: the poses; None for a recording alone.
-        recording: None where it is missing.
-        missing: why the recording is missing; else empty.
-        changed: what changed in the recording since the fit; else empty.
-        facts: what the fit noted in summary.json.
-        estimator: that made the poses; "": none did.
-        background: kind of the silhouettes' background.
-        lenses: undistorted view of every camera by name.
-        views: their pinhole cameras.
-        rule: by which hulls are carved.
-        reader: of pictures and silhouettes; None where the recording is missing.
-    """
+    """Scenes of a result, or of a recording alone."""
 
     def __init__(
         self,
@@ -107,23 +85,17 @@ class ResultScenes:
         voxel_size_m: float | None = None,
         unit: str | None = None,
     ):
-        """Opens a folder.
-
-        Args:
-            recording: where the result's recording is now, if it was moved.
-            voxel_size_m: of the hull; None: as in the fit.
-            unit: of the recording's calibration, where it does not state one.
-
-        Raises:
-            InputError: it is neither, or damaged.
+        """Opens a folder; `recording` is where a result's recording is now, if it was moved, and
+        `unit` that of its calibration, where it states none. Voxels are as in the fit if no size is
+        given. InputError where it is neither, or damaged.
         """
         folder = Path(folder)
         self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
-        self.missing = self.changed = ""
-        self.motion = None
+        self.missing = self.changed = ""  # why the recording is, and what did since the fit
+        self.motion = None  # the poses; None for a recording alone
         settings: Mapping[str, Any] = {}
-        self.facts: Mapping[str, Any] = {}
+        self.facts: Mapping[str, Any] = {}  # what the fit noted in summary.json
         self._hypotheses: Mapping[int, tuple[Hypothesis, ...]] = {}
         if is_result(folder):
             result = Result.open(folder)
@@ -142,15 +114,15 @@ class ResultScenes:
             self.recording = _open_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
             self.fps = self.recording.fps
-            self.frames = np.arange(self.recording.numbers[-1] + 1)
-        self.estimator = str(settings.get("estimator", ""))
+            self.frames = np.arange(self.recording.numbers[-1] + 1)  # their numbers, (T,) int64
+        self.estimator = str(settings.get("estimator", ""))  # that made the poses; "": none did
         options = settings.get("options", {})
         self.voxel_size_m = float(voxel_size_m or options.get("voxel_size_m", CARVING.voxel_m))
         self.lenses = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
         self.background = settings.get("background", "auto").replace("refined", "auto")
-        self.reader = None
+        self.reader = None  # of pictures and silhouettes
         if self.recording:
             segmenter = settings.get("segmenter")
             self.reader = CameraFrames(self.recording, self.background, self.lenses, segmenter)
@@ -160,15 +132,14 @@ class ResultScenes:
         self.views = PinholeViews.from_rig(Rig(self._cameras), unknown)
         tolerance = int(options.get("tolerance", 0))
         self.rule = body_rule(len(self.rig), tolerance, self.views.partly_unknown)
+        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
+        self.limb_names = tuple(limb.name for limb in limbs)  # of those that have a movable area
+        self.has_hypotheses = bool(self._hypotheses)  # of a monocular track
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
 
     def scene(self, frame: int) -> Scene:
-        """The scene of one of `frames`.
-
-        Raises:
-            InputError: the recording cannot be read.
-        """
+        """The scene of one of `frames`. InputError where the recording cannot be read."""
         return self._observed_scene(frame)[0]
 
     def camera_frames(self, frame: int) -> tuple[CameraFrame, ...]:
@@ -182,9 +153,7 @@ class ResultScenes:
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
         """Movable areas of a frame by the name of the limb's first part; none without a hull. The
-        limbs above are as in the pose.
-
-        Source: Iiyama, Kameda and Minoh, section 3.
+        limbs above are as in the pose. Source: Iiyama, Kameda and Minoh, section 3.
         """
         return self._areas(frame)
 
@@ -195,18 +164,8 @@ class ResultScenes:
 
     def row(self, frame: int) -> int | None:
         """Row of the motion that holds a frame, or None."""
-        return None if self._fitted is None else self._fitted.row(frame)
-
-    @property
-    def limb_names(self) -> tuple[str, ...]:
-        """Names of the limbs that have a movable area."""
-        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
-        return tuple(limb.name for limb in limbs)
-
-    @property
-    def has_hypotheses(self) -> bool:
-        """Whether the result holds hypotheses of a monocular track."""
-        return bool(self._hypotheses)
+        rows = [] if self.motion is None else np.flatnonzero(self.motion.frames == frame).tolist()
+        return rows[0] if rows else None
 
     def close(self) -> None:
         """Stops reading."""

@@ -26,19 +26,7 @@ from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.images.figure import bone_ends
-from voxelpose.view.viewer.legend import (
-    AREA,
-    DISPUTED,
-    FAR,
-    HULL,
-    OUTLYING_CM,
-    SILHOUETTE,
-    UNEXPLAINED,
-    display_name,
-    faded,
-    overlap_colours,
-    text_html,
-)
+from voxelpose.view.viewer import legend
 
 Pictures = Literal["both", "picture", "silhouette"]
 PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
@@ -57,39 +45,28 @@ _MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached 
 
 @dataclass(frozen=True, eq=False)
 class CameraFrame:
-    """Picture and silhouette of one camera.
+    """Picture and silhouette of one camera."""
 
-    Attributes:
-        camera: without distortion, of the picture's size.
-        picture: (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds
-            silhouettes only.
-        mask: (h, w) bool, the silhouette; None where the recording is missing.
-        unknown: (h, w) bool, where nothing is known; None: nowhere.
-    """
-
-    camera: Camera
+    camera: Camera  # without distortion, of the picture's size
+    # (h, w, 3) uint8 RGB, undistorted; None where the recording is missing or holds silhouettes
+    # only.
     picture: NDArray[np.uint8] | None = None
+    # (h, w) bool, the silhouette; None where the recording is missing.
     mask: NDArray[np.bool_] | None = None
-    unknown: NDArray[np.bool_] | None = None
+    unknown: NDArray[np.bool_] | None = None  # (h, w) bool, where nothing is known; None: nowhere
 
 
 @dataclass(frozen=True, eq=False)
 class CarvedHull:
-    """Hull of the body.
-
-    Attributes:
-        occupancy: (nx, ny, nz) bool.
-        vertices_m: (V, 3) float64, vertices of its surface in the world.
-        faces: (F, 3) int64, triangles of its surface.
-        unexplained_m: (n, 3) float64, centres of the voxels that no part of the fitted body covers.
-        distance_m: (n,) float64, distance of each of those from the inside of the body.
-    """
+    """Hull of the body."""
 
     grid: VoxelGrid
-    occupancy: NDArray[np.bool_]
-    vertices_m: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    occupancy: NDArray[np.bool_]  # (nx, ny, nz) bool
+    vertices_m: NDArray[np.float64]  # (V, 3) float64, vertices of its surface in the world
+    faces: NDArray[np.int64]  # (F, 3) int64, triangles of its surface
+    # (n, 3) float64, centres of the voxels that no part of the fitted body covers.
     unexplained_m: NDArray[np.float64]
+    # (n,) float64, distance of each of those from the inside of the body.
     distance_m: NDArray[np.float64]
 
     def litres(self, voxels: NDArray[np.bool_]) -> float:
@@ -99,44 +76,29 @@ class CarvedHull:
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
-    """The fitted body.
+    """The fitted body."""
 
-    Attributes:
-        vertices_m: (V, 3) float64, its skin in the world.
-        joints_m: (J, 3) float64, the ends of the bones.
-        bones: lines of the skeleton, see `skeleton_bones`.
-        part_names: P names.
-        overlap: (P,) float64, fraction of each part inside the hull; NaN where unknown.
-        outline_agreement: of the frame, from 0 to 1; None where the estimator gave none.
-    """
-
-    vertices_m: NDArray[np.float64]
-    joints_m: NDArray[np.float64]
-    bones: list[tuple[int, int, Colour]]
-    part_names: tuple[str, ...]
+    vertices_m: NDArray[np.float64]  # (V, 3) float64, its skin in the world
+    joints_m: NDArray[np.float64]  # (J, 3) float64, the ends of the bones
+    bones: list[tuple[int, int, Colour]]  # lines of the skeleton, see `skeleton_bones`
+    part_names: tuple[str, ...]  # P names
+    # (P,) float64, fraction of each part inside the hull; NaN where unknown.
     overlap: NDArray[np.float64]
-    outline_agreement: float | None
+    outline_agreement: float | None  # of the frame, from 0 to 1; None where the estimator gave none
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that one frame shows.
-
-    Attributes:
-        time_s: its time, seconds.
-        hull: None without silhouettes of two cameras.
-        body: None where no pose was found.
-        hypotheses: other poses that one camera leaves open, the likeliest first.
-        notes: what is missing, in words.
-    """
+    """Everything that one frame shows."""
 
     frame: int
-    time_s: float
+    time_s: float  # its time, seconds
     camera_frames: tuple[CameraFrame, ...]
-    hull: CarvedHull | None
-    body: BodyState | None
+    hull: CarvedHull | None  # None without silhouettes of two cameras
+    body: BodyState | None  # None where no pose was found
+    # Other poses that one camera leaves open, the likeliest first.
     hypotheses: tuple[Hypothesis, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what is missing, in words
 
 
 _NOTHING = np.zeros((0, 3))
@@ -153,7 +115,7 @@ def frame_html(scene: Scene) -> str:
                 " silhouettes."
             )
         weak = [
-            display_name(name)
+            legend.display_name(name)
             for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
             if overlap < REPORT.covered
         ]
@@ -162,42 +124,30 @@ def frame_html(scene: Scene) -> str:
     if scene.hull is not None:
         lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
         if scene.body is not None:
-            far = scene.hull.litres(scene.hull.distance_m > OUTLYING_CM / 100)
-            lines.append(f"{far:.0f} litres of it are {FAR}.")
+            far = scene.hull.litres(scene.hull.distance_m > legend.OUTLYING_CM / 100)
+            lines.append(f"{far:.0f} litres of it are {legend.FAR}.")
     lines += [f"⚠ {note}" for note in scene.notes]
     lines += [
         f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
         for hypothesis in scene.hypotheses
     ]
-    return text_html(lines)
+    return legend.text_html(lines)
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Selection of what is shown.
+    """Selection of what is shown."""
 
-    Attributes:
-        row: of `ResultScenes.frames`.
-        shown: names of `LAYERS`.
-        part: name of the limb whose movable area is shown; None: none.
-    """
-
-    row: int = 0
+    row: int = 0  # of `ResultScenes.frames`
     pictures: Pictures = "both"
-    shown: frozenset[str] = frozenset(LAYERS)
-    part: str | None = None
+    shown: frozenset[str] = frozenset(LAYERS)  # names of `LAYERS`
+    part: str | None = None  # name of the limb whose movable area is shown; None: none
 
 
 class SceneRenderer:
     """The nodes of one viser scene."""
 
     def __init__(self, api: viser.SceneApi, voxel_size_m: float, model: BodyModel | None) -> None:
-        """Prepares.
-
-        Args:
-            voxel_size_m: size of the points that represent voxels.
-            model: the body; None where there is none.
-        """
         self._api = api
         self._voxel_size_m = voxel_size_m
         self._frusta: dict[str, viser.CameraFrustumHandle] = {}
@@ -220,8 +170,8 @@ class SceneRenderer:
         reach = disputed = _NOTHING
         if area is not None and scene.hull is not None:
             reach, disputed = map(scene.hull.grid.centres, (area.voxels, area.disputed))
-        self._points("area", reach, AREA, 0.7 * size)
-        self._points("disputed", disputed, DISPUTED, size)
+        self._points("area", reach, legend.AREA, 0.7 * size)
+        self._points("disputed", disputed, legend.DISPUTED, size)
 
     def _camera(self, camera_frame: CameraFrame, choice: Choice) -> None:
         camera = camera_frame.camera
@@ -237,16 +187,18 @@ class SceneRenderer:
     def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
         hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
         if hull is not None and "hull" in shown and scene.body is None:
-            self._api.add_mesh_simple("/hull/surface", hull.vertices_m, hull.faces, color=HULL)
+            self._api.add_mesh_simple(
+                "/hull/surface", hull.vertices_m, hull.faces, color=legend.HULL
+            )
         else:
             self._api.remove_by_name("/hull/surface")
         # Dots where there is a body inside: a surface, even a transparent one, would hide it.
         if hull is not None and "hull" in shown and scene.body is not None:
             dots = hull.vertices_m
         if hull is not None and "unexplained" in shown:
-            outlying = hull.unexplained_m[hull.distance_m > OUTLYING_CM / 100]
-        self._points("hull/dots", dots, HULL, 0.003)
-        self._points("unexplained", outlying, UNEXPLAINED, 0.3 * self._voxel_size_m)
+            outlying = hull.unexplained_m[hull.distance_m > legend.OUTLYING_CM / 100]
+        self._points("hull/dots", dots, legend.HULL, 0.003)
+        self._points("unexplained", outlying, legend.UNEXPLAINED, 0.3 * self._voxel_size_m)
 
     def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
         if body is None or "body" not in shown:
@@ -259,7 +211,7 @@ class SceneRenderer:
                     self._api.add_mesh_simple(f"/body/{name}", body.vertices_m[inside], faces)
                 )
         for mesh, (inside, _), colour in zip(
-            self._meshes, self._skin, overlap_colours(body.overlap), strict=True
+            self._meshes, self._skin, legend.overlap_colours(body.overlap), strict=True
         ):
             mesh.vertices = body.vertices_m[inside].astype(np.float32)
             mesh.color = tuple(colour.tolist())
@@ -279,7 +231,7 @@ class SceneRenderer:
         for k, hypothesis in enumerate(hypotheses):
             ends = hypothesis.joints_m[hypothesis.bones]
             ends = ends[np.isfinite(ends).all((1, 2))]
-            colour = faded(hypothesis.probability / max(likeliest, 1e-9))
+            colour = legend.faded(hypothesis.probability / max(likeliest, 1e-9))
             self._api.add_line_segments(f"/hypothesis_{k}", ends, colour, thickness=0.006)
         for k in range(len(hypotheses), self._hypotheses):
             self._api.remove_by_name(f"/hypothesis_{k}")
@@ -316,7 +268,7 @@ def camera_picture(camera_frame: CameraFrame, pictures: Pictures) -> NDArray[np.
     if mask is not None and (picture is None or pictures == "silhouette"):
         picture = np.where(mask[..., None], 255, 30).astype(np.uint8).repeat(3, axis=2)
     elif picture is not None and mask is not None and pictures == "both":
-        person = (0.55 * picture + 0.45 * np.array(SILHOUETTE)).astype(np.uint8)
+        person = (0.55 * picture + 0.45 * np.array(legend.SILHOUETTE)).astype(np.uint8)
         picture = np.where(mask[..., None], person, picture // 2)
     if picture is None:
         return None
@@ -332,10 +284,8 @@ def _part_mesh(model: BodyModel, part: int) -> tuple[NDArray[np.int64], NDArray[
 
 
 class CameraFrames:
-    """Reads frames in any order.
-
-    A frame shortly after the last one is reached by reading on: videos are decoded from their
-    start.
+    """Reads frames in any order: one shortly after the last by reading on, since videos are decoded
+    from their start.
     """
 
     def __init__(
@@ -345,12 +295,8 @@ class CameraFrames:
         views: Mapping[str, UndistortedView],
         segmenter: str | None = None,
     ) -> None:
-        """Prepares; nothing is read before the first frame.
-
-        Args:
-            kind: of their backgrounds.
-            views: undistorted view of every camera by name.
-            segmenter: that told where people are; without it where it cannot be used any more.
+        """Prepares; nothing is read before the first frame. A segmenter told where people are, and
+        is left out where it cannot be used any more; views are those of every camera by name.
         """
         self._recording = recording
         self._kind: BackgroundKind = kind

@@ -1,33 +1,196 @@
 """The page beside the viewer: how the silhouettes of a recording came about, and what a fit made of
 them, with the pixel under the mouse explained.
+
+A result holds no silhouettes. They are made by the code and the settings of the fit, with the body
+that it found: cut by the body where the fit cut them, else completed by the other cameras; of one
+camera, what is no piece of the person is left out.
 """
 
 import base64
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.estimator import Frame
+from silhouette_core.image.cut import cut_size
 from silhouette_core.image.foreground import SilhouetteStages
-from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import (
-    Content,
-    PageAnswers,
-    check_camera_names,
-    json_content,
-    moment_of,
-    parse_request,
-)
-from voxelpose.view.viewer.fit_silhouettes import FitSilhouette, FitSilhouettes
-from voxelpose.view.viewer.previews import (
-    BackgroundModels,
-    MomentFrames,
-    StageAsked,
-    pixel_at,
-    stage_answer,
-)
+from silhouette_core.image.silhouettes import Silhouettes, as_recorded
+from silhouette_core.monocular.person import find_person
+from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence
+from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
+from voxelpose.view.images.canvas import encoded, png
+from voxelpose.view.serving import page_answers
+from voxelpose.view.viewer import previews
+from voxelpose.view.viewer.previews import SILHOUETTE
 from voxelpose.view.viewer.result_scenes import ResultScenes
+
+ADDED, REMOVED, OUTLINE = (80, 220, 120), (255, 70, 160), (255, 210, 63)  # RGB
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class FitSilhouette:
+    """A camera's silhouette before and after the fit, and the body: (h, w) bool, as recorded."""
+
+    alone: Mask  # of the picture alone
+    used: Mask  # that the fit used
+    body: Mask  # where the fitted body is; empty where it was not found
+    reasons: tuple[str, str]  # why something was added, and why it was taken out
+    # (h, w) float32, nats that the body spoke for the person; None: it did not.
+    odds: NDArray[np.float32] | None = None
+
+    def picture(self) -> bytes:
+        """PNG to be laid over the frame: kept, added and taken out, and the body's outline."""
+        image = np.zeros((*self.alone.shape, 4), np.uint8)
+        kept = self.alone & self.used, SILHOUETTE, 90
+        added = self.used & ~self.alone, ADDED, 190
+        for where, colour, alpha in (kept, added, (self.alone & ~self.used, REMOVED, 190)):
+            image[where] = (*colour[::-1], alpha)
+        outlines, _ = cv2.findContours(
+            self.body.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
+        )
+        for colour, wider in (((0, 0, 0), 2), (OUTLINE, 0)):  # seen before white and black
+            cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), 1 + wider)
+        return png(image)
+
+    def explained(self, before: Mapping[str, Any], at: tuple[int, int]) -> dict[str, Any]:
+        """What a pixel is taken for, and why, after it was explained by the picture alone."""
+        alone, used = bool(self.alone[at]), bool(self.used[at])
+        why = before["why"] if alone == used else self.reasons[0 if used else 1]
+        measures = [*before["measures"]]
+        if self.odds is not None:
+            height, width = self.odds.shape
+            row, column = at[0] * height // len(self.alone), at[1] * width // self.alone.shape[1]
+            measures.append(f"body {self.odds[row, column]:+.1f} nats".replace("-", "−"))
+        if self.body.any():
+            measures.append(f"{'inside' if self.body[at] else 'outside'} the body")
+        return {**before, "person": used, "why": why, "measures": measures}
+
+    def summary(self) -> str:
+        """How much was added and taken out, and how well the body agrees, in words."""
+        most = max(np.count_nonzero(self.alone | self.used), 1)
+        changes = self.used & ~self.alone, self.alone & ~self.used
+        words = [
+            f"{100 * np.count_nonzero(mask) / most:.1f} % {reason}"
+            for mask, reason in zip(changes, self.reasons, strict=True)
+            if reason
+        ]
+        if self.body.any():
+            common = np.count_nonzero(self.body & self.used)
+            agreement = 100 * common / np.count_nonzero(self.body | self.used)
+            words.append(f"silhouette and body have {agreement:.0f} % in common")
+        return "; ".join(words)
+
+
+class FitSilhouettes:
+    """Silhouettes of a result's recording."""
+
+    def __init__(self, scenes: ResultScenes) -> None:
+        self._scenes, recording = scenes, scenes.recording
+        self.cut = bool(scenes.facts.get("cut_by_body"))  # whether the fit cut silhouettes by it
+        found = scenes.facts.get("late_frames", {})  # by camera name
+        self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
+        self._evidence = None
+        if scenes.motion is not None and recording is not None:
+            self._evidence = BodyEvidence(
+                scenes.motion.model,
+                [scenes.pose(number) for number in recording.numbers.tolist()],
+                scenes.views.rig,
+                recording.rig,
+                list(self.late.values()),
+            )
+
+    def model(self, cut: bool) -> Silhouettes:
+        """Background models, learned with the body where silhouettes were `cut` by it."""
+        reader = self._scenes.reader
+        if reader is None:
+            raise ValueError("there is no recording")
+        return reader.silhouettes_with(self._evidence) if cut else reader.silhouettes
+
+    def of(
+        self,
+        moment: int,
+        frames: Mapping[str, Frame],
+        plain: Silhouettes,
+        cut: Silhouettes | None = None,
+    ) -> dict[str, FitSilhouette]:
+        """Silhouettes of a moment, by camera name; empty where nothing is fitted.
+
+        Args:
+            moment: from 0, of the frames that belong together.
+            frames: (H, W, 3) uint8, BGR, by camera name.
+            plain: by the pictures alone.
+            cut: by the body; None: the fit did not cut.
+        """
+        if self._evidence is None:
+            return {}
+        alone = plain.of(frames)
+        used, reasons, odds = alone, ("", ""), {}
+        bodies = {
+            name: self._evidence.silhouette(name, moment + self.late[name], mask.shape[::-1])
+            for name, mask in alone.items()
+        }
+        if cut is not None:
+            steps = {name: moment + self.late[name] for name in frames}
+            used = {k: cut.of({k: frame}, step=steps[k])[k] for k, frame in frames.items()}
+            reasons = "added by the body", "taken out by the body"
+            odds = {
+                name: self._evidence(name, steps[name], cut_size(mask.shape[::-1]))
+                for name, mask in alone.items()
+            }
+        elif self._scenes.estimator == "multiview":
+            used, reasons = (
+                self._completed(frames, plain, alone),
+                ("added: other cameras show it", ""),
+            )
+        elif self._scenes.estimator == "monocular":
+            used = {name: self._person(name, mask, bodies[name]) for name, mask in alone.items()}
+            reasons = "", "taken out: no piece of the person"
+        return {
+            name: FitSilhouette(mask, used[name], bodies[name], reasons, odds.get(name))
+            for name, mask in alone.items()
+        }
+
+    def _completed(
+        self, frames: Mapping[str, Frame], plain: Silhouettes, alone: Mapping[str, Mask]
+    ) -> dict[str, Mask]:
+        """Silhouettes completed by what the cameras see together."""
+        scenes = self._scenes
+        floor_m = 0.0 if scenes.motion is None else scenes.motion.floor_m
+        soft = plain.soft(frames)
+        silhouettes, tint, brightness = (
+            scenes.views.without_unknown(
+                [scenes.lenses[k].undistort(mask) for k, mask in zip(soft, masks, strict=True)]
+            )
+            for masks in zip(*soft.values(), strict=True)
+        )
+        work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule, floor_m)
+        found = work.complete(silhouettes, tint, brightness)
+        more = zip(soft, found, silhouettes, strict=True)
+        return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in more}
+
+    def _person(self, name: str, mask: Mask, body: Mask) -> Mask:
+        """The pieces of one person, who is where the body is."""
+        seen, body = (self._scenes.lenses[name].undistort(image) for image in (mask, body))
+        near = usual = None
+        if body.any():
+            near, usual = np.argwhere(body).mean(axis=0)[::-1], float(np.count_nonzero(body))
+        person = find_person(seen, near, usual)
+        if person is None:
+            return np.zeros_like(mask)
+        return mask & ~self._as_recorded(name, seen & ~person.mask)
+
+    def _as_recorded(self, name: str, mask: Mask) -> Mask:
+        """A mask (h, w) bool of a pinhole camera as its lens shows it."""
+        return as_recorded(mask.astype(np.float32), self._scenes.rig[name]) > 0.5
+
 
 FOLDER = "silhouettes"
 """Of the server, in which the page is."""
@@ -35,31 +198,24 @@ _PLAIN, _CUT = False, True
 
 
 class SilhouettePage:
-    """Shows the silhouettes of scenes.
-
-    Attributes:
-        answers: to requests of the page.
-    """
+    """Shows the silhouettes of scenes; its `answers` are to requests of the page."""
 
     def __init__(self, scenes: ResultScenes) -> None:
-        """Reads nothing yet.
-
-        Args:
-            scenes: of a result, or of a recording; one must be there.
-
-        Raises:
-            InputError: the recording is missing.
+        """Reads nothing yet of scenes of a result, or of a recording; InputError where that is
+        missing.
         """
         if scenes.recording is None:
             raise InputError(scenes.missing)
         self._scenes, self._recording = scenes, scenes.recording
-        self._moments = MomentFrames(self._recording)
+        self._moments = previews.MomentFrames(self._recording)
         self._fit = FitSilhouettes(scenes)
-        self._models = BackgroundModels(self._fit.model)
+        self._models = previews.BackgroundModels(self._fit.model)
         self._working = threading.Lock()
         self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
         self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
-        self.answers = PageAnswers("voxelpose.view.viewer", self._got, self._posted, FOLDER)
+        self.answers = page_answers.PageAnswers(
+            "voxelpose.view.viewer", self._got, self._posted, FOLDER
+        )
 
     def link(self, frame: int) -> str:
         """HTML that opens the page at a frame."""
@@ -69,23 +225,23 @@ class SilhouettePage:
             " the person? Silhouettes step by step</a>"
         )
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
         match path:
             case ("api", "state"):
-                return json_content(self._state())
+                return page_answers.json_content(self._state())
             case ("picture", camera):
-                check_camera_names([camera], self._recording.rig.names)
-                picture = self._frames(moment_of(query) or 0)[camera]
+                page_answers.check_camera_names([camera], self._recording.rig.names)
+                picture = self._frames(page_answers.moment_of(query) or 0)[camera]
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+    def _posted(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
         if tuple(path) != ("api", "stage"):
             return None
-        asked = parse_request(body, StageAsked)
-        check_camera_names([asked.camera], self._recording.rig.names)
+        asked = page_answers.parse_request(body, previews.StageAsked)
+        page_answers.check_camera_names([asked.camera], self._recording.rig.names)
         with self._working:
-            return json_content(self._stage(asked))
+            return page_answers.json_content(self._stage(asked))
 
     def _state(self) -> dict[str, Any]:
         """What the page shows at first."""
@@ -113,7 +269,7 @@ class SilhouettePage:
             for name in self._recording.rig.names
         }
 
-    def _stage(self, asked: StageAsked) -> dict[str, Any]:
+    def _stage(self, asked: previews.StageAsked) -> dict[str, Any]:
         """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
         body = asked.stage == "body"
         kinds = (_PLAIN, _CUT) if body and self._fit.cut else (_PLAIN,)
@@ -125,25 +281,25 @@ class SilhouettePage:
             key = asked.camera, asked.moment
             if self._staged is None or self._staged[0] != key:
                 self._staged = key, models[0].stages(asked.camera, frames[asked.camera])
-            alone = StageAsked(
+            alone = previews.StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
             size = self._recording.rig[asked.camera].size
-            answer = stage_answer(self._staged[1], alone, size)
+            answer = previews.stage_answer(self._staged[1], alone, size)
         if not body:
             return answer
         if self._fitted is None or self._fitted[0] != asked.moment:
             self._fitted = asked.moment, self._fit.of(asked.moment, frames, *models)
         return answer | self._changed(asked, answer)
 
-    def _changed(self, asked: StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
+    def _changed(self, asked: previews.StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
         """What the fit made of a silhouette, or of a pixel of it that is explained already."""
         fitted = None if self._fitted is None else self._fitted[1].get(asked.camera)
         if fitted is None:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
         if asked.pixel is not None and "explained" in alone:
             size = self._recording.rig[asked.camera].size
-            at = pixel_at(asked.pixel, size, fitted.alone.shape)
+            at = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
             return {"explained": fitted.explained(alone["explained"], at)}
         picture = base64.b64encode(fitted.picture()).decode()
         return {"png": picture, "note": fitted.summary()}
