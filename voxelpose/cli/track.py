@@ -19,8 +19,8 @@ class Track(EstimationArguments):
     RECORDING is a video, or a folder with a video per camera and, if possible, calibration.toml and
     background/ with the empty view. Without a calibration, typical camera parameters are assumed.
     OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
-    poses of every frame with their probabilities. With the --body of a robot or an animal, a library of that body's
-    motion, or poses within the limits of its joints.
+    poses of every frame with their probabilities. With the --body of a robot or an animal, a
+    library of that body's motion, or poses within the limits of its joints.
 
       voxelpose track clip.mp4 --out clip_track --stature 1.75
       voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
