@@ -108,7 +108,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Motion of a body of which none was recorded (`making.sampled_motion`). Chosen by eye."""
+    """Motion of a body of which none was recorded (`body_library`). Chosen by eye."""
 
     spread: float = 0.5
     """1. Standard deviation about rest, of the way to a limit: few joints are at a limit."""

@@ -66,8 +66,6 @@ def train_encoders(
         draw: draws a number of samples; called in several threads.
         feet: basis of the grids of the feet, which is not changed.
         settings: settings of the training and of the network; its noise is not used.
-        rng: random numbers, on which alone and on the samples the result depends.
-        reporter: informed of every step.
 
     Returns:
         The encoding. The codes of its encoders have no correlation over a sample of frames and fall
@@ -109,10 +107,8 @@ def encoder_gradients(
     encoders, the network's weights and its biases.
 
     Args:
-        encoding: the encoders.
         network: reads the codes of the outline, those of the inside, or 0 where colours are not
             known, whether they are, and the samples' inputs.
-        batch: the samples.
         share: as for `loss_gradient`.
     """
     outline, inside = encoding.outline, encoding.inside

@@ -100,8 +100,6 @@ def loss_gradient(
     line of sight, and of the offsets.
 
     Args:
-        network: the network.
-        batch: the samples.
         share: if above 0, the mode nearest to the truth is responsible for 1 - share of a sample
             whatever its probability, and all modes for the rest ("winner takes most").
 
@@ -179,11 +177,7 @@ def train_network(
     """Trains a network in place.
 
     Args:
-        network: the network, with random weights.
         draw: draws a number of samples; called in several threads.
-        settings: settings of the training.
-        rng: random numbers, on which alone and on the samples the result depends.
-        reporter: informed of every step.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -215,8 +209,6 @@ def descend(
         gradients: from random numbers, a number of samples to draw and the share of
             `loss_gradient`: the loss and its gradient with respect to every array; called in
             several threads.
-        settings: settings of the training.
-        rng: random numbers, on which alone and on the samples the result depends.
         reporter: informed of every step, and of the mean loss of each tenth of them.
 
     Returns:

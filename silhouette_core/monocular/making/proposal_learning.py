@@ -107,8 +107,6 @@ def learn_proposal(
     Args:
         motions: recorded motion, of the body.
         model: the body of the library; random bodies around it are filmed.
-        settings: settings; None: the usual ones.
-        reporter: informed of the stages.
         step: keeps the arrays of a named step, made by a function, and gives them again after an
             interruption, such as `Checkpoint.step`; None: nothing is kept.
 

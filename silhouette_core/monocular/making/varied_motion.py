@@ -50,9 +50,7 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
     deviations of the joints, leaning or tumbling, each by chance.
 
     Args:
-        motion: T frames.
         others: recorded motions of the same frame rate, from which arms are taken.
-        rng: random numbers.
 
     Returns:
         T frames within the joint limits; the pelvis keeps its place.

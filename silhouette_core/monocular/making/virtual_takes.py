@@ -139,7 +139,6 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
 
     Args:
         motion: T frames, about 30 per second.
-        bodies: bodies, of which one is drawn.
         rng: random numbers; the take depends on nothing else.
 
     Returns:
@@ -380,9 +379,7 @@ def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator)
     """Stretches of motion of two to four seconds, 30 frames per second, in random order.
 
     Args:
-        motions: recorded motion.
         frames: number of frames wanted; every frame is taken equally often, or once more.
-        rng: random numbers.
     """
     thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
     thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]

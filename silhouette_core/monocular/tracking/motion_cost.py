@@ -2,75 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.monocular.tuning import MOTION_MODEL
-from silhouette_core.motion.dynamics import ROOT_STEP_M, elapsed_steps
-
-
-@dataclass(frozen=True, eq=False)
-class PoseCandidates:
-    """Candidate poses of one frame: M poses with D joint angles.
-
-    Attributes:
-        root_m: (M, 3) float64, position of the pelvis joint in the world, m.
-        root_rotation: (M, 3, 3) float64, world from body.
-        angles_rad: (M, D) float64, joint angles.
-        occluded: (M, D) bool, whether the part that an angle turns is occluded, eq. (3).
-    """
-
-    root_m: NDArray[np.float64]
-    root_rotation: NDArray[np.float64]
-    angles_rad: NDArray[np.float64]
-    occluded: NDArray[np.bool_]
-    time_s: float
-
-
-@dataclass(frozen=True, eq=False)
-class ProcessNoise:
-    """Standard deviations of a body's step within 1 / `dynamics.FPS`. D joint angles.
-
-    Attributes:
-        sigma_rad: (D,) float64, of the joint angles.
-        root_rad: of the orientation of the whole body.
-        root_m: of its position, along each axis.
-        restart_cost: largest cost of a step, in nats; beyond it the trajectory restarts.
-        spacing_rad: distance of neighbouring poses in the library, the resolution of any motion.
-    """
-
-    sigma_rad: NDArray[np.float64]
-    root_rad: float = 0.10
-    root_m: float = ROOT_STEP_M
-    restart_cost: float = 40.0
-    spacing_rad: float = 0.10
+from silhouette_core.motion.dynamics import ROOT_STEP_M, ROOT_STEP_RAD
+from silhouette_core.motion.pose import PoseArrays
 
 
 def transition_cost(
-    before: PoseCandidates, after: PoseCandidates, noise: ProcessNoise
+    before: PoseArrays,
+    after: PoseArrays,
+    occluded: NDArray[np.bool_],
+    sigma_rad: NDArray[np.float64],
+    steps: float,
 ) -> NDArray[np.float64]:
-    """Negative logarithm of the transition probability between all candidates of two frames.
+    """Negative logarithm of the transition probability between all poses of two frames.
 
     The random walk of :eq:`okada-4` and :eq:`okada-5` over joint angles, orientation and position;
-    the source pose decides which parts are occluded. Beyond the paper, the spacing of the library
-    is added to the variances, and the cost is bounded.
+    the source pose decides which parts are occluded. Beyond the paper, a spacing of 3 degrees and
+    5 cm, of poses that refinement does not tell apart, is added to the variances.
     The normaliser of the Gaussian counts, since :eq:`okada-5` makes it differ between sources.
 
     Args:
-        before: M candidates of a frame.
-        after: M' candidates of the next frame.
+        before: M poses of a frame.
+        after: M' poses of the next frame.
+        occluded: (M, D), whether the part that an angle turns is occluded, eq. (3).
+        sigma_rad: (D,), deviations of the joint angles within 1 / `dynamics.FPS`.
+        steps: time between the frames in units of 1 / `dynamics.FPS`.
 
     Returns:
         (M, M') float64, nats, up to a constant that is the same for all.
 
-    Source: Okada and Stenger, eq. (4), (5); spacing and bound are ours.
+    Source: Okada and Stenger, eq. (4), (5); spacing is ours.
     """
-    steps = elapsed_steps(before.time_s, after.time_s)
-    magnified = np.where(before.occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
-    sigma = np.sqrt((noise.sigma_rad * steps * magnified) ** 2 + noise.spacing_rad**2)
+    spacing_rad = np.radians(3.0)
+    magnified = np.where(occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
+    sigma = np.sqrt((sigma_rad * steps * magnified) ** 2 + spacing_rad**2)
     scaled = before.angles_rad / sigma
     # Eq. (4): |a - b|^2 with a's own scale, expanded so that no (M, M', D) array is made.
     precision = 1.0 / sigma**2
@@ -82,13 +51,13 @@ def transition_cost(
     # The angle between rotations from the trace of their quotient.
     trace = np.einsum("aij,bij->ab", before.root_rotation, after.root_rotation)
     turn = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
-    cost += turn**2 / ((noise.root_rad * steps) ** 2 + noise.spacing_rad**2)
+    cost += turn**2 / ((ROOT_STEP_RAD * steps) ** 2 + spacing_rad**2)
     gap = before.root_m[:, None] - after.root_m[None]
-    cost += (gap**2).sum(-1) / ((noise.root_m * steps) ** 2 + 0.05**2)
+    cost += (gap**2).sum(-1) / ((ROOT_STEP_M * steps) ** 2 + 0.05**2)
     # A wider Gaussian is lower: without its normaliser every occluded part would be a bonus.
-    usual = np.sqrt((noise.sigma_rad * steps) ** 2 + noise.spacing_rad**2)
+    usual = np.sqrt((sigma_rad * steps) ** 2 + spacing_rad**2)
     widened = np.log(sigma / usual).sum(1)[:, None]
-    return np.minimum(0.5 * np.maximum(cost, 0.0) + widened, noise.restart_cost)
+    return 0.5 * np.maximum(cost, 0.0) + widened
 
 
 def yaw_rotations(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -48,7 +48,6 @@ def reach_uncovered(
     """Poses with a limb where the given ones leave the silhouette uncovered, refined.
 
     Args:
-        poses: K poses.
         priors: K priors of their joints' positions.
 
     Returns:

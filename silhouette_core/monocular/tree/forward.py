@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.person import Person, area_distance
-from silhouette_core.monocular.tracking.motion_cost import PoseCandidates, yaw_rotations
+from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
@@ -19,6 +19,7 @@ from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.pose import PoseArrays
 
 _FIRST_COUNT = 9  # distances tried in a first frame
 _MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
@@ -29,7 +30,6 @@ class FilterFrame:
     """A frame and its posterior.
 
     Attributes:
-        number: number of the frame in the recording.
         windows: virtual views of the silhouette, one for each assumed distance.
         lost: no node fits about as well as the best nodes of earlier frames.
     """
@@ -68,11 +68,7 @@ class ForwardFilter:
         self._recent_best: list[float] = []
 
     def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
-        """Posterior of the next frame.
-
-        Args:
-            number: number of the frame in the recording.
-        """
+        """Posterior of the next frame."""
         last, library = self._last, self.tree.library
         restarted = last is None or last.lost or time_s - last.time_s > DISTANCES.longest_gap_s
         if self._distance_m is not None:
@@ -167,7 +163,7 @@ def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
 
 def candidates_of(
     tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
-) -> PoseCandidates:
+) -> PoseArrays:
     """Samples of a posterior as poses in the world.
 
     Args:
@@ -188,11 +184,4 @@ def candidates_of(
         root[selected] = own.unproject(
             library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
         )
-    occluded = library.occluded[sample][:, library.model.tree.dof_part].astype(bool)
-    return PoseCandidates(
-        root,
-        rotation,
-        library.base_angles[base].astype(float),
-        occluded,
-        filter_frame.time_s,
-    )
+    return PoseArrays(root, rotation, library.base_angles[base].astype(float))

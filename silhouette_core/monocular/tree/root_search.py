@@ -129,13 +129,9 @@ def _refined(
     """The best poses of every view, refined with the root free."""
     filter_frame = ForwardFilter(tree, camera).step(0, 0.0, Person(mask, False))
     rows = _best_of_views(tree, filter_frame.posterior)
-    samples = candidates_of(tree, filter_frame, rows)
+    poses = candidates_of(tree, filter_frame, rows).poses()
     sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
     sigma[:3] = 0.1 * filter_frame.distance_m
-    poses = [
-        Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k])
-        for k in range(len(rows))
-    ]
     observation = Observation.from_masks(views, [mask], filter_frame.distance_m)
     starts = [RefineStart(pose, _STARTS, PosePrior(pose, sigma)) for pose in poses]
     refined = [one.pose for one in refine_many(surface, observation, starts)]

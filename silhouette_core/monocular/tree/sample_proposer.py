@@ -62,8 +62,7 @@ class SampleProposal(FrameProposal):
         by_fit = np.argsort(posterior.distance, kind="stable")[:_ROWS]
         rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), _ROWS)), by_fit]))
         samples = candidates_of(self.tree, self.frame, rows)
-        arrays = samples.root_m, samples.root_rotation, samples.angles_rad
-        joints = landmarks(model, *place(model, *arrays))
+        joints = landmarks(model, *place(model, *samples.arrays))
         least = self.different_m
         chosen = select_different(joints, np.argsort(rows), _BY_PROBABILITY, least)
         by_fit = np.argsort(posterior.distance[rows], kind="stable")

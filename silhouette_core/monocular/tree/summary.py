@@ -61,9 +61,6 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
     Each row shows a node's representative, then samples from its leaves, coloured by part. The rows
     are taken from the list of nodes ordered by number of samples, largest first.
 
-    Args:
-        path: the PNG file.
-
     Raises:
         InputError: the file cannot be written.
     """

@@ -10,7 +10,7 @@ from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.raster import render_parts
 from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking import bare_parts, hypothesis_tracker
+from silhouette_core.monocular.tracking import bare_parts
 from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.monocular.tracking.frame_costs import CostSettings
@@ -125,7 +125,7 @@ def test_the_tracker_asks_for_it(observed, monkeypatch):
     settings = TrackerSettings(CostSettings(silhouette=1.0), reaching=0)
     tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
     found = poses, [prior_of(pose) for pose in poses]
-    monkeypatch.setattr(hypothesis_tracker, "find_hypotheses", lambda *_: found)
+    monkeypatch.setattr(HypothesisTracker, "_found", lambda *_: found)
 
     def chosen(one):
         beam = tracker.step(one, modes, (None, None))

@@ -38,7 +38,7 @@ def turned(pose: Pose, degrees: float) -> Pose:
 
 def seen(tracker: HypothesisTracker, pose: Pose, time_s: float, model=None):
     mask = silhouette(model or body(), pose, CAMERA)
-    return tracker.observer.observe(mask, 4.0, time_s)
+    return tracker.observe(mask, 4.0, time_s)
 
 
 def last_two(beams: list[Beam]) -> tuple[Beam | None, Beam | None]:
