@@ -75,13 +75,6 @@ class LossGradient:
     biases: list[NDArray[np.floating]]
     first: NDArray[np.floating]
 
-    def put_before(self, inputs: NDArray[np.floating], gradient: NDArray[np.floating]) -> None:
-        """Adds the layer before those that are there, from its inputs (N, I) and the gradient
-        (N, O) with respect to its outputs.
-        """
-        self.weights.insert(0, product(inputs.T, gradient))
-        self.biases.insert(0, gradient.sum(axis=0))
-
 
 def loss_gradient(
     network: MixtureNetwork,
@@ -129,20 +122,22 @@ def loss_gradient(
         likelihood,
     )
     slope /= len(slope)
-    found = LossGradient(-float(likelihood.mean()), [], [], np.empty_like(state))
-    found.put_before(last, slope)
+    layers = [(last, slope)]  # inputs of every layer, and gradient with respect to its outputs
     gradient = _before_normalising(
         product(slope, network.weights[-1].T) * (last > 0), normal, deviation
     )
     for block in reversed(blocks):
-        found.put_before(block.hidden, gradient)
         inner = product(gradient, network.weights[block.number + 1].T) * (block.hidden > 0)
-        found.put_before(block.normal, inner)
+        layers += [(block.hidden, gradient.copy()), (block.normal, inner)]
         normal_gradient = product(inner, network.weights[block.number].T)
         gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
-    found.put_before(batch.inputs, gradient)
-    found.first[:] = gradient
-    return found
+    layers = [*layers, (batch.inputs, gradient)][::-1]
+    return LossGradient(
+        -float(likelihood.mean()),
+        [product(inputs.T, slope) for inputs, slope in layers],
+        [slope.sum(axis=0) for _, slope in layers],
+        gradient,
+    )
 
 
 @dataclass(frozen=True, eq=False)

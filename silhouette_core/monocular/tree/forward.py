@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting
-from silhouette_core.monocular.person import Person, area_distance
+from silhouette_core.monocular.person import area_distance
 from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
@@ -34,9 +34,7 @@ class FilterFrame:
         lost: no node fits about as well as the best nodes of earlier frames.
     """
 
-    number: int
     time_s: float
-    person: Person
     windows: tuple[Window, ...]
     posterior: Posterior
     distance_m: float
@@ -67,14 +65,14 @@ class ForwardFilter:
         self._last: FilterFrame | None = None
         self._recent_best: list[float] = []
 
-    def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
-        """Posterior of the next frame."""
+    def step(self, time_s: float, mask: NDArray[np.bool_]) -> FilterFrame:
+        """Posterior of the next frame, of which the mask (h, w) is the silhouette."""
         last, library = self._last, self.tree.library
         restarted = last is None or last.lost or time_s - last.time_s > DISTANCES.longest_gap_s
         if self._distance_m is not None:
             middle, factors = self._distance_m, np.ones(1)
         elif last is None or restarted:
-            middle = self._first_distance(person.mask)
+            middle = self._first_distance(mask)
             factors = np.exp(
                 np.linspace(-DISTANCES.first_range, DISTANCES.first_range, _FIRST_COUNT)
             )
@@ -84,9 +82,7 @@ class ForwardFilter:
             steps = [0.0, -DISTANCES.step, DISTANCES.step]
             middle, factors = last.distance_m, np.exp(np.array(steps))
         metre_px = STATURE_PX / library.model.length_m
-        windows = tuple(
-            look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
-        )
+        windows = tuple(look_at(self.camera, mask, middle * factor, metre_px) for factor in factors)
         prior = self._prior(windows[0], last, time_s, restarted)
         evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
         posterior = self.tree.update(prior, evidence)
@@ -95,24 +91,12 @@ class ForwardFilter:
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._recent_best = [*self._recent_best[-60:], best]
-        measured = float(
-            np.exp(
-                posterior.probability
-                @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
-            )
-        )
+        distances = np.array([window.distance_m for window in windows])
+        measured = float(np.exp(posterior.probability @ np.log(distances[posterior.scale])))
         gain = 1.0 if restarted else DISTANCES.gain
-        filter_frame = FilterFrame(
-            number,
-            time_s,
-            person,
-            windows,
-            posterior,
-            float(middle * (measured / middle) ** gain),
-            lost,
-        )
-        self._last = filter_frame
-        return filter_frame
+        distance_m = float(middle * (measured / middle) ** gain)
+        self._last = FilterFrame(time_s, windows, posterior, distance_m, lost)
+        return self._last
 
     def _first_distance(self, mask: NDArray[np.bool_]) -> float:
         """Distance by the silhouette's area alone."""
@@ -148,7 +132,6 @@ def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
     kept = np.unique(np.concatenate([np.arange(min(len(posterior.samples), rows)), by_fit]))
     return replace(
         filter_frame,
-        person=replace(filter_frame.person, mask=empty),
         windows=tuple(replace(window, mask=empty, seen=empty) for window in filter_frame.windows),
         posterior=Posterior(
             posterior.samples[kept],

@@ -82,7 +82,7 @@ class SampleProposer(Proposer):
 
     def note(self, number: int, time_s: float, person: Person) -> FilterFrame:
         """Posterior of the frame, without its pictures."""
-        return slim(self._forward.step(number, time_s, person), _ROWS)
+        return slim(self._forward.step(time_s, person.mask), _ROWS)
 
     def propose(
         self, notes: Sequence[FilterFrame], people: Sequence[Person], first: bool

@@ -65,7 +65,7 @@ def test_a_smaller_silhouette_is_farther_away():
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
     tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
+    frame = ForwardFilter(tree, CAMERA).step(0.0, masks[0])
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
     assert frame.distance_m == pytest.approx(true_m, rel=0.2)
 
