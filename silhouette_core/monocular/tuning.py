@@ -25,10 +25,8 @@ class FilterSettings:
     """1. A node's children are scored if its posterior reaches this fraction of the best node's.
     The exact posterior is kept (tests/silhouette_core/monocular/test_ablation.py)."""
     most: int = 1500
-    """Nodes kept per level, at most. Source as of `survivors`."""
-    moved: int = 500
-    """Nodes per level that are moved to where they fit best, if there are more than twice
-    as many: those that are likely where they are. Source as of `survivors`."""
+    """Nodes kept per level, at most. Of more than 2/3 as many, 1/3 as many are moved to where they
+    fit best: those that are likely where they are. Source as of `survivors`."""
     floor: float = 0.10
     """1. Fraction of the prior that is spread evenly over the library, so that the filter recovers
     from a wrong pose. By eye."""
@@ -227,10 +225,8 @@ class BodyHeading:
 
     independence: float = 0.5
     """1. Frames read the same silhouettes: each counts as this fraction of an observation."""
-    sigma_deg: float = 18.0
-    """Degrees. Deviation of a mode's heading."""
     turn_deg: float = 9.0
-    """Degrees. Turn within 1 / FPS."""
+    """Degrees. Turn within 1 / FPS; half the deviation of a mode's heading."""
     unknown: float = 0.02
     """1. Probability that no mode has the right heading."""
     expected: float = 2.0
@@ -259,8 +255,6 @@ class ProposedModes:
     """Metres. Mean distance of the joints of modes that are averaged."""
     least_probability: float = 0.02
     """1. Of these modes."""
-    memory_s: float = 0.5
-    """Seconds of frames that the network reads without later ones."""
     longest_frame: float = 3.0
     """1 / FPS. Interval of frames up to which a frame counts more than one of 1 / FPS."""
 

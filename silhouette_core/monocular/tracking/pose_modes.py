@@ -168,13 +168,12 @@ class ModeFinder:
         """Modes of the last of consecutive frames, from nothing later: for one frame after another.
 
         Args:
-            views: frames of the last half second.
+            views: frames of the last 0.4 s or more.
             facing: whether the person is expected to face the camera in the first frame of all.
         """
         features, last = _features(views, self.stature_m), _last(views)
         modes = self._modes(views, features, True, last)
-        axes = level_axes(features.heading_rad[last])
-        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        joints, axes = self._turned(modes, features.heading_rad[last])
         probability = self._headings.update(
             body_headings(joints)[0],
             np.asarray(modes.probability[0], float),
@@ -191,8 +190,7 @@ class ModeFinder:
         """
         features = _features(views, self.stature_m)
         modes = self._modes(views, features, False)
-        axes = level_axes(features.heading_rad)
-        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        joints, axes = self._turned(modes, features.heading_rad)
         probability = smooth_headings(
             body_headings(joints),
             np.asarray(modes.probability, float),
@@ -203,6 +201,15 @@ class ModeFinder:
             self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
             for t, view in enumerate(views)
         ]
+
+    def _turned(
+        self, modes: Mixture, heading_rad: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Joints (T, M, 15, 3) of modes relative to the pelvis, m, in the world, and the axes
+        (T, 3, 3) of the level cameras of their frames.
+        """
+        axes = level_axes(heading_rad)
+        return np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes), axes
 
     def _modes(
         self,

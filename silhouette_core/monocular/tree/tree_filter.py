@@ -224,12 +224,13 @@ class TreeFilter:
         sigma = settings.sigma * settings.coarse**levels_below
         with np.errstate(divide="ignore"):
             log_prior, least = np.log(node_prior), np.log(settings.survivors)
-        if len(nodes) <= 2 * settings.moved:
+        fitted = settings.most // 3
+        if len(nodes) <= 2 * fitted:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
             distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
             likely = 0.5 * (distance / sigma) ** 2 - log_prior
-            moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
+            moved = np.sort(np.argpartition(likely, fitted)[:fitted])
             alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
                 moved, distance, scale
             )

@@ -101,13 +101,13 @@ def test_a_frame_is_read_at_the_distance_that_the_last_ones_tell(monkeypatch):
     assert network.views[-1] == [0.0, 0.1]
 
 
-@pytest.mark.parametrize(("later_s", "anew"), [(0.45, False), (0.55, True)])
-def test_frames_of_the_last_half_second_are_read(monkeypatch, later_s, anew):
+@pytest.mark.parametrize(("later_s", "anew"), [(0.7, False), (0.85, True)])
+def test_frames_of_the_last_moments_are_read(monkeypatch, later_s, anew):
     """After a longer time the distance is a first one."""
     proposer, network, _ = proposer_of(monkeypatch)
     for time_s in (0.0, 0.05, 0.05 + later_s):
         proposer.note(0, time_s, PERSON)
-    assert network.views[-1] == pytest.approx([0.6] if anew else [0.0, 0.05, 0.5])
+    assert network.views[-1] == pytest.approx([0.9] if anew else [0.0, 0.05, 0.75])
     assert len(network.read_m) == (9 if anew else 6)
 
 
