@@ -35,7 +35,6 @@ _JOINTS = np.array(
     ]
 )
 _ALONG = np.array([np.linspace(*along, 7) for *_, along in _LIMBS.values()])
-_PELVIS, _NECK = LANDMARK_NAMES.index("pelvis"), LANDMARK_NAMES.index("neck")
 _BINS = 20
 _LEAST_PLACES, _LEAST_FRAMES = 3, 5  # of a limb that a frame must show, and frames that must
 
@@ -67,17 +66,17 @@ class BareParts:
             camera: pinhole camera without distortion.
             joints_m: (15, 3), joints of a probable pose, in the world.
         """
-        pixel, depth = camera.project(joints_m)
+        pixel, _ = camera.project(joints_m)
         if not np.isfinite(pixel).all():  # behind the camera
             return
-        joints = np.column_stack([pixel - corner, depth])
+        joints = pixel - corner
         upper, lower = joints[_JOINTS[..., 0]], joints[_JOINTS[..., 1]]
         places = upper[:, :, None] + _ALONG[:, None, :, None] * (lower - upper)[:, :, None]
-        column, row = np.moveaxis(np.round(places[..., :2]).astype(int), -1, 0)
+        column, row = np.moveaxis(np.round(places).astype(int), -1, 0)
         height, width = mask.shape
         seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         column, row = column.clip(0, width - 1), row.clip(0, height - 1)
-        seen &= mask[row, column] & ~_behind_trunk(places, joints[_PELVIS], joints[_NECK])
+        seen &= mask[row, column]
         number = seen.sum(axis=-1)
         mean = (likelihood[row, column] * seen).sum(axis=-1) / np.maximum(number, 1)
         bins = np.minimum((mean * _BINS).astype(int), _BINS - 1)
@@ -88,8 +87,8 @@ class BareParts:
         """Probability (27,) that a pixel of each part has the colours of the head."""
         total = self._counts.sum(axis=1, keepdims=True)
         rank = (np.cumsum(self._counts, axis=1) >= BARE.share * total).argmax(axis=1)
-        limbs = np.where(total[:, 0] < _LEAST_FRAMES, BARE.unknown, (rank + 0.5) / _BINS)
-        known = {"head": BARE.head, "neck": 0.5}  # a neck may be covered as well as bare
+        limbs = np.where(total[:, 0] < _LEAST_FRAMES, 0.5, (rank + 0.5) / _BINS)
+        known = {"head": 1.0, "neck": 0.5}  # a neck may be covered as well as bare
         for names, limb in zip(_LIMBS, limbs, strict=True):
             known |= dict.fromkeys(names, float(limb))
         parts = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
@@ -127,16 +126,3 @@ class SkinEvidence:
         cost += np.log((1 - bare) / bare)[parts] @ likelihood
         above = BARE.pixel * (cost - cost.min())
         return BARE.most * -np.expm1(-above / BARE.most)
-
-
-def _behind_trunk(
-    places: NDArray[np.float64], pelvis: NDArray[np.float64], neck: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Whether places (..., 3), px and m away, of the limbs are hidden by the trunk's."""
-    axis = (neck - pelvis)[:2]
-    length = float(axis @ axis) + 1e-9
-    share = np.clip((places[..., :2] - pelvis[:2]) @ axis / length, 0.0, 1.0)
-    nearest = pelvis + share[..., None] * (neck - pelvis)
-    aside = np.linalg.norm(places[..., :2] - nearest[..., :2], axis=-1)
-    deeper = places[..., 2] > nearest[..., 2] - BARE.trunk_depth_m
-    return (aside < BARE.trunk_width * np.sqrt(length)) & deeper

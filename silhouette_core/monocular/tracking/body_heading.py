@@ -110,8 +110,8 @@ def _observed(
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
     kernel = np.exp(-0.5 * (apart / np.radians(2 * HEADING.turn_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)
-    seen = (1 - HEADING.unknown) * np.einsum("...m,...ms->...s", probability, kernel)
-    return kernel, (seen + HEADING.unknown / _HEADINGS) ** HEADING.independence
+    seen = np.einsum("...m,...ms->...s", probability, kernel)
+    return kernel, seen**HEADING.independence
 
 
 def _turning(interval_s: float) -> NDArray[np.complexfloating]:

@@ -108,7 +108,7 @@ class ModeProposer:
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], BARE.frames_kept)
+            self._colours.learn([person], [joints_m], BARE.kept)
 
     def _window(self, person: Person, distance_m: float) -> Window:
         scale = STATURE_PX / self._finder.stature_m
@@ -129,7 +129,7 @@ class ModeProposer:
         facing = self._facing and first
         views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.blocks_kept):
+        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.kept):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)
