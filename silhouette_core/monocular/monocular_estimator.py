@@ -41,6 +41,7 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
@@ -258,18 +259,13 @@ def _motion(
         whole[name] for name in ("root", "rotation", "angles", "number", "occluded")
     )
     agreement = np.clip(1 - whole["error"], 0.0, 1.0)
+    hidden = occluded[:, trajectory.model.tree.landmark_part]
     quality = {
         "outline_agreement": agreement,
-        "landmark_confidence": (
-            agreement[:, None]
-            * np.where(occluded[:, trajectory.model.tree.landmark_part], 0.3, 1.0)
-        ),
-        "occluded": occluded,
-        "cut": whole["cut"],
-        "lost": whole["lost"],
+        "landmark_confidence": agreement[:, None] * np.where(hidden, 0.3, 1.0),
+        **{name: whole[name] for name in ("occluded", "cut", "lost")},
     }
     if trajectory.model.person is not None:  # others were not compared with the truth
-        hidden = occluded[:, trajectory.model.tree.landmark_part]
         errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
             "pose_probability": whole["probability"],
@@ -285,24 +281,16 @@ def _motion(
 
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
     """Arrays of frames, which keep nothing else of them in memory."""
-    poses = [frame.pose for frame in frames]
-    return {
-        "root": np.stack([pose.root_m for pose in poses]),
-        "rotation": quaternions(np.stack([pose.root_rotation for pose in poses])),
-        "angles": np.stack([pose.angles_rad for pose in poses]),
-        "number": np.array([frame.number for frame in frames], np.int64),
-        "time_s": np.array([frame.time_s for frame in frames]),
-        "error": np.array([frame.error for frame in frames]),
+    poses = PoseArrays.from_poses([frame.pose for frame in frames])
+    plain = "number", "time_s", "error", "occluded", "cut", "lost"
+    return {name: np.array([getattr(frame, name) for frame in frames]) for name in plain} | {
+        "root": poses.root_m,
+        "rotation": quaternions(poses.root_rotation),
+        "angles": poses.angles_rad,
         "probability": np.array([frame.probability.max() for frame in frames]),
         "spread": np.stack(
-            [
-                hypothesis_spread(frame.probability[:_COUNT], frame.joints[:_COUNT])
-                for frame in frames
-            ]
+            [hypothesis_spread(one.probability[:_COUNT], one.joints[:_COUNT]) for one in frames]
         ),
-        "occluded": np.stack([frame.occluded for frame in frames]),
-        "cut": np.array([frame.cut for frame in frames]),
-        "lost": np.array([frame.lost for frame in frames]),
     }
 
 

@@ -211,7 +211,7 @@ class TrackerSettings:
             explain a silhouette alike, m.
         same_m: the same within which two hypotheses are one pose, m.
         restart: largest cost of a step from frame to frame, nats; what costs more is no movement.
-        temperature: of the hypotheses' probabilities, see `Beam`.
+        temperature: of the hypotheses' probabilities, see `Beam.probabilities`.
         steadiness: factor on the usual steps of joints.
         both_ways: whether frames are also tracked from the last to the first, if later ones are
             waited for.

@@ -206,7 +206,6 @@ class HypothesisTracker:
             own,
             occluded_parts(areas, self._usual_areas),
             priors,
-            self.settings.temperature,
         )
 
     def _continued(self, beam: Beam, previous: Beam, predicted: list[Pose]) -> Beam:

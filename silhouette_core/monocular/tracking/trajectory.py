@@ -215,7 +215,7 @@ class PoseTrajectory:
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._usual.append(best)
-        probability, joints = beam.probabilities()
+        probability, joints = beam.probabilities(tracker.settings.temperature)
         return FrameEstimate(
             frame.number,
             frame.time_s,

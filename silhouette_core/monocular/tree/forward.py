@@ -117,7 +117,7 @@ class ForwardFilter:
             steps = int(np.clip(intervals, 1, _MOST_STEPS))
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
-                prior = self.tree.spread(prior, 0.5)
+                prior = 0.5 * prior + 0.5 / len(prior)
         # The pitch of a view is a property of the camera and not of the motion.
         away = (library.views[:, 1] - window.pitch_rad) / np.radians(DISTANCES.pitch_sigma_deg)
         return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
@@ -130,17 +130,11 @@ def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
     posterior, empty = filter_frame.posterior, np.zeros((0, 0), bool)
     by_fit = np.argsort(posterior.distance, kind="stable")[:rows]
     kept = np.unique(np.concatenate([np.arange(min(len(posterior.samples), rows)), by_fit]))
+    rowwise = "samples", "probability", "distance", "scale", "shift_px"
     return replace(
         filter_frame,
         windows=tuple(replace(window, mask=empty, seen=empty) for window in filter_frame.windows),
-        posterior=Posterior(
-            posterior.samples[kept],
-            posterior.probability[kept],
-            posterior.distance[kept],
-            posterior.scale[kept],
-            posterior.shift_px[kept],
-            posterior.scored,
-        ),
+        posterior=replace(posterior, **{name: getattr(posterior, name)[kept] for name in rowwise}),
     )
 
 
