@@ -168,7 +168,7 @@ class FoundPerson:
 
 @dataclass(frozen=True)
 class BarePeople:
-    """Head and bare parts (`tracking.bare_parts`, `colour_evidence`). By eye."""
+    """Head and bare parts (`tracking.colour_evidence`). By eye."""
 
     head_from: float = 0.35
     """1. Of the way from the neck to the top of the head: above it is the head."""

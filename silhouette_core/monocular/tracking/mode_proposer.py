@@ -18,9 +18,8 @@ from silhouette_core.monocular.person import Person, upright_distance
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.silhouette_features import OFFSETS_S
 from silhouette_core.monocular.silhouette_weights import SignedWeights
-from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
 from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.monocular.tuning import BARE
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at

@@ -10,8 +10,11 @@ from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.raster import render_parts
 from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.colour_evidence import (
+    BareParts,
+    ColourEvidence,
+    SkinEvidence,
+)
 from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.motion.pose import Pose

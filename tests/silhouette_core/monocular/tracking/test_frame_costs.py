@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
-from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
+from silhouette_core.monocular.tracking.colour_evidence import SkinEvidence
 from silhouette_core.monocular.tracking.frame_costs import CostSettings, FrameCosts, Hypotheses
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
