@@ -23,8 +23,8 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.making.base_poses import BasePoses, base_poses
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
 from silhouette_core.monocular.tree.transitions import transitions

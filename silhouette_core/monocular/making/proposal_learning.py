@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.making.encoder_training import PictureBatch, train_encoders
 from silhouette_core.monocular.making.network_training import (
+    PictureBatch,
     TrainingBatch,
     TrainingSettings,
+    train_encoders,
     train_network,
 )
 from silhouette_core.monocular.making.varied_motion import vary_motion

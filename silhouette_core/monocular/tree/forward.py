@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.person import area_distance
-from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.evidence import Evidence
-from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.tree.rendering import STATURE_PX, yaw_rotations
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.monocular.window import Window, look_at

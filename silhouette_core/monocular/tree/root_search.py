@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.monocular.tracking.motion_cost import transition_cost, yaw_rotations
+from silhouette_core.monocular.tracking.hypothesis_tracker import transition_cost
+from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.motion.dynamics import ROOT_STEP_M, ROOT_STEP_RAD
 from silhouette_core.motion.pose import PoseArrays
 
