@@ -101,6 +101,7 @@ def use_library(path: Path) -> None:
 
     library = read_library(path)
     summary(library, path)
+    library.pose(np.arange(min(len(library), 50)))
     library.render(np.arange(min(len(library), 2)))
     even = np.full(len(library), 1 / len(library))
     for aware in (False, True):

@@ -25,8 +25,10 @@ class FilterSettings:
     """1. A node's children are scored if its posterior reaches this fraction of the best node's.
     The exact posterior is kept (tests/silhouette_core/monocular/test_ablation.py)."""
     most: int = 1500
-    """Nodes kept per level, at most. Of more than 2/3 as many, 1/3 as many are moved to where they
-    fit best: those that are likely where they are. Source as of `survivors`."""
+    """Nodes kept per level, at most. Source as of `survivors`."""
+    moved: int = 500
+    """Nodes per level that are moved to where they fit best, if there are more than twice
+    as many: those that are likely where they are. Source as of `survivors`."""
     floor: float = 0.10
     """1. Fraction of the prior that is spread evenly over the library, so that the filter recovers
     from a wrong pose. By eye."""

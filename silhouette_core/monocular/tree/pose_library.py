@@ -15,6 +15,7 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.monocular.tuning import TREE
+from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +173,19 @@ class PoseLibrary:
             for level, below in zip(self.levels[:-1], self.levels[1:], strict=True)
         ]
         return (*offsets, np.asarray(self.leaf_offsets))
+
+    def pose(self, samples: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Poses of samples (n,) before a level camera that looks along +y.
+
+        Returns:
+            Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint angles (n,
+            D).
+        """
+        base = self.sample_base[samples]
+        yaw = self.views[self.sample_view[samples], 0] / 2
+        turn = np.stack([np.cos(yaw), 0 * yaw, 0 * yaw, np.sin(yaw)], -1)
+        matrices = rotation_matrices(turn) @ rotation_matrices(self.base_quaternion[base])
+        return quaternions(matrices), self.base_angles[base].astype(np.float64)
 
     def render(self, samples: NDArray[np.integer]) -> RenderedViews:
         """Views of samples (n,), rendered again exactly as in the build of the library.

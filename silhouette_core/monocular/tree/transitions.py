@@ -36,6 +36,7 @@ def transitions(
     occlusion_aware: bool,
     sigma_scale: float = MOTION_MODEL.sigma_scale,
     neighbours: int = KEPT,
+    normalised: bool = True,
     interval_s: float = 1 / FPS,
 ) -> csr_matrix:
     r"""Matrix of :math:`p(x_t|x_{t-1})` over a library, one frame interval apart.
@@ -50,13 +51,15 @@ def transitions(
     with one variance for each joint angle, see :eq:`okada-5`. The variance of a random walk grows
     in proportion to time: this is the only place where that is taken into account, and whoever
     skips frames applies the matrix once for every frame interval that passed. Only the 64 nearest
-    samples of each sample have a probability other than 0. Rows sum to 1: the paper does not
-    normalise over the library.
+    samples of each sample have a probability other than 0. The paper does not normalise over the
+    library.
 
     Args:
         occlusion_aware: DM2, with eq. (5); else DM1, without.
         sigma_scale: factor on all sigmas; the paper has none.
         neighbours: largest number of neighbours used.
+        normalised: rows sum to 1. Else a neighbour has the same weight whether there are many
+            others or none, and probability gathers where poses are dense.
         interval_s: time between two frames, s. The library's sigmas are those of 1/30 s; variances
             are multiplied by interval_s over that.
 
@@ -73,7 +76,8 @@ def transitions(
     )
     variance = sigma_scale**2 * interval_s * FPS
     weight = np.exp(square.astype(np.float64) / (-2 * variance))  # eq. (4)
-    weight /= weight.sum(axis=1, keepdims=True)
+    if normalised:
+        weight /= weight.sum(axis=1, keepdims=True)
     rows = np.arange(0, index.size + 1, index.shape[1])
     matrix = csr_matrix(
         (weight.ravel().astype(np.float32), index.ravel().copy(), rows),

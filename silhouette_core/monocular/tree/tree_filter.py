@@ -215,13 +215,12 @@ class TreeFilter:
         sigma = settings.sigma * settings.coarse**levels_below
         with np.errstate(divide="ignore"):
             log_prior, least = np.log(node_prior), np.log(settings.survivors)
-        fitted = settings.most // 3
-        if len(nodes) <= 2 * fitted:
+        if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
             distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
             likely = 0.5 * (distance / sigma) ** 2 - log_prior
-            moved = np.sort(np.argpartition(likely, fitted)[:fitted])
+            moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
             alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
                 moved, distance, scale
             )

@@ -15,7 +15,7 @@ from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
 FRONT = camera_at((0, -4.0, 1.3), size=(320, 240))
 STEP, INTERVAL_S = 2, 1 / 15
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9)
+EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """A small library of made-up motion, and how it is put together."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -32,11 +31,3 @@ def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion
 
 def small_bases(settings: LibrarySettings = SETTINGS):
     return base_poses({"first": swaying(0), "second": swaying(1)}, settings)
-
-
-def sample_poses(library) -> tuple[Rotation, np.ndarray]:
-    """Orientations of the pelvis of all samples before a level camera, and joint angles (N, D)."""
-    base = library.sample_base
-    yaw = Rotation.from_euler("z", library.views[library.sample_view, :1])
-    tilt = Rotation.from_quat(library.base_quaternion[base], scalar_first=True)
-    return yaw * tilt, library.base_angles[base].astype(float)

@@ -4,15 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.transitions import find_neighbours, transitions
-from tests.silhouette_core.monocular.making.small_library import (
-    SETTINGS,
-    sample_poses,
-    small_bases,
-    swaying,
-)
+from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +19,8 @@ def made():
 
 def dense_squares(library, occlusion_aware):
     """Squared distances in sigmas between all samples, infinite between pitches."""
-    rotation, angles = sample_poses(library)
+    turn, angles = library.pose(np.arange(len(library)))
+    rotation = Rotation.from_quat(turn, scalar_first=True)
     pitch = library.views[library.sample_view, 1]
     result = np.full((len(library), len(library)), np.inf)
     for i in range(len(library)):
@@ -62,6 +59,16 @@ def test_the_nearest_are_kept_with_their_weights(made, occlusion_aware):
     assert (
         matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6
     ).all()  # staying is most likely
+
+
+def test_without_normalising_the_nearest_weigh_the_same_from_everywhere(made):
+    plain, shared = (
+        transitions(made, True, 4.0, normalised=flag).toarray() for flag in (False, True)
+    )
+    np.testing.assert_allclose(plain.diagonal(), 1)
+    np.testing.assert_allclose(
+        plain / plain.sum(axis=1, keepdims=True), shared, rtol=1e-4, atol=1e-6
+    )
 
 
 def test_variances_grow_in_proportion_to_the_frame_interval(made):

@@ -8,12 +8,7 @@ import pytest
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
-from tests.silhouette_core.monocular.making.small_library import (
-    SETTINGS,
-    sample_poses,
-    small_bases,
-    swaying,
-)
+from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +20,11 @@ def literal_tree(library):
     """Section 3 as it is written. Every set is a list of samples; silhouettes are images."""
     everybody = np.arange(len(library))
     levels = silhouette_levels(library.render(everybody).windows > 0)
-    rotation, angles = sample_poses(library)
-    pose = np.hstack([angles, rotation.as_matrix().reshape(-1, 9) / np.sqrt(2)])
+    turn, angles = library.pose(everybody)
+    w, x, y, z = turn.T
+    first = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
+    second = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1)
+    pose = np.hstack([angles, np.hstack([first, second, np.cross(first, second)]) / np.sqrt(2)])
 
     def nearest_mean(samples):
         apart = np.linalg.norm(pose[samples] - pose[samples].mean(0), axis=1)

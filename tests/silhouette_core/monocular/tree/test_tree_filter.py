@@ -13,7 +13,7 @@ from silhouette_core.monocular.tuning import MOTION_MODEL, FilterSettings
 from silhouette_core.monocular.window import look_at
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9)
+EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +76,8 @@ def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prio
 
 
 def test_moving_only_likely_nodes_changes_nothing_that_counts(library, tree, evidence, prior):
-    few = TreeFilter(library, tree.transitions, replace(tree.settings, most=90))
-    assert len(library.levels[0]) > 2 * few.settings.most // 3
+    few = TreeFilter(library, tree.transitions, replace(tree.settings, moved=30))
+    assert len(library.levels[0]) > 2 * few.settings.moved
     result, every = (one.update(prior, evidence) for one in (few, tree))
     assert result.samples[0] == every.samples[0]
     shares = [filled(one, len(library)) for one in (result, every)]
