@@ -96,7 +96,7 @@ class HypothesisTracker:
             window = look_at(camera, mask, distance_m, STATURE_PX / self._length_m)
         weights = SignedWeights.from_window(window, settings.reduction, self.backend)
         contour = Observation.from_masks(self.views, [mask], distance_m, settings.spacing_m)
-        return ObservedFrame(mask, weights, contour, distance_m, time_s)
+        return ObservedFrame(mask, weights, contour, time_s)
 
     def step(
         self,

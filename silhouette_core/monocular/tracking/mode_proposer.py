@@ -67,7 +67,7 @@ class ModeProposer:
         self._views: list[ModeView] = []  # of the last 0.8 s
         self._distance_m = np.nan
 
-    def note(self, number: int, time_s: float, person: Person) -> ModeNote:
+    def note(self, time_s: float, person: Person) -> ModeNote:
         """See `observed_frame.Proposer.note`."""
         self._views = [one for one in self._views if time_s - one.time_s <= _MEMORY_S]
         if not self._views:

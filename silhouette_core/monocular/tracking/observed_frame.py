@@ -28,14 +28,12 @@ class ObservedFrame:
         mask: (h, w) bool, the silhouette in the camera's image.
         weights: signed pixel weights of the silhouette's window.
         contour: points of the contour, and distances from the silhouette.
-        distance_m: distance of the body from the camera, about.
         skin: where the person has the colours of the head, if these are known.
     """
 
     mask: NDArray[np.bool_]
     weights: SignedWeights
     contour: Observation
-    distance_m: float
     time_s: float
     skin: SkinEvidence | None = None
 
@@ -77,7 +75,7 @@ class Proposer(Protocol):
 
     model: BodyModel
 
-    def note(self, number: int, time_s: float, person: Person) -> Any:
+    def note(self, time_s: float, person: Person) -> Any:
         """What is kept of a frame; independent of what is found in others, unless frames are
         decided at once.
 

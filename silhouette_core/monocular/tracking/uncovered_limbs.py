@@ -144,13 +144,13 @@ def _aims(
 def _within_reach(
     limb_m: NDArray[np.float64], center_m: NDArray[np.float64], ray: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Points on a ray that a limb with joints (3, 3) reaches: before its root and behind it."""
+    """Points on a ray that a limb with joints (3, 3) reaches, before its root and behind it, or
+    comes nearest to.
+    """
     length = float(np.linalg.norm(np.diff(limb_m, axis=0), axis=1).sum())
     nearest = center_m + ((limb_m[0] - center_m) @ ray) * ray
     apart = float(np.linalg.norm(nearest - limb_m[0]))
-    if apart > length:
-        return []
-    half_way = 0.5 * np.sqrt(length**2 - apart**2) * ray
+    half_way = 0.5 * np.sqrt(max(length**2 - apart**2, 0.0)) * ray
     return [nearest - half_way, nearest + half_way]
 
 

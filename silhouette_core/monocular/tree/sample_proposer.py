@@ -80,7 +80,7 @@ class SampleProposer(Proposer):
         self.model = forward.tree.library.model
         self._forward, self._root, self._different_m = forward, root, different_m
 
-    def note(self, number: int, time_s: float, person: Person) -> FilterFrame:
+    def note(self, time_s: float, person: Person) -> FilterFrame:
         """Posterior of the frame, without its pictures."""
         return slim(self._forward.step(time_s, person.mask), _ROWS)
 

@@ -99,7 +99,7 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
         TreeFilter(library, transitions(library, True, interval_s=1 / 15)), CAMERA
     )
     proposer = SampleProposer(forward, root, settings.different_m)
-    (proposal,) = proposer.propose([proposer.note(0, 0.0, person)], [person], True)
+    (proposal,) = proposer.propose([proposer.note(0.0, person)], [person], True)
     tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings)
     observed = tracker.observe(masks[0], proposal.distance_m, 0.0)
     beam = tracker.step(observed, proposal, (None, None))

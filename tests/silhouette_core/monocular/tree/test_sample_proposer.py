@@ -37,7 +37,7 @@ def proposal(tree):
     proposer = SampleProposer(ForwardFilter(tree, CAMERA), None, DIFFERENT_M)
     assert proposer.model is tree.library.model
     person = Person(silhouette(body(), POSE, CAMERA), False)
-    (found,) = proposer.propose([proposer.note(3, 0.1, person)], [person], True)
+    (found,) = proposer.propose([proposer.note(0.1, person)], [person], True)
     return found
 
 
