@@ -129,9 +129,7 @@ class HypothesisTracker:
         beam = self._beam(observed, proposal, poses, priors)
         if previous is not None:
             beam = self._continued(beam, previous, predicted)
-        kept = self._pruned(replace(beam, cost=beam.cost - beam.cost.min()))
-        self.costs.add_best(observed.time_s, kept.poses[kept.best])
-        return kept
+        return self._pruned(replace(beam, cost=beam.cost - beam.cost.min()))
 
     def _found(
         self,
@@ -240,16 +238,16 @@ class HypothesisTracker:
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
         restart_cost = self.settings.restart * max((beam.time_s - previous.time_s) * FPS, 1.0)
-        tree, steps = self.model.tree, elapsed_steps(previous.time_s, beam.time_s)
+        tree = self.model.tree
         moving = transition_cost(
             PoseArrays.from_poses(predicted),
             PoseArrays.from_poses(beam.poses),
             previous.occluded[:, tree.dof_part] & ~tree.dof_fixed,
             self._sigma_rad,
-            steps,
+            elapsed_steps(previous.time_s, beam.time_s),
         )
         moving = np.minimum(moving, restart_cost)
-        return moving + self.costs.slip(previous.joints, beam.joints, steps), moving >= restart_cost
+        return moving, moving >= restart_cost
 
     def _pruned(self, beam: Beam) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
