@@ -170,7 +170,7 @@ def _follow(tree: TreeFilter, count: int) -> tuple[list[FilterFrame], list[float
         if person is None:
             raise RuntimeError(f"frame {number} shows nobody")
         started = time.perf_counter()
-        beliefs.append(forward.step(number, number / 30, person))
+        beliefs.append(forward.step(number / 30, person.mask))
         seconds.append(time.perf_counter() - started)
     return beliefs, seconds
 

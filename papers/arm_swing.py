@@ -279,7 +279,7 @@ def track_arm(
             if mask.any():
                 joints[frame] = _landmarks(library, paper.step(frame, mask))
         elif (person := find_person(mask)) is not None:
-            filter_frame = tracker.step(frame, frame / video.fps, person)
+            filter_frame = tracker.step(frame / video.fps, person.mask)
             lost += filter_frame.lost
             joints[frame] = _landmarks(library, int(filter_frame.posterior.samples[0]))
         reporter.advance()

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
 from calib.errors import InputError
@@ -20,18 +22,19 @@ from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.making.base_poses import BasePoses, base_poses
 from silhouette_core.monocular.making.build import build_library
-from silhouette_core.monocular.making.sampled_motion import sampled_motion
 from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.monocular.tuning import TREE
+from silhouette_core.monocular.tuning import SAMPLED_MOTION, TREE
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.dynamics import FPS, relaxed_rad
 from silhouette_core.motion.kinematics import quaternions
+from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import Backend
@@ -40,6 +43,7 @@ _SAMPLED_FRAMES, _SEED = 40_000, 0
 _FROM_ALL_SIDES = 24_000  # samples
 _FROM_ONE_SIDE = 12_000
 _MOMENTS = 8
+_FRAMES_PER_KNOT = 15
 
 
 def body_of_track(body: str, library: str, reporter: Reporter) -> BodyModel | None:
@@ -153,6 +157,31 @@ def _sampled(model: BodyModel, pitch_deg: float) -> PoseLibrary:
 def _sampled_bases(model: BodyModel, settings: LibrarySettings) -> BasePoses:
     motion = sampled_motion(model, np.random.default_rng(_SEED), _SAMPLED_FRAMES)
     return base_poses({"sampled": motion}, settings)
+
+
+def sampled_motion(model: BodyModel, rng: np.random.Generator, frames: int) -> Motion:
+    """Smooth random motion of all joints of a body, each by itself, at `dynamics.FPS`.
+
+    Angles are normally distributed about rest, cut off at the limits. A root that is free leans a
+    little; a motion has no heading, since a library shows every pose from all sides.
+    """
+    rest = relaxed_rad(model.tree)
+    low, high = np.where(model.tree.dof_fixed, rest, model.tree.dof_limits_rad.T)
+    knots = rng.standard_normal((frames // _FRAMES_PER_KNOT + 2, model.dof_count + 2))
+    drawn = knots[:, 2:] * SAMPLED_MOTION.spread
+    angles = np.clip(rest + np.where(drawn < 0, rest - low, high - rest) * drawn, low, high)
+    tilt = np.zeros((len(knots), 3))
+    if not model.tree.root_fixed:
+        tilt[:, :2] = np.radians(SAMPLED_MOTION.tilt_deg) * knots[:, :2]
+    turns = Rotation.from_rotvec(_between(tilt, frames)).as_matrix()
+    root = np.tile(model.joints_m[0], (frames, 1))
+    return Motion(FPS, model, root, quaternions(turns), _between(angles, frames))
+
+
+def _between(knots: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    """Values (T, n) that pass through knots (K, n) and never beyond their neighbours."""
+    times = np.arange(len(knots)) * _FRAMES_PER_KNOT
+    return np.asarray(PchipInterpolator(times, knots)(np.arange(frames)))
 
 
 def _from_one_side(library: PoseLibrary, sampled: bool, camera: Camera, root: Pose) -> PoseLibrary:

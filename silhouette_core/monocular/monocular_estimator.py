@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.errors import InputError
@@ -29,7 +31,6 @@ from silhouette_core.monocular.monocular_stages import (
     person_for,
 )
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.hypothesis_store import COUNT, HypothesisStore
 from silhouette_core.monocular.tracking.joint_error import hypothesis_spread, joint_errors
 from silhouette_core.monocular.tracking.trajectory import (
     FrameEstimate,
@@ -40,11 +41,14 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
+from silhouette_core.scratch_file import ScratchFile
 
 _BLOCK = 150  # frames copied into arrays together
+_COUNT = 5  # hypotheses that are stored of a frame, at most
 
 
 class MonocularEstimator:
@@ -121,6 +125,42 @@ class MonocularEstimator:
             facts,
             hypotheses,
         )
+
+
+class HypothesisStore:
+    """Likeliest poses of all frames, in a temporary file, so that memory does not grow with time.
+
+    Args:
+        upright: the frame in which joints are given; None: the world, in which they are stored.
+    """
+
+    def __init__(self, upright: UprightFrame | None = None) -> None:
+        self._upright = upright or UprightFrame.from_up(Z_UP)
+        self._file = ScratchFile()
+        self._frames, self._counts = array("q"), array("q")
+        self._joints = 0
+
+    def put(
+        self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
+    ) -> None:
+        """Stores a frame's n hypotheses: probabilities (n,) and joints (n, L, 3), m."""
+        joints_m = self._upright.world_points(joints_m)
+        self._joints = joints_m.shape[1]
+        rows = np.concatenate(
+            [probability[:, None], joints_m.reshape(len(probability), -1)], axis=1
+        )
+        self._file.append(rows.astype(np.float32).tobytes())
+        self._frames.append(frame)
+        self._counts.append(len(rows))
+
+    def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
+        """Yields frame number, probabilities (n,) and joints (n, L, 3), world, m."""
+        start, width = 0, 1 + 3 * self._joints
+        for frame, count in zip(self._frames, self._counts, strict=True):
+            size = count * width * 4
+            rows = np.frombuffer(self._file.read_at(start, size), np.float32).reshape(count, width)
+            start += size
+            yield frame, rows[:, 0], rows[:, 1:].reshape(count, self._joints, 3)
 
 
 def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) -> Silhouettes:
@@ -210,7 +250,7 @@ def _motion(
     frames, blocks = iter(estimates), []
     while block := list(islice(frames, _BLOCK)):
         for frame in block:
-            count = min(COUNT, len(frame.probability))
+            count = min(_COUNT, len(frame.probability))
             hypotheses.put(frame.number, frame.probability[:count], frame.joints[:count])
         blocks.append(_stacked(block))
     if not blocks:
@@ -220,18 +260,13 @@ def _motion(
         whole[name] for name in ("root", "rotation", "angles", "number", "occluded")
     )
     agreement = np.clip(1 - whole["error"], 0.0, 1.0)
+    hidden = occluded[:, trajectory.model.tree.landmark_part]
     quality = {
         "outline_agreement": agreement,
-        "landmark_confidence": (
-            agreement[:, None]
-            * np.where(occluded[:, trajectory.model.tree.landmark_part], 0.3, 1.0)
-        ),
-        "occluded": occluded,
-        "cut": whole["cut"],
-        "lost": whole["lost"],
+        "landmark_confidence": agreement[:, None] * np.where(hidden, 0.3, 1.0),
+        **{name: whole[name] for name in ("occluded", "cut", "lost")},
     }
     if trajectory.model.person is not None:  # others were not compared with the truth
-        hidden = occluded[:, trajectory.model.tree.landmark_part]
         errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
             "pose_probability": whole["probability"],
@@ -247,21 +282,16 @@ def _motion(
 
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
     """Arrays of frames, which keep nothing else of them in memory."""
-    poses = [frame.pose for frame in frames]
-    return {
-        "root": np.stack([pose.root_m for pose in poses]),
-        "rotation": quaternions(np.stack([pose.root_rotation for pose in poses])),
-        "angles": np.stack([pose.angles_rad for pose in poses]),
-        "number": np.array([frame.number for frame in frames], np.int64),
-        "time_s": np.array([frame.time_s for frame in frames]),
-        "error": np.array([frame.error for frame in frames]),
+    poses = PoseArrays.from_poses([frame.pose for frame in frames])
+    plain = "number", "time_s", "error", "occluded", "cut", "lost"
+    return {name: np.array([getattr(frame, name) for frame in frames]) for name in plain} | {
+        "root": poses.root_m,
+        "rotation": quaternions(poses.root_rotation),
+        "angles": poses.angles_rad,
         "probability": np.array([frame.probability.max() for frame in frames]),
         "spread": np.stack(
-            [hypothesis_spread(frame.probability[:COUNT], frame.joints[:COUNT]) for frame in frames]
+            [hypothesis_spread(one.probability[:_COUNT], one.joints[:_COUNT]) for one in frames]
         ),
-        "occluded": np.stack([frame.occluded for frame in frames]),
-        "cut": np.array([frame.cut for frame in frames]),
-        "lost": np.array([frame.lost for frame in frames]),
     }
 
 

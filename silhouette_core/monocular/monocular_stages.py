@@ -156,7 +156,7 @@ class PoseStages:
     def noted(self, number: int, time_s: float, person: Person) -> PendingFrame:
         """What is kept of the next frame that shows a person: its number and time, the person."""
         with self._clock("proposal"):
-            note = self.proposer.note(number, time_s, person)
+            note = self.proposer.note(time_s, person)
         return PendingFrame.of(number, time_s, person, note)
 
 

@@ -58,7 +58,7 @@ def find_person(
     area = components.sizes[1:].astype(float)
     (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
     w, h = right - x, bottom - y
-    weight = area * np.clip(h / (PERSON.slender * w), PERSON.least_weight, 1)
+    weight = area * np.minimum(h / (PERSON.slender * w), 1)
     if near_px is not None:
         # The root of the area is half a person's height: more than anybody moves within a frame.
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
@@ -136,4 +136,4 @@ def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) 
         return float(stature_m * camera.matrix[0, 0] / side)
     slope = directions[:, 2] / level
     height = max(slope[0] - slope[1], 1e-3)
-    return float(PERSON.upright * stature_m / height / level[2])
+    return float(stature_m / height / level[2])

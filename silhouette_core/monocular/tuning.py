@@ -108,7 +108,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class SampledMotion:
-    """Motion of a body of which none was recorded (`making.sampled_motion`). Chosen by eye."""
+    """Motion of a body of which none was recorded (`body_library`). Chosen by eye."""
 
     spread: float = 0.5
     """1. Standard deviation about rest, of the way to a limit: few joints are at a limit."""
@@ -160,20 +160,17 @@ class FoundPerson:
     largest_gap: float = 0.25
     """1. Between a component and the main one, relative to the size of the latter."""
     slender: float = 2.0
-    """1. Height over width of most silhouettes: what is wider counts for less beside a person,"""
-    least_weight: float = 0.25
-    """1. down to this: a board on the floor, or a box."""
+    """1. Height over width of most silhouettes: what is wider counts for less beside a person, as a
+    board on the floor, or a box."""
     least_of_usual: float = 0.2
-    """1. The same, of the usual one's area."""
+    """1. Smallest area of the person, relative to the usual one."""
     border: float = 0.02
     """1. Length of contact with the border, relative to the size, up to which nobody is cut."""
-    upright: float = 1.02
-    """Statures. Height of an upright person's silhouette: the nearer foot appears lower."""
 
 
 @dataclass(frozen=True)
 class BarePeople:
-    """Head and bare parts (`tracking.bare_parts`, `colour_evidence`). By eye."""
+    """Head and bare parts (`tracking.colour_evidence`). By eye."""
 
     head_from: float = 0.35
     """1. Of the way from the neck to the top of the head: above it is the head."""
@@ -183,26 +180,17 @@ class BarePeople:
     """1. Of the way along a limb between which its colours are looked at."""
     hand_along: Range = (1.1, 1.4)
     """1. The same of a hand, along the forearm."""
-    trunk_width: float = 0.37
-    """1. Half the trunk's width, relative to its length."""
-    trunk_depth_m: float = 0.05
-    """Metres from its axis to its surface: what is farther away there is hidden."""
     share: float = 0.75
     """1. Of the frames: in the others the part is not where the pose has it."""
-    head: float = 0.9
-    """1. Probability that a pixel of the head has its colours."""
     clothed: float = 0.05
-    """1. The same of what is clothed."""
-    unknown: float = 0.3
-    """1. The same of a limb that was not seen."""
+    """1. Probability that a pixel of what is clothed has the head's colours, or one of the head has
+    not."""
     pixel: float = 0.12
     """Nats of a pixel that count: neighbours are not independent."""
     most: float = 5.0
     """Nats of a frame at most."""
-    blocks_kept: float = 0.5
-    """1. Weight of the earlier blocks' pictures in the head's colours."""
-    frames_kept: float = 0.9
-    """1. Weight of the earlier frames' pictures, without later ones."""
+    kept: float = 0.9
+    """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
 
 
 @dataclass(frozen=True)
@@ -227,12 +215,8 @@ class BodyHeading:
 
     independence: float = 0.5
     """1. Frames read the same silhouettes: each counts as this fraction of an observation."""
-    sigma_deg: float = 18.0
-    """Degrees. Deviation of a mode's heading."""
     turn_deg: float = 9.0
-    """Degrees. Turn within 1 / FPS."""
-    unknown: float = 0.02
-    """1. Probability that no mode has the right heading."""
+    """Degrees. Turn within 1 / FPS; half the deviation of a mode's heading."""
     expected: float = 2.0
     """1. Concentration of the heading expected in the first frame."""
     jump: float = 1e-5
@@ -249,18 +233,12 @@ class ProposedModes:
     """Metres. Deviation of its pelvis."""
     evidence: float = 0.1
     """1. Weight of a deviation from a mode: its 42 coordinates are not independent."""
-    distance_window_s: float = 0.17
-    """Seconds. Frames whose distances are averaged."""
     usual_height: float = 0.53
     """Statures. Height of a person's middle."""
     heights: Range = (0.15, 1.1)
     """Statures. Range of it in which z = 0 may be the floor."""
     alike_m: float = 0.08
     """Metres. Mean distance of the joints of modes that are averaged."""
-    least_probability: float = 0.02
-    """1. Of these modes."""
-    memory_s: float = 0.5
-    """Seconds of frames that the network reads without later ones."""
     longest_frame: float = 3.0
     """1 / FPS. Interval of frames up to which a frame counts more than one of 1 / FPS."""
 
@@ -273,31 +251,16 @@ class UncoveredLimbs:
     """
 
     least_m: float = 0.08
-    """Metres. What stands out by less is cloth, hair or another girth."""
-    seam_m: float = 0.04
-    """Metres. Width up to which what is uncovered is a seam along the outline."""
+    """Metres. What stands out by less is cloth, hair or another girth; up to half of it wide are
+    seams along the outline."""
     tip_m: float = 0.10
-    """Metres from the tip to the wrist or ankle,"""
-    inward: float = 0.7
-    """1. at most this share of the way in."""
-    near_m: float = 0.12
-    """Metres. A wrist or ankle that is so near is there already."""
-    longest: float = 1.1
-    """1. Of a limb's length: what it may reach."""
-    stretched: float = 0.95
-    """1. The same of a straight one."""
-    bent: float = 0.4
-    """1. Share of the length in depth from which before and behind are told apart."""
-    depth: float = 0.6
-    """1. Of that depth, where the wrist or ankle is tried."""
+    """Metres from the tip to the wrist or ankle; one that is so near is there already."""
     across_m: float = 0.04
     """Metres. Standard deviation across the viewing ray."""
     along_m: float = 0.20
     """Metres. The same along it."""
     placed_m: float = 0.03
     """Metres. The same of the other joints while the limb is put there."""
-    placed_end: float = 4.0
-    """1. Weight of its own end meanwhile."""
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import float_array
 from calib.errors import InputError
-from silhouette_core.monocular.making.thinning import pose_features, thin_poses
+from silhouette_core.monocular.making.kernels.thinning import thin_rows
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
@@ -19,6 +20,7 @@ from silhouette_core.motion.kinematics import forward, landmarks, rotation_matri
 from silhouette_core.motion.motion import Motion
 
 _DRAWN = 2000  # poses whose distance to the nearest base pose is measured
+_GRID_COLUMNS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,6 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
 
     Args:
         motions: clips by name, all of one body.
-        settings: number of samples, views, tolerance and mirror images of the library.
 
     Returns:
         The base poses: thinned by `settings.tolerance_deg`, then by the positions of the joints
@@ -98,6 +99,47 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
         sigma,
         root_sigma,
     )
+
+
+def pose_features(motion: Motion) -> NDArray[np.float64]:
+    """Coordinates (T, D + 2) of poses that do not depend on heading and position, radians: the
+    joint angles, then the lean of the pelvis from the vertical, a rotation vector about the body's
+    x and y (its z is 0 without the heading).
+    """
+    _, tilt = split_heading(motion.root_quaternion)
+    sine = np.linalg.norm(tilt[:, 1:], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, tilt[:, :1])
+    lean = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0) * tilt[:, 1:3]
+    return np.hstack([motion.angles_rad, lean])
+
+
+def thin_poses(features_rad: NDArray[np.float64], tolerance_rad: float) -> NDArray[np.int64]:
+    """Poses of which no two differ by the tolerance or less in all coordinates.
+
+    Greedy in the given order, and exact: a pose is removed if a kept one is within the tolerance in
+    every coordinate. Takes N lookups in a hash grid over the six coordinates that vary most, each
+    of at most 64 cells; the time grows with N and the number of kept poses per cell, not with N².
+
+    Args:
+        features_rad: (N, K) float64, finite, radians or any other unit.
+        tolerance_rad: largest difference of similar poses, greater than 0, in the same unit.
+
+    Returns:
+        (L,) int64, increasing, the rows that are kept.
+
+    Raises:
+        ValueError: the arrays have other shapes, hold NaN, or the tolerance is not positive.
+
+    Source: Okada and Stenger, §3 (their tolerance is 5 degrees).
+    """
+    features = float_array("features_rad", features_rad, ("N", "K"), finite=True)
+    if not tolerance_rad > 0:
+        raise ValueError(f"tolerance_rad must be greater than 0, got {tolerance_rad}")
+    kept = np.zeros(len(features), bool)
+    spread = features.std(axis=0) if len(features) else np.zeros(features.shape[1])
+    grid = np.argsort(-spread, kind="stable")[:_GRID_COLUMNS].astype(np.int64)
+    thin_rows(features, grid, float(tolerance_rad), kept)
+    return np.flatnonzero(kept).astype(np.int64)
 
 
 def _joint_positions(motion: Motion) -> NDArray[np.float64]:
@@ -172,10 +214,7 @@ def motion_sigmas(
     mean squared distance to the nearest sample is added to the mean squared change.
 
     Args:
-        motions: the clips.
-        quantisation: mean squared distances from the nearest base pose, per joint angle (D,), and
-            of the orientation, radians squared.
-        settings: settings of the library, of which the yaw step counts.
+        quantisation: see `_quantisation`.
 
     Returns:
         Step sizes of the joint angles (D,) float32, at least half a degree, and of the orientation

@@ -49,10 +49,6 @@ def build_library(
     """Library of base poses seen from all sides.
 
     Args:
-        bases: the base poses.
-        model: the body.
-        settings: settings of the library.
-        reporter: informed of every stage.
         kept_in: folder for checkpoints, from which an interrupted build resumes; the caller removes
             it once the library is written.
 

@@ -50,33 +50,21 @@ class Checkpoint:
         except OSError as error:
             raise InputError(f"{folder} cannot be made: {error.strerror or error}") from error
 
-    def load(self, name: str) -> dict[str, NDArray] | None:
-        """Arrays of a step, or None if it is not finished."""
-        if self.folder is None:
-            return None
-        try:
-            arrays = load((self.folder / f"{name}.safetensors").read_bytes())
-        except (OSError, SafetensorError):
-            return None
-        inputs = arrays.pop(_INPUTS_OF_STEP, None)
-        return arrays if inputs is not None and np.array_equal(inputs, self._inputs) else None
-
-    def save(self, name: str, arrays: Arrays) -> None:
-        """Saves the arrays of a step, atomically."""
-        if self.folder is None:
-            return
-        kept = {key: np.ascontiguousarray(array) for key, array in arrays.items()}
-        write_whole(
-            self.folder / f"{name}.safetensors", save(kept | {_INPUTS_OF_STEP: self._inputs})
-        )
-
     def step(self, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """Arrays of a step, computed by `make` and saved if it is not finished."""
-        arrays = self.load(name)
-        if arrays is None:
-            arrays = make()
-            self.save(name, arrays)
-        return arrays
+        """Arrays of a step, computed by `make` and saved, atomically, if it is not finished."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.safetensors"
+        try:
+            arrays = load(path.read_bytes())
+        except (OSError, SafetensorError):
+            arrays = {}
+        if np.array_equal(arrays.pop(_INPUTS_OF_STEP, []), self._inputs):
+            return arrays
+        made = make()
+        kept = {key: np.ascontiguousarray(array) for key, array in made.items()}
+        write_whole(path, save(kept | {_INPUTS_OF_STEP: self._inputs}))
+        return made
 
     @staticmethod
     def remove(folder: Path) -> None:

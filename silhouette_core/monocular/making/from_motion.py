@@ -45,7 +45,6 @@ def read_clips(
         names: joint-name map, see `silhouette_core.motion.mocap`.
         leave_out: clips to be skipped, by the file's name without its ending, or by the end of that
             name after an underscore.
-        reporter: informed of the stage.
 
     Returns:
         Motions by the file's name without its ending, with a number where two names are the same.
@@ -98,11 +97,7 @@ def make_library(
     `path`.partial.
 
     Args:
-        motions: clips by name, all of the body.
-        model: the body.
         path: the library's file; an existing library is replaced once the new one is complete.
-        settings: settings of the library.
-        reporter: informed of every stage.
         learning: settings of the proposal that a person's library learns from the motion, of which
             `mirror` is that of the library; None: it has none.
 

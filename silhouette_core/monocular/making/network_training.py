@@ -1,22 +1,35 @@
-"""Training of a mixture density network by Adam on the likelihood."""
+"""Training of a mixture density network by Adam on the likelihood, and of the encoders, by whose
+codes alone poses are to be told from single frames.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.kernels import mixture as kernels
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork, normalised
-from silhouette_core.monocular.proposal.silhouette_features import product
+from silhouette_core.monocular.proposal.pose_proposal import SilhouetteEncoding
+from silhouette_core.monocular.proposal.silhouette_features import (
+    INSIDE_CODES,
+    OUTLINE_CODES,
+    SilhouetteBasis,
+    inside_images,
+    outline_images,
+    product,
+)
 from silhouette_core.monocular.tuning import TRAINING
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
 _PARTS = 4  # of a batch, worked on side by side; their number changes the last digits
 _WARM_UP = 200  # steps over which the rate grows
+_FILTERS, _INSIDE_FILTERS = 16, 12
+_SAMPLE = 4000  # frames, over which the codes' variance is measured
 
 
 @dataclass(frozen=True)
@@ -75,13 +88,6 @@ class LossGradient:
     biases: list[NDArray[np.floating]]
     first: NDArray[np.floating]
 
-    def put_before(self, inputs: NDArray[np.floating], gradient: NDArray[np.floating]) -> None:
-        """Adds the layer before those that are there, from its inputs (N, I) and the gradient
-        (N, O) with respect to its outputs.
-        """
-        self.weights.insert(0, product(inputs.T, gradient))
-        self.biases.insert(0, gradient.sum(axis=0))
-
 
 def loss_gradient(
     network: MixtureNetwork,
@@ -100,8 +106,6 @@ def loss_gradient(
     line of sight, and of the offsets.
 
     Args:
-        network: the network.
-        batch: the samples.
         share: if above 0, the mode nearest to the truth is responsible for 1 - share of a sample
             whatever its probability, and all modes for the rest ("winner takes most").
 
@@ -131,20 +135,22 @@ def loss_gradient(
         likelihood,
     )
     slope /= len(slope)
-    found = LossGradient(-float(likelihood.mean()), [], [], np.empty_like(state))
-    found.put_before(last, slope)
+    layers = [(last, slope)]  # inputs of every layer, and gradient with respect to its outputs
     gradient = _before_normalising(
         product(slope, network.weights[-1].T) * (last > 0), normal, deviation
     )
     for block in reversed(blocks):
-        found.put_before(block.hidden, gradient)
         inner = product(gradient, network.weights[block.number + 1].T) * (block.hidden > 0)
-        found.put_before(block.normal, inner)
+        layers += [(block.hidden, gradient.copy()), (block.normal, inner)]
         normal_gradient = product(inner, network.weights[block.number].T)
         gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
-    found.put_before(batch.inputs, gradient)
-    found.first[:] = gradient
-    return found
+    layers = [*layers, (batch.inputs, gradient)][::-1]
+    return LossGradient(
+        -float(likelihood.mean()),
+        [product(inputs.T, slope) for inputs, slope in layers],
+        [slope.sum(axis=0) for _, slope in layers],
+        gradient,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,11 +185,7 @@ def train_network(
     """Trains a network in place.
 
     Args:
-        network: the network, with random weights.
         draw: draws a number of samples; called in several threads.
-        settings: settings of the training.
-        rng: random numbers, on which alone and on the samples the result depends.
-        reporter: informed of every step.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -215,8 +217,6 @@ def descend(
         gradients: from random numbers, a number of samples to draw and the share of
             `loss_gradient`: the loss and its gradient with respect to every array; called in
             several threads.
-        settings: settings of the training.
-        rng: random numbers, on which alone and on the samples the result depends.
         reporter: informed of every step, and of the mean loss of each tenth of them.
 
     Returns:
@@ -263,3 +263,99 @@ def descend(
             mean = np.mean(losses[-tenth:])
             reporter.note(f"after {len(losses)} of {settings.steps} steps the loss is {mean:.2f}")
     return float(np.mean(losses[-tenth:]))
+
+
+@dataclass(frozen=True, eq=False)
+class PictureBatch:
+    """Samples of a step: N single frames.
+
+    Attributes:
+        coverage: (N, 60, 80) uint8, as in `VirtualTake`.
+        skin: (N, 60, 80) uint8, likewise.
+        shading: (N, 60, 80) uint8, likewise.
+        coloured: (N,) bool, whether what lies inside the silhouettes is read.
+        samples: what is to be told, and as inputs what the network reads beside the codes.
+    """
+
+    coverage: NDArray[np.uint8]
+    skin: NDArray[np.uint8]
+    shading: NDArray[np.uint8]
+    coloured: NDArray[np.bool_]
+    samples: TrainingBatch
+
+
+def train_encoders(
+    draw: Callable[[np.random.Generator, int], PictureBatch],
+    feet: SilhouetteBasis,
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    reporter: Reporter,
+) -> SilhouetteEncoding:
+    """Encoders trained together with a mixture density network that reads the codes of one frame
+    and is thrown away.
+
+    BLAS must run in one thread, see `EncoderTrace.gradients`.
+
+    Args:
+        draw: draws a number of samples; called in several threads.
+        feet: basis of the grids of the feet, which is not changed.
+        settings: its noise is not used.
+
+    Returns:
+        The encoding. The codes of its encoders have no correlation over a sample of frames and fall
+        in variance; they are scaled like those of `fit_basis`.
+    """
+    encoding = SilhouetteEncoding(
+        ConvolutionalEncoder.initial(1, _FILTERS, OUTLINE_CODES, rng),
+        feet,
+        ConvolutionalEncoder.initial(2, _INSIDE_FILTERS, INSIDE_CODES, rng),
+    )
+    first = draw(rng, _SAMPLE)
+    network = MixtureNetwork.initial(
+        OUTLINE_CODES + INSIDE_CODES + 1 + first.samples.inputs.shape[1],
+        settings.units,
+        settings.blocks,
+        settings.modes,
+        first.samples.joints.mean(axis=0),
+        rng,
+    )
+
+    def gradients(
+        stream: np.random.Generator, samples: int, share: float
+    ) -> tuple[float, list[NDArray]]:
+        return encoder_gradients(encoding, network, draw(stream, samples), share)
+
+    parameters = [*encoding.parameters, *network.weights, *network.biases]
+    descend(parameters, gradients, settings, rng, reporter)
+    return SilhouetteEncoding(
+        encoding.outline.ordered(outline_images(first.coverage)),
+        feet,
+        encoding.inside.ordered(inside_images(first.skin, first.shading)),
+    )
+
+
+def encoder_gradients(
+    encoding: SilhouetteEncoding, network: MixtureNetwork, batch: PictureBatch, share: float
+) -> tuple[float, list[NDArray]]:
+    """Loss of a batch, see `loss_gradient`, and its gradients with respect to the parameters of the
+    encoders, the network's weights and its biases.
+
+    Args:
+        network: reads the codes of the outline, those of the inside, or 0 where colours are not
+            known, whether they are, and the samples' inputs.
+        share: as for `loss_gradient`.
+    """
+    outline, inside = encoding.outline, encoding.inside
+    known = batch.coloured[:, None].astype(np.float32)
+    seen, seen_trace = outline.traced(outline_images(batch.coverage))
+    read, read_trace = inside.traced(inside_images(batch.skin, batch.shading))
+    inputs = np.concatenate([seen, read * known, known, batch.samples.inputs], axis=1)
+    found = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
+    ends = outline.codes, outline.codes + inside.codes
+    slope = product(found.first, network.weights[0][: ends[1]].T)
+    return found.loss, [
+        *seen_trace.gradients(slope[:, : ends[0]]),
+        *read_trace.gradients(slope[:, ends[0] :] * known),
+        *found.weights,
+        *found.biases,
+    ]

@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.making.encoder_training import PictureBatch, train_encoders
 from silhouette_core.monocular.making.network_training import (
+    PictureBatch,
     TrainingBatch,
     TrainingSettings,
+    train_encoders,
     train_network,
 )
 from silhouette_core.monocular.making.varied_motion import vary_motion
@@ -47,6 +48,7 @@ _BETWEEN_S = 10  # between takes: no instant that is read lies in another take
 _BASIS_GRIDS = 4000
 _AT_ONCE = 24  # takes that are filmed side by side
 _GRIDS = "coverage", "feet", "skin", "shading"
+_CODES = "outline", "feet", "inside"
 _LEAST_STEPS = 200
 
 
@@ -80,21 +82,6 @@ class LearningSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class FilmedFrames:
-    """Frames of all takes.
-
-    Attributes:
-        features: their features; takes are 10 s apart.
-        joints: (T, 14, 3) float32, as in `VirtualTake`.
-        offset: (T, 3) float32, as in `VirtualTake`.
-    """
-
-    features: FrameFeatures
-    joints: NDArray[np.float32]
-    offset: NDArray[np.float32]
-
-
 def learn_proposal(
     motions: Sequence[Motion],
     model: BodyModel,
@@ -107,8 +94,6 @@ def learn_proposal(
     Args:
         motions: recorded motion, of the body.
         model: the body of the library; random bodies around it are filmed.
-        settings: settings; None: the usual ones.
-        reporter: informed of the stages.
         step: keeps the arrays of a named step, made by a function, and gives them again after an
             interruption, such as `Checkpoint.step`; None: nothing is kept.
 
@@ -119,7 +104,7 @@ def learn_proposal(
         InputError: there is too little motion.
     """
     settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
-    step = step or _made
+    step = step or (lambda _, make: make())
     streams = np.random.SeedSequence(settings.seed).spawn(5)
     plan, film, fit, encode, train = (np.random.default_rng(stream) for stream in streams)
     recorded = sum(round(len(motion) * min(1.0, 30 / motion.fps)) for motion in motions)
@@ -146,13 +131,8 @@ def learn_proposal(
         for group in studio.film("filming the other takes", others, reporter):
             codes += side_by_side(partial(_codes, encoding), group)
             takes += [_without_grids(take) for take in group]
-        filmed = _joined(takes, codes)
-        network = _trained(filmed, settings, train, reporter)
+        network = _trained(_joined(takes, codes), takes, settings, train, reporter)
     return PoseProposal(encoding, network)
-
-
-def _made(name: str, make: Callable[[], Arrays]) -> Arrays:
-    return make()
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,12 +192,8 @@ def _codes(encoding: SilhouetteEncoding, take: VirtualTake) -> SilhouetteCodes:
     codes = encoding.with_inside(
         encoding.codes(take.coverage, take.feet), InsideGrids(take.skin, take.shading)
     )
-    return replace(
-        codes,
-        outline=codes.outline.astype(np.float16),
-        feet=codes.feet.astype(np.float16),
-        inside=codes.inside.astype(np.float16),
-    )
+    shorter = {name: getattr(codes, name).astype(np.float16) for name in _CODES}
+    return replace(codes, **shorter)
 
 
 def _without_grids(take: VirtualTake) -> VirtualTake:
@@ -225,23 +201,21 @@ def _without_grids(take: VirtualTake) -> VirtualTake:
     return replace(take, **{name: getattr(take, name)[:0].copy() for name in _GRIDS})
 
 
-def _joined(takes: Sequence[VirtualTake], codes: Sequence[SilhouetteCodes]) -> FilmedFrames:
-    """Frames of all takes."""
-    starts = [0.0, *np.cumsum([take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes])]
-    time_s = [
-        take.time_s - take.time_s[0] + start for take, start in zip(takes, starts[:-1], strict=True)
-    ]
-    features = FrameFeatures(
+def _joined(takes: Sequence[VirtualTake], codes: Sequence[SilhouetteCodes]) -> FrameFeatures:
+    """Features of the frames of all takes, which are 10 s apart."""
+    starts = np.cumsum([0.0, *(take.time_s[-1] - take.time_s[0] + _BETWEEN_S for take in takes)])
+    return FrameFeatures(
         SilhouetteCodes.joined(codes),
         np.concatenate([take.pitch_rad for take in takes]),
         np.concatenate([take.heading_rad for take in takes]),
         np.concatenate([take.anchor for take in takes]),
-        np.concatenate(time_s),
+        np.concatenate(
+            [
+                take.time_s - take.time_s[0] + start
+                for take, start in zip(takes, starts[:-1], strict=True)
+            ]
+        ),
     )
-    joints, offset = (
-        np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
-    )
-    return FilmedFrames(features, joints, offset)
 
 
 def _trained_encoding(
@@ -285,24 +259,28 @@ def _shortened(training: TrainingSettings, samples: float) -> TrainingSettings:
 
 
 def _trained(
-    filmed: FilmedFrames,
+    features: FrameFeatures,
+    takes: Sequence[VirtualTake],
     settings: LearningSettings,
     rng: np.random.Generator,
     reporter: Reporter,
 ) -> MixtureNetwork:
     """Network trained on frames."""
-    count = len(filmed.features)
+    count = len(features)
     training = _shortened(settings.training, settings.passes * count)
-    nearby = nearby_frames(filmed.features.time_s)
+    nearby = nearby_frames(features.time_s)
+    joints, offset = (
+        np.concatenate([getattr(take, name) for take in takes]) for name in ("joints", "offset")
+    )
 
     def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
         frames = rng.integers(0, count, samples)
         causal = rng.random(samples) < TRAINING.withheld
         coloured = rng.random(samples) >= TRAINING.withheld
         return TrainingBatch(
-            network_inputs(filmed.features, frames, nearby[frames], causal, coloured),
-            filmed.joints[frames],
-            filmed.offset[frames],
+            network_inputs(features, frames, nearby[frames], causal, coloured),
+            joints[frames],
+            offset[frames],
         )
 
     network = MixtureNetwork.initial(
@@ -310,7 +288,7 @@ def _trained(
         training.units,
         training.blocks,
         training.modes,
-        filmed.joints.mean(axis=0),
+        joints.mean(axis=0),
         rng,
     )
     reporter.stage("learning the proposal", training.steps)

@@ -22,26 +22,23 @@ from silhouette_core.motion.motion import Motion
 
 _FRAMES_PER_KNOT = 12
 _ANY_LIMB_KNOTS = 24  # frames, likewise, where both legs, or both arms, take any pose
-_LEG_PARTS = ("thigh", "shin", "foot", "toes")
-_ARM_PARTS = ("clavicle", "upper_arm", "forearm", "hand")
-_ARMS = tuple(
-    np.array(
-        [
-            name.startswith(f"{side}_") and any(part in name for part in _ARM_PARTS)
-            for name in HUMAN.dof_names
-        ]
-    )
-    for side in ("left", "right")
-)
-_LEGS = tuple(
-    np.array(
-        [
-            name.startswith(f"{side}_") and any(part in name for part in _LEG_PARTS)
-            for name in HUMAN.dof_names
-        ]
-    )
-    for side in ("left", "right")
-)
+
+
+def _limbs(*parts: str) -> list[NDArray[np.bool_]]:
+    """Joint angles (D,) of the parts of the left and of the right limb."""
+    return [
+        np.array(
+            [
+                name.startswith(f"{side}_") and any(part in name for part in parts)
+                for name in HUMAN.dof_names
+            ]
+        )
+        for side in ("left", "right")
+    ]
+
+
+_LEGS = _limbs("thigh", "shin", "foot", "toes")
+_ARMS = _limbs("clavicle", "upper_arm", "forearm", "hand")
 _UPPER_BODY = ~(_LEGS[0] | _LEGS[1])
 
 
@@ -50,9 +47,7 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
     deviations of the joints, leaning or tumbling, each by chance.
 
     Args:
-        motion: T frames.
         others: recorded motions of the same frame rate, from which arms are taken.
-        rng: random numbers.
 
     Returns:
         T frames within the joint limits; the pelvis keeps its place.

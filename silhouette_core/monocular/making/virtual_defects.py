@@ -23,7 +23,6 @@ def passing_defects(
 
     Args:
         places_px: (T, V, 2), where the body's vertices are seen.
-        rng: random numbers.
         strange: whether there is foreground beside the body, too.
 
     Returns:
@@ -65,7 +64,6 @@ def wall_coloured_places(
     Args:
         places_px: (T, V, 2), where the body's vertices are seen.
         colour: (V,), number of each vertex's colour.
-        rng: random numbers.
 
     Returns:
         Discs (T, D, 3), px, for `kernels.spoil_silhouettes`.
@@ -85,7 +83,6 @@ def cast_shadow(
 
     Args:
         surface: (T, V, 3) of the body, statures.
-        rng: random numbers.
 
     Returns:
         The surface; None in most takes.

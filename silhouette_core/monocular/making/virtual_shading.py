@@ -33,7 +33,6 @@ def lit_labels(
         faces: (F, 3), outward.
         face_part: (F,), part of each face.
         bare: (27,), parts that have the colour of the head.
-        rng: random numbers.
 
     Source: Lambert's law; hemisphere lighting for the sky.
     """

@@ -139,7 +139,6 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
 
     Args:
         motion: T frames, about 30 per second.
-        bodies: bodies, of which one is drawn.
         rng: random numbers; the take depends on nothing else.
 
     Returns:
@@ -199,24 +198,20 @@ def _in_statures(lengths_m: Range) -> NDArray[np.float64]:
 
 def mirror_image(take: VirtualTake) -> VirtualTake:
     """The take as seen in a mirror: left and right of pictures, body and room exchanged."""
-    coverage, feet, skin, shading = (
-        grids[..., ::-1] for grids in (take.coverage, take.feet, take.skin, take.shading)
-    )
-    # The window of the feet has one column more on its left, see `feet_grid`.
-    feet = np.concatenate([np.zeros_like(feet[..., :1]), feet[..., :-1]], axis=-1)
+    feet = take.feet[..., ::-1]
     across = np.array([-1, 1, 1], np.float32)
     exchanged = np.array(EXCHANGED_LANDMARKS)[1:] - 1  # without the pelvis
-    return VirtualTake(
-        coverage,
-        feet,
-        skin,
-        shading,
-        take.pitch_rad,
-        -take.heading_rad,
-        take.anchor * across[[1, 0, 2]],
-        take.time_s,
-        take.joints[:, exchanged] * across,
-        take.offset * across,
+    return replace(
+        take,
+        coverage=take.coverage[..., ::-1],
+        # The window of the feet has one column more on its left, see `feet_grid`.
+        feet=np.concatenate([np.zeros_like(feet[..., :1]), feet[..., :-1]], axis=-1),
+        skin=take.skin[..., ::-1],
+        shading=take.shading[..., ::-1],
+        heading_rad=-take.heading_rad,
+        anchor=take.anchor * across[[1, 0, 2]],
+        joints=take.joints[:, exchanged] * across,
+        offset=take.offset * across,
     )
 
 
@@ -380,9 +375,7 @@ def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator)
     """Stretches of motion of two to four seconds, 30 frames per second, in random order.
 
     Args:
-        motions: recorded motion.
         frames: number of frames wanted; every frame is taken equally often, or once more.
-        rng: random numbers.
     """
     thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
     thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]

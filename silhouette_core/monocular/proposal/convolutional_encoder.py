@@ -5,7 +5,7 @@ All shapes are those of the grids of `silhouette_features`, of 60 x 80 cells.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,11 +79,7 @@ class ConvolutionalEncoder:
         weights = [arrays[f"{name}_weight{layer}"] for layer in layers]
         biases = [arrays[f"{name}_bias{layer}"] for layer in layers]
         filters, codes = biases[0].size, biases[-1].size
-        for layer, shape in enumerate(layer_shapes(channels, filters, codes)):
-            label = f"proposal.{name}_weight{layer}"
-            check_array(label, weights[layer], shape, np.float32, finite=True)
-            label = f"proposal.{name}_bias{layer}"
-            check_array(label, biases[layer], shape[1:], np.float32, finite=True)
+        check_layers(f"{name}_", weights, biases, layer_shapes(channels, filters, codes))
         return cls(tuple(weights), tuple(biases))
 
     def arrays(self, name: str) -> dict[str, NDArray]:
@@ -238,3 +234,16 @@ def layer_shapes(channels: int, filters: int, codes: int) -> list[tuple[int, int
     ]
     rows, columns = layer_grid(len(SIZES))
     return [*shapes, (rows * columns * counts[-1], codes)]
+
+
+def check_layers(
+    name: str,
+    weights: Sequence[NDArray],
+    biases: Sequence[NDArray],
+    shapes: Iterable[tuple[int, int]],
+) -> None:
+    """Refuses layers (TypeError, ValueError) that are not float32, of these shapes and finite."""
+    for layer, (shape, weight, bias) in enumerate(zip(shapes, weights, biases, strict=True)):
+        for kind, array, wanted in (("weight", weight, shape), ("bias", bias, shape[1:])):
+            label = f"proposal.{name}{kind}{layer}"
+            check_array(label, array, wanted, np.float32, finite=True)

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
-from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
+from silhouette_core.monocular.proposal.convolutional_encoder import (
+    ConvolutionalEncoder,
+    check_layers,
+)
 from silhouette_core.monocular.proposal.mixture_network import Mixture, MixtureNetwork
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
@@ -130,10 +133,7 @@ class PoseProposal:
         units = network.weights[0].shape[-1] if network.weights[0].ndim else 0
         ends = network.modes * (5 * len(network.mean_joints) + 1) + 6
         sizes = [inputs, *[units] * (len(layers) - 1), ends]
-        for number, (shape, bias) in enumerate(zip(pairwise(sizes), network.biases, strict=True)):
-            name = f"proposal.weight{number}"
-            check_array(name, network.weights[number], shape, np.float32, finite=True)
-            check_array(f"proposal.bias{number}", bias, shape[1:], np.float32, finite=True)
+        check_layers("", network.weights, network.biases, pairwise(sizes))
         return cls(encoding, network)
 
 

@@ -255,7 +255,6 @@ def network_inputs(
     """Inputs (n, I) of the network.
 
     Args:
-        features: the frames' features; the order of `time_s` does not matter here.
         frames: (n,), frames whose poses are asked for.
         nearby: (n, 8), frames at `OFFSETS_S` about each.
         causal: (n,), whether only the earlier of those are read.

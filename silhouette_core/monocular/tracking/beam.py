@@ -25,8 +25,6 @@ class Beam:
         own: (K,) float64, nats, of the frame alone, without the past.
         occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
         priors: K priors of the joints' positions that the poses were refined with, or None.
-        temperature: by which costs are divided in probabilities: those of many pixels, joints and
-            frames are not independent.
     """
 
     poses: list[Pose]
@@ -39,7 +37,6 @@ class Beam:
     own: NDArray[np.float64]
     occluded: NDArray[np.bool_]
     priors: list[LandmarkPrior | None]
-    temperature: float
 
     def only(self, k: int) -> Beam:
         """This beam with hypothesis k alone, as the certain past of what follows.
@@ -62,10 +59,14 @@ class Beam:
             },
         )
 
-    def probabilities(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3)."""
+    def probabilities(self, temperature: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3).
+
+        Costs are divided by the temperature: those of many pixels, joints and frames are not
+        independent.
+        """
         order = np.argsort(self.cost, kind="stable")
-        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / self.temperature)
+        odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / temperature)
         return odds / odds.sum(), self.joints[order]
 
     @property

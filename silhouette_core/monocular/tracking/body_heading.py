@@ -54,18 +54,13 @@ def smooth_headings(
     Source: the forward-backward algorithm, textbook.
     """
     kernel, seen = _observed(heading_rad, probability)
-    if first_rad is not None:
-        seen[0] *= _expected(first_rad)
-    forward, backward = seen.copy(), np.ones_like(seen)
-    forward[0] /= forward[0].sum()
-    spectra = [_turning(interval) for interval in np.diff(time_s)]
-    for t, spectrum in enumerate(spectra, 1):
-        forward[t] *= _convolved(forward[t - 1], spectrum)
-        forward[t] /= forward[t].sum()
+    causal, backward = HeadingFilter(), np.ones_like(seen)
+    forward = [causal.step(*frame, first_rad) for frame in zip(seen, time_s, strict=True)]
     for t in range(len(seen) - 2, -1, -1):
-        backward[t] = _convolved(backward[t + 1] * seen[t + 1], spectra[t])
+        turning = _turning(time_s[t + 1] - time_s[t])
+        backward[t] = _convolved(backward[t + 1] * seen[t + 1], turning)
         backward[t] /= backward[t].sum()
-    return _weighed(probability, kernel, forward * backward)
+    return _weighed(probability, kernel, np.array(forward) * backward)
 
 
 class HeadingFilter:
@@ -90,14 +85,20 @@ class HeadingFilter:
             time_s: time of the frame, later than the last one's.
             first_rad: heading expected in the first frame, loosely; None: any.
         """
-        kernel, density = _observed(heading_rad, probability)
+        kernel, seen = _observed(heading_rad, probability)
+        return _weighed(probability, kernel, self.step(seen, time_s, first_rad))
+
+    def step(
+        self, seen: NDArray[np.float64], time_s: float, first_rad: float | None
+    ) -> NDArray[np.float64]:
+        """Density (72,) of the heading from the likelihood (72,) of the next frame."""
         if self._density is not None:
-            density = density * _convolved(self._density, _turning(time_s - self._time_s))
+            seen = seen * _convolved(self._density, _turning(time_s - self._time_s))
         elif first_rad is not None:
-            density = density * _expected(first_rad)
-        density = density / density.sum()
+            seen = seen * np.exp(HEADING.expected * (np.cos(_STATES_RAD - first_rad) - 1))
+        density = seen / seen.sum()
         self._density, self._time_s = density, time_s
-        return _weighed(probability, kernel, density)
+        return density
 
 
 def _observed(
@@ -107,14 +108,10 @@ def _observed(
     with modes (…, M).
     """
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
-    kernel = np.exp(-0.5 * (apart / np.radians(HEADING.sigma_deg)) ** 2)
+    kernel = np.exp(-0.5 * (apart / np.radians(2 * HEADING.turn_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)
-    seen = (1 - HEADING.unknown) * np.einsum("...m,...ms->...s", probability, kernel)
-    return kernel, (seen + HEADING.unknown / _HEADINGS) ** HEADING.independence
-
-
-def _expected(heading_rad: float) -> NDArray[np.float64]:
-    return np.exp(HEADING.expected * (np.cos(_STATES_RAD - heading_rad) - 1))
+    seen = np.einsum("...m,...ms->...s", probability, kernel)
+    return kernel, seen**HEADING.independence
 
 
 def _turning(interval_s: float) -> NDArray[np.complexfloating]:

@@ -13,13 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import USUAL_SPACING_M
 from silhouette_core.refinement.surface import Surface
-
-_ANKLES = [LANDMARK_NAMES.index(name) for name in ("left_ankle", "right_ankle")]
 
 
 @dataclass(frozen=True)
@@ -38,11 +35,6 @@ class CostSettings:
         uncovered_m: sigma of what stands out by more, m: a hand is so small that the silhouette
             distance hardly tells where it is.
         most_uncovered_m: distance above which more costs no more, m.
-        backward: nats a frame against walking sideways, half of those against walking backward.
-        walking_m_s: speed from which somebody walks, m/s.
-        velocity_window_s: time over which it is measured, s.
-        slip_m: sigma of the step of the foot that moves less, m: who walks stands on one foot.
-        most_slip: of these sigmas, from which more costs no more: somebody may jump.
     """
 
     silhouette: float = 0.04
@@ -54,11 +46,6 @@ class CostSettings:
     covered_m: float = 0.05
     uncovered_m: float = 0.03
     most_uncovered_m: float = 0.20
-    backward: float = 1.0
-    walking_m_s: float = 0.4
-    velocity_window_s: float = 0.7
-    slip_m: float = 0.02
-    most_slip: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,36 +71,26 @@ class FrameCosts:
     """The terms of a frame's hypotheses, and their sum.
 
     Args:
-        person: whether the body is a person's, whose feet, clothes and gait are known.
+        person: whether the body is a person's, whose clothes are known.
 
     Attributes:
         terms: name -> cost (K,) float64, nats, of a frame's K hypotheses.
     """
 
     def __init__(self, person: bool, settings: CostSettings):
-        self.settings, self._person = settings, person
+        self.settings = settings
         self._lowest: deque[float] = deque(maxlen=settings.floor_frames)
-        self._positions: list[tuple[float, NDArray[np.float64]]] = []
         self.terms: dict[str, Callable[[Hypotheses], NDArray[np.float64]]] = {
             "silhouette": self._silhouette,
             "floor": self._floor,
             "proposal": lambda given: given.proposal.cost(given.joints),
         }
         if person:
-            self.terms |= {
-                "uncovered": self._uncovered,
-                "bare parts": _bare_parts,
-                "walking backward": self._walking_backward,
-            }
+            self.terms |= {"uncovered": self._uncovered, "bare parts": _bare_parts}
 
     def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
         """Cost (K,) float64, nats, of a frame's hypotheses."""
         return np.sum([term(given) for term in self.terms.values()], axis=0)
-
-    def add_best(self, time_s: float, pose: Pose) -> None:
-        """Adds the likeliest pose of a frame, by which later ones are judged."""
-        if self._person:
-            self._positions.append((time_s, pose.root_m[:2]))
 
     @property
     def stood_on(self) -> bool:
@@ -121,22 +98,6 @@ class FrameCosts:
         return bool(self._lowest) and (
             float(np.median(np.abs(self._lowest))) < self.settings.near_floor_m
         )
-
-    def slip(
-        self, before: NDArray[np.float64], after: NDArray[np.float64], steps: float
-    ) -> NDArray[np.float64]:
-        """Cost (K, K'), nats, of moving both feet at once.
-
-        Args:
-            before: (K, 15, 3) float64, joints in the previous frame, m.
-            after: (K', 15, 3) float64, joints in this frame, m.
-            steps: time between the frames in units of 1 / `dynamics.FPS`.
-        """
-        if not self._person:
-            return np.zeros((len(before), len(after)))
-        moved = np.linalg.norm(before[:, None, _ANKLES] - after[None, :, _ANKLES], axis=-1).min(-1)
-        slipped = moved / (self.settings.slip_m * steps)
-        return 0.5 * np.minimum(slipped, self.settings.most_slip) ** 2
 
     def _silhouette(self, given: Hypotheses) -> NDArray[np.float64]:
         """The silhouette distance, eq. (10): Gaussian."""
@@ -164,27 +125,6 @@ class FrameCosts:
         )
         return 0.5 * (np.maximum(out_m - settings.covered_m, 0.0) / settings.uncovered_m) ** 2
 
-    def _walking_backward(self, given: Hypotheses) -> NDArray[np.float64]:
-        """Facing away from the direction in which the person has been walking.
-
-        The silhouettes from the front and from behind are nearly the same; the direction of walking
-        tells them apart.
-        """
-        window_s, now_s = self.settings.velocity_window_s, given.observed.time_s
-        self._positions = [one for one in self._positions if 0 < now_s - one[0] <= window_s]
-        none = np.zeros(len(given.poses))
-        if len(self._positions) < 3:
-            return none
-        times, positions = (np.array(column) for column in zip(*self._positions, strict=True))
-        if np.ptp(times) < 0.5 * window_s:
-            return none
-        velocity = np.polyfit(times - times.mean(), positions, 1)[0]
-        speed = float(np.linalg.norm(velocity))
-        if speed < self.settings.walking_m_s:
-            return none
-        facing = np.array([-pose.root_rotation[:2, 1] for pose in given.poses])
-        return self.settings.backward * (1 - facing @ (velocity / speed))
-
 
 def _bare_parts(given: Hypotheses) -> NDArray[np.float64]:
     """Parts that are bare or clothed where their colours are not, see `SkinEvidence.cost`."""
@@ -211,7 +151,7 @@ class TrackerSettings:
             explain a silhouette alike, m.
         same_m: the same within which two hypotheses are one pose, m.
         restart: largest cost of a step from frame to frame, nats; what costs more is no movement.
-        temperature: of the hypotheses' probabilities, see `Beam`.
+        temperature: of the hypotheses' probabilities, see `Beam.probabilities`.
         steadiness: factor on the usual steps of joints.
         both_ways: whether frames are also tracked from the last to the first, if later ones are
             waited for.

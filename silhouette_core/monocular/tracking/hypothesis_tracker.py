@@ -1,12 +1,14 @@
 """Tracking of several refined pose hypotheses per frame, each with the cheapest past before it.
 
 A silhouette seen from one side allows many poses, and only after refinement can they be told apart.
-Those that `hypothesis_search` finds are refined, and Viterbi's recursion runs over the refined
-poses. Beyond paper A.
+What the frame's proposal begins with, and the predictions from the hypotheses of the previous
+frame, are refined on the silhouette; limbs of the best ones are then put where they leave the
+silhouette uncovered. Viterbi's recursion runs over the refined poses. Beyond paper A.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,20 +17,13 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
+from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.beam import Beam, select_different
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
-from silhouette_core.monocular.tracking.hypothesis_search import find_hypotheses, joints_of
-from silhouette_core.monocular.tracking.motion_cost import (
-    PoseCandidates,
-    ProcessNoise,
-    transition_cost,
-)
-from silhouette_core.monocular.tracking.observed_frame import (
-    FrameObserver,
-    FrameProposal,
-    ObservedFrame,
-)
-from silhouette_core.monocular.tuning import MODES
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
+from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered
+from silhouette_core.monocular.tuning import MODES, MOTION_MODEL
+from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.motion.dynamics import (
     FPS,
     ROOT_STEP_M,
@@ -37,12 +32,21 @@ from silhouette_core.motion.dynamics import (
     pose_step_sigma,
     predict,
 )
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
+from silhouette_core.tuning import REFINEMENT
+
+FROM_PREDICTION = RefineSettings(reaches_m=REFINEMENT.near_reaches_m[1:-1])
+"""Refinement of a pose that is nearly right."""
+
+FoundPoses = tuple[list[Pose], list[LandmarkPrior | None]]
+"""Poses, and the prior of the joints' positions that each was refined with."""
 
 
 class HypothesisTracker:
@@ -63,23 +67,36 @@ class HypothesisTracker:
     ):
         self.settings, self.backend = settings, backend
         self.views = PinholeViews.from_rig(Rig((camera,)))
-        self.observer = FrameObserver(
-            self.views, model.length_m, settings.reduction, settings.spacing_m, backend
-        )
+        self._length_m = model.length_m
         self.costs = FrameCosts(model.person is not None, settings.costs)
         self.set_body(model)
-        self.noise = ProcessNoise(
-            settings.steadiness * pose_step_sigma(model.tree)[6:],
-            root_rad=ROOT_STEP_RAD,
-            root_m=ROOT_STEP_M,
-            spacing_rad=np.radians(3.0),
-        )
+        self._sigma_rad = settings.steadiness * pose_step_sigma(model.tree)[6:]
         self._usual_areas = usual_areas
 
     def set_body(self, model: BodyModel) -> None:
         """Replaces the body, for example by one adapted to the person."""
         self.model = model
         self.surface = Surface(model, self.settings.surface_points)
+
+    def observe(
+        self,
+        mask: NDArray[np.bool_],
+        distance_m: float,
+        time_s: float,
+        window: Window | None = None,
+    ) -> ObservedFrame:
+        """Prepares a frame.
+
+        Args:
+            mask: (h, w) bool, the silhouette, not empty.
+            window: of the silhouette at about that distance; None: it is made here.
+        """
+        settings, camera = self.settings, self.views.rig.cameras[0]
+        if window is None:
+            window = look_at(camera, mask, distance_m, STATURE_PX / self._length_m)
+        weights = SignedWeights.from_window(window, settings.reduction, self.backend)
+        contour = Observation.from_masks(self.views, [mask], distance_m, settings.spacing_m)
+        return ObservedFrame(mask, weights, contour, time_s)
 
     def step(
         self,
@@ -92,7 +109,7 @@ class HypothesisTracker:
         """Hypotheses of a frame.
 
         Args:
-            observed: the frame's silhouette, prepared by `observer`.
+            observed: the frame's silhouette, prepared by `observe`.
             past: hypotheses of the previous frame, and of the frame before that.
             known: hypotheses of this frame that are added to those found.
             searched: whether any are looked for; else those known are all.
@@ -106,18 +123,66 @@ class HypothesisTracker:
         poses: list[Pose] = []
         priors: list[LandmarkPrior | None] = []
         if searched:
-            expected = None if previous is None else (previous, predicted)
-            poses, priors = find_hypotheses(
-                self.surface, observed, proposal, expected, self.settings
-            )
+            poses, priors = self._found(observed, proposal, previous, predicted)
         if known is not None:
             poses, priors = [*poses, *known.poses], [*priors, *known.priors]
         beam = self._beam(observed, proposal, poses, priors)
         if previous is not None:
             beam = self._continued(beam, previous, predicted)
-        kept = self._pruned(replace(beam, cost=beam.cost - beam.cost.min()))
-        self.costs.add_best(observed.time_s, kept.poses[kept.best])
-        return kept
+        return self._pruned(replace(beam, cost=beam.cost - beam.cost.min()))
+
+    def _found(
+        self,
+        observed: ObservedFrame,
+        proposal: FrameProposal,
+        previous: Beam | None,
+        predicted: list[Pose],
+    ) -> FoundPoses:
+        """Hypotheses of a frame, from those of the previous one and where each is expected."""
+        surface, settings = self.surface, self.settings
+        starts = proposal.starts(surface, observed.contour)
+        if previous is not None:
+            steps = elapsed_steps(previous.time_s, observed.time_s)
+            sigma = pose_step_sigma(self.model.tree) * steps
+            order = np.argsort(previous.cost, kind="stable")
+            carried = [
+                predicted[k]
+                for k in select_different(
+                    previous.joints, order, settings.carried, settings.different_m
+                )
+            ]
+            starts += [
+                RefineStart(pose, FROM_PREDICTION, PosePrior(pose, sigma), proposal.nearest(own))
+                for pose, own in zip(carried, joints_of(self.model, carried), strict=True)
+            ]
+        refined = refine_many(surface, observed.contour, starts)
+        poses, priors = [one.pose for one in refined], [start.landmark_prior for start in starts]
+        return self._reaching(observed, proposal, poses, priors)
+
+    def _reaching(
+        self,
+        observed: ObservedFrame,
+        proposal: FrameProposal,
+        poses: list[Pose],
+        priors: list[LandmarkPrior | None],
+    ) -> FoundPoses:
+        """Adds poses whose limbs reach where the best ones leave the silhouette uncovered."""
+        settings = self.settings
+        tried: list[int] = []
+        for _ in range(settings.reaching):
+            distance = observed.weights.distances(self.model, poses)
+            cost = 0.5 * (distance / settings.costs.silhouette) ** 2
+            cost += proposal.cost(joints_of(self.model, poses))
+            best = np.argsort(cost, kind="stable")[: settings.reaching]
+            # Within its sigma, nothing is missing.
+            most = settings.costs.silhouette
+            best = [int(k) for k in best if distance[k] > most and k not in tried]
+            known = [prior for prior in (priors[k] for k in best) if prior is not None]
+            more, own = reach_uncovered(self.surface, observed, [poses[k] for k in best], known)
+            if not more:
+                break
+            poses, priors, tried = [*poses, *more], [*priors, *own], [*tried, *best]
+        return poses, priors
 
     def _beam(
         self,
@@ -145,7 +210,6 @@ class HypothesisTracker:
             own,
             occluded_parts(areas, self._usual_areas),
             priors,
-            self.settings.temperature,
         )
 
     def _continued(self, beam: Beam, previous: Beam, predicted: list[Pose]) -> Beam:
@@ -174,14 +238,16 @@ class HypothesisTracker:
         """
         # At a lower frame rate every step is cheaper; a restart has to remain dearer.
         restart_cost = self.settings.restart * max((beam.time_s - previous.time_s) * FPS, 1.0)
-        occluded = previous.occluded[:, self.model.tree.dof_part]
+        tree = self.model.tree
         moving = transition_cost(
-            _packed(predicted, previous.time_s, occluded & ~self.model.tree.dof_fixed),
-            _packed(beam.poses, beam.time_s),
-            replace(self.noise, restart_cost=restart_cost),
+            PoseArrays.from_poses(predicted),
+            PoseArrays.from_poses(beam.poses),
+            previous.occluded[:, tree.dof_part] & ~tree.dof_fixed,
+            self._sigma_rad,
+            elapsed_steps(previous.time_s, beam.time_s),
         )
-        steps = elapsed_steps(previous.time_s, beam.time_s)
-        return moving + self.costs.slip(previous.joints, beam.joints, steps), moving >= restart_cost
+        moving = np.minimum(moving, restart_cost)
+        return moving, moving >= restart_cost
 
     def _pruned(self, beam: Beam) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""
@@ -204,13 +270,57 @@ def _predicted(
     ]
 
 
-def _packed(
-    poses: list[Pose], time_s: float, occluded: NDArray[np.bool_] | None = None
-) -> PoseCandidates:
-    return PoseCandidates(
-        np.stack([pose.root_m for pose in poses]),
-        np.stack([pose.root_rotation for pose in poses]),
-        np.stack([pose.angles_rad for pose in poses]),
-        (np.zeros((len(poses), len(poses[0].angles_rad)), bool) if occluded is None else occluded),
-        time_s,
+def joints_of(model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
+    """Joints (K, L, 3) of poses in the world."""
+    if not poses:
+        return np.empty((0, len(model.landmarks_m), 3))
+    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
+
+
+def transition_cost(
+    before: PoseArrays,
+    after: PoseArrays,
+    occluded: NDArray[np.bool_],
+    sigma_rad: NDArray[np.float64],
+    steps: float,
+) -> NDArray[np.float64]:
+    """Negative logarithm of the transition probability between all poses of two frames.
+
+    The random walk of :eq:`okada-4` and :eq:`okada-5` over joint angles, orientation and position;
+    the source pose decides which parts are occluded. Beyond the paper, a spacing of 3 degrees and
+    5 cm, of poses that refinement does not tell apart, is added to the variances.
+    The normaliser of the Gaussian counts, since :eq:`okada-5` makes it differ between sources.
+
+    Args:
+        before: M poses of a frame.
+        after: M' poses of the next frame.
+        occluded: (M, D), whether the part that an angle turns is occluded, eq. (3).
+        sigma_rad: (D,), deviations of the joint angles within 1 / `dynamics.FPS`.
+        steps: time between the frames in units of 1 / `dynamics.FPS`.
+
+    Returns:
+        (M, M') float64, nats, up to a constant that is the same for all.
+
+    Source: Okada and Stenger, eq. (4), (5); spacing is ours.
+    """
+    spacing_rad = np.radians(3.0)
+    magnified = np.where(occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
+    sigma = np.sqrt((sigma_rad * steps * magnified) ** 2 + spacing_rad**2)
+    scaled = before.angles_rad / sigma
+    # Eq. (4): |a - b|^2 with a's own scale, expanded so that no (M, M', D) array is made.
+    precision = 1.0 / sigma**2
+    cost = (
+        (scaled**2).sum(1)[:, None]
+        - 2 * (scaled / sigma) @ after.angles_rad.T
+        + precision @ (after.angles_rad**2).T
     )
+    # The angle between rotations from the trace of their quotient.
+    trace = np.einsum("aij,bij->ab", before.root_rotation, after.root_rotation)
+    turn = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
+    cost += turn**2 / ((ROOT_STEP_RAD * steps) ** 2 + spacing_rad**2)
+    gap = before.root_m[:, None] - after.root_m[None]
+    cost += (gap**2).sum(-1) / ((ROOT_STEP_M * steps) ** 2 + 0.05**2)
+    # A wider Gaussian is lower: without its normaliser every occluded part would be a bonus.
+    usual = np.sqrt((sigma_rad * steps) ** 2 + spacing_rad**2)
+    widened = np.log(sigma / usual).sum(1)[:, None]
+    return 0.5 * np.maximum(cost, 0.0) + widened

@@ -16,12 +16,12 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person, upright_distance
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.proposal.silhouette_features import OFFSETS_S
 from silhouette_core.monocular.silhouette_weights import SignedWeights
-from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
 from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
-from silhouette_core.monocular.tuning import BARE, MODES
+from silhouette_core.monocular.tuning import BARE
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
@@ -29,6 +29,7 @@ from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
 _ROUNDS = 3  # in which the distance of a first frame is corrected
+_MEMORY_S = 2 * float(OFFSETS_S[-1])  # the network reads half of it
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
 
@@ -63,12 +64,12 @@ class ModeProposer:
         self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend
         self._finder = ModeFinder(proposal, camera, model.length_m)
         self._colours = ColourEvidence(camera)
-        self._views: list[ModeView] = []  # of the last half second
+        self._views: list[ModeView] = []  # of the last 0.8 s
         self._distance_m = np.nan
 
-    def note(self, number: int, time_s: float, person: Person) -> ModeNote:
+    def note(self, time_s: float, person: Person) -> ModeNote:
         """See `observed_frame.Proposer.note`."""
-        self._views = [one for one in self._views if time_s - one.time_s <= MODES.memory_s]
+        self._views = [one for one in self._views if time_s - one.time_s <= _MEMORY_S]
         if not self._views:
             self._distance_m = self._first_distance(time_s, person)
         window = self._window(person, self._distance_m)
@@ -106,7 +107,7 @@ class ModeProposer:
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], BARE.frames_kept)
+            self._colours.learn([person], [joints_m], BARE.kept)
 
     def _window(self, person: Person, distance_m: float) -> Window:
         scale = STATURE_PX / self._finder.stature_m
@@ -127,7 +128,7 @@ class ModeProposer:
         facing = self._facing and first
         views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.blocks_kept):
+        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.kept):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)

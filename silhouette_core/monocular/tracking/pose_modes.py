@@ -60,14 +60,9 @@ class FrameModes:
         """Joints (15, 3) of the likeliest mode in the world."""
         return self.priors[int(self.probability.argmax())].landmarks_m
 
-    def probable(self, count: int, least: float) -> list[int]:
-        """At most `count` modes of at least a probability, likeliest first; one at any rate."""
-        order = np.argsort(-self.probability, kind="stable")[:count]
-        return [int(k) for n, k in enumerate(order) if n == 0 or self.probability[k] >= least]
-
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
-        probable = self.probable(_STARTED, MODES.least_probability)
+        probable = np.argsort(-self.probability, kind="stable")[:_STARTED]
         expected = [self.priors[mode] for mode in probable]
         placed = place_bodies(surface, contour, expected)
         return [
@@ -149,13 +144,12 @@ class ModeFinder:
         Args:
             masks: T silhouettes (h, w) bool.
         """
-        times = np.array([view.time_s for view in views])
         offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
         distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
         scale = STATURE_PX / self.stature_m
         return [
             self.view(look_at(self.camera, mask, own, scale), view.time_s)
-            for mask, own, view in zip(masks, _smoothed(distance, times), views, strict=True)
+            for mask, own, view in zip(masks, distance, views, strict=True)
         ]
 
     def distance(self, views: Sequence[ModeView]) -> float:
@@ -168,13 +162,12 @@ class ModeFinder:
         """Modes of the last of consecutive frames, from nothing later: for one frame after another.
 
         Args:
-            views: frames of the last half second.
+            views: frames of the last 0.4 s or more.
             facing: whether the person is expected to face the camera in the first frame of all.
         """
         features, last = _features(views, self.stature_m), _last(views)
         modes = self._modes(views, features, True, last)
-        axes = level_axes(features.heading_rad[last])
-        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        joints, axes = self._turned(modes, features.heading_rad[last])
         probability = self._headings.update(
             body_headings(joints)[0],
             np.asarray(modes.probability[0], float),
@@ -191,8 +184,7 @@ class ModeFinder:
         """
         features = _features(views, self.stature_m)
         modes = self._modes(views, features, False)
-        axes = level_axes(features.heading_rad)
-        joints = np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes)
+        joints, axes = self._turned(modes, features.heading_rad)
         probability = smooth_headings(
             body_headings(joints),
             np.asarray(modes.probability, float),
@@ -203,6 +195,15 @@ class ModeFinder:
             self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
             for t, view in enumerate(views)
         ]
+
+    def _turned(
+        self, modes: Mixture, heading_rad: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Joints (T, M, 15, 3) of modes relative to the pelvis, m, in the world, and the axes
+        (T, 3, 3) of the level cameras of their frames.
+        """
+        axes = level_axes(heading_rad)
+        return np.einsum("tmli,tij->tmlj", modes.joints * self.stature_m, axes), axes
 
     def _modes(
         self,
@@ -312,9 +313,3 @@ def merge_modes(
     kept = np.array(chosen)[order]
     weights = weights[kept] / density[kept, None]
     return np.einsum("nm,mli->nli", weights, joints), mass[order], weights
-
-
-def _smoothed(distance_m: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (T,) averaged, as logarithms, over the frames near each in time."""
-    near = np.abs(time_s[:, None] - time_s) <= MODES.distance_window_s
-    return np.exp(near @ np.log(distance_m) / near.sum(axis=1))

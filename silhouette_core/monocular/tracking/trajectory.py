@@ -33,7 +33,6 @@ class FrameEstimate:
     """A frame of the trajectory.
 
     Attributes:
-        number: number of the frame in the recording.
         error: |XOR| / |OR| of the silhouettes.
         occluded: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
         cut: the border of the image cuts the person.
@@ -58,7 +57,6 @@ class PendingFrame:
     """A frame that is not decided yet.
 
     Attributes:
-        number: number of the frame in the recording.
         person: the silhouette, without its picture.
         bits: (h, w / 8) uint8, the silhouette, packed.
         note: what the proposer keeps of it.
@@ -152,7 +150,7 @@ class PoseTrajectory:
         self, frame: PendingFrame, person: Person, proposal: FrameProposal
     ) -> ObservedFrame:
         """A pending frame, prepared for its hypotheses."""
-        observed = self.tracker.observer.observe(
+        observed = self.tracker.observe(
             person.mask, proposal.distance_m, frame.time_s, proposal.window
         )
         return replace(observed, skin=self.proposer.skin(observed.weights, person))
@@ -217,7 +215,7 @@ class PoseTrajectory:
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._usual.append(best)
-        probability, joints = beam.probabilities()
+        probability, joints = beam.probabilities(tracker.settings.temperature)
         return FrameEstimate(
             frame.number,
             frame.time_s,

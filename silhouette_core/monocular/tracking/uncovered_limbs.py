@@ -46,7 +46,6 @@ def reach_uncovered(
     """Poses with a limb where the given ones leave the silhouette uncovered, refined.
 
     Args:
-        poses: K poses.
         priors: K priors of their joints' positions.
 
     Returns:
@@ -69,7 +68,7 @@ def reach_uncovered(
                     held_joints(own, LIMBS.placed_m),
                     limb,
                     aim - own[0],
-                    LIMBS.placed_end * _on_ray(ray),
+                    _on_ray(ray),
                 )
             )
             wanted.append(_moved_end(prior, limb, aim - prior.pelvis_m, _on_ray(ray)))
@@ -100,7 +99,7 @@ def uncovered_ends(
     away = cv2.distanceTransform((~covered).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     away[~mask] = 0.0
     # One limb is one region: it is not joined to another by a seam along the outline.
-    regions = cv2.connectedComponents((away > LIMBS.seam_m * px_per_m).view(np.uint8))[1]
+    regions = cv2.connectedComponents((away > LIMBS.least_m / 2 * px_per_m).view(np.uint8))[1]
     tips = [
         np.array(np.unravel_index(int(np.where(regions == k, away, 0.0).argmax()), away.shape))
         for k in range(1, int(regions.max()) + 1)
@@ -111,7 +110,7 @@ def uncovered_ends(
     ends: list[NDArray[np.float64]] = []
     for tip in tips:
         inward = body[np.square(body - tip).sum(axis=1).argmin()] - tip
-        step = min(LIMBS.tip_m * px_per_m / float(np.linalg.norm(inward)), LIMBS.inward)
+        step = min(LIMBS.tip_m * px_per_m / float(np.linalg.norm(inward)), 1.0)
         ends.append((tip + step * inward)[::-1])
     return ends
 
@@ -131,7 +130,7 @@ def _aims(
     found = []
     for end in uncovered_ends(weights.mask, covered, px_per_m):
         gap_m = np.linalg.norm(projected[_LIMBS[:, 2]] - end, axis=1) / px_per_m
-        if gap_m.min() < LIMBS.near_m:
+        if gap_m.min() < LIMBS.tip_m:
             continue
         ray = weights.rotation.T @ np.linalg.solve(weights.matrix, [*end, 1.0])
         ray /= np.linalg.norm(ray)
@@ -143,16 +142,14 @@ def _aims(
 def _within_reach(
     limb_m: NDArray[np.float64], center_m: NDArray[np.float64], ray: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Points on a ray that a limb with joints (3, 3) reaches: before its root and behind it."""
+    """Points on a ray that a limb with joints (3, 3) reaches, before its root and behind it, or
+    comes nearest to.
+    """
     length = float(np.linalg.norm(np.diff(limb_m, axis=0), axis=1).sum())
     nearest = center_m + ((limb_m[0] - center_m) @ ray) * ray
     apart = float(np.linalg.norm(nearest - limb_m[0]))
-    if apart > LIMBS.longest * length:
-        return []
-    depth = np.sqrt(max((LIMBS.stretched * length) ** 2 - apart**2, 0.0))
-    if depth < LIMBS.bent * length:
-        return [nearest]
-    return [nearest - LIMBS.depth * depth * ray, nearest + LIMBS.depth * depth * ray]
+    half_way = 0.5 * np.sqrt(max(length**2 - apart**2, 0.0)) * ray
+    return [nearest - half_way, nearest + half_way]
 
 
 def _on_ray(ray: NDArray[np.float64]) -> NDArray[np.float64]:

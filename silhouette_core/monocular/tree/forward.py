@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting
-from silhouette_core.monocular.person import Person, area_distance
-from silhouette_core.monocular.tracking.motion_cost import PoseCandidates, yaw_rotations
+from silhouette_core.monocular.person import area_distance
 from silhouette_core.monocular.tree.evidence import Evidence
-from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.tree.rendering import STATURE_PX, yaw_rotations
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.pose import PoseArrays
 
 _FIRST_COUNT = 9  # distances tried in a first frame
 _MOST_STEPS = 30  # that many frame intervals of missing frames are predicted one by one
@@ -29,14 +29,11 @@ class FilterFrame:
     """A frame and its posterior.
 
     Attributes:
-        number: number of the frame in the recording.
         windows: virtual views of the silhouette, one for each assumed distance.
         lost: no node fits about as well as the best nodes of earlier frames.
     """
 
-    number: int
     time_s: float
-    person: Person
     windows: tuple[Window, ...]
     posterior: Posterior
     distance_m: float
@@ -67,18 +64,14 @@ class ForwardFilter:
         self._last: FilterFrame | None = None
         self._recent_best: list[float] = []
 
-    def step(self, number: int, time_s: float, person: Person) -> FilterFrame:
-        """Posterior of the next frame.
-
-        Args:
-            number: number of the frame in the recording.
-        """
+    def step(self, time_s: float, mask: NDArray[np.bool_]) -> FilterFrame:
+        """Posterior of the next frame, of which the mask (h, w) is the silhouette."""
         last, library = self._last, self.tree.library
         restarted = last is None or last.lost or time_s - last.time_s > DISTANCES.longest_gap_s
         if self._distance_m is not None:
             middle, factors = self._distance_m, np.ones(1)
         elif last is None or restarted:
-            middle = self._first_distance(person.mask)
+            middle = self._first_distance(mask)
             factors = np.exp(
                 np.linspace(-DISTANCES.first_range, DISTANCES.first_range, _FIRST_COUNT)
             )
@@ -88,9 +81,7 @@ class ForwardFilter:
             steps = [0.0, -DISTANCES.step, DISTANCES.step]
             middle, factors = last.distance_m, np.exp(np.array(steps))
         metre_px = STATURE_PX / library.model.length_m
-        windows = tuple(
-            look_at(self.camera, person.mask, middle * factor, metre_px) for factor in factors
-        )
+        windows = tuple(look_at(self.camera, mask, middle * factor, metre_px) for factor in factors)
         prior = self._prior(windows[0], last, time_s, restarted)
         evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
         posterior = self.tree.update(prior, evidence)
@@ -99,24 +90,12 @@ class ForwardFilter:
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._recent_best = [*self._recent_best[-60:], best]
-        measured = float(
-            np.exp(
-                posterior.probability
-                @ np.log(np.array([w.distance_m for w in windows])[posterior.scale])
-            )
-        )
+        distances = np.array([window.distance_m for window in windows])
+        measured = float(np.exp(posterior.probability @ np.log(distances[posterior.scale])))
         gain = 1.0 if restarted else DISTANCES.gain
-        filter_frame = FilterFrame(
-            number,
-            time_s,
-            person,
-            windows,
-            posterior,
-            float(middle * (measured / middle) ** gain),
-            lost,
-        )
-        self._last = filter_frame
-        return filter_frame
+        distance_m = float(middle * (measured / middle) ** gain)
+        self._last = FilterFrame(time_s, windows, posterior, distance_m, lost)
+        return self._last
 
     def _first_distance(self, mask: NDArray[np.bool_]) -> float:
         """Distance by the silhouette's area alone."""
@@ -137,7 +116,7 @@ class ForwardFilter:
             steps = int(np.clip(intervals, 1, _MOST_STEPS))
             prior = self.tree.predict(last.posterior, steps)
             if last.lost:
-                prior = self.tree.spread(prior, 0.5)
+                prior = 0.5 * prior + 0.5 / len(prior)
         # The pitch of a view is a property of the camera and not of the motion.
         away = (library.views[:, 1] - window.pitch_rad) / np.radians(DISTANCES.pitch_sigma_deg)
         return self.tree.weigh_views(prior, np.exp(-0.5 * away**2))
@@ -150,24 +129,17 @@ def slim(filter_frame: FilterFrame, rows: int) -> FilterFrame:
     posterior, empty = filter_frame.posterior, np.zeros((0, 0), bool)
     by_fit = np.argsort(posterior.distance, kind="stable")[:rows]
     kept = np.unique(np.concatenate([np.arange(min(len(posterior.samples), rows)), by_fit]))
+    rowwise = "samples", "probability", "distance", "scale", "shift_px"
     return replace(
         filter_frame,
-        person=replace(filter_frame.person, mask=empty),
         windows=tuple(replace(window, mask=empty, seen=empty) for window in filter_frame.windows),
-        posterior=Posterior(
-            posterior.samples[kept],
-            posterior.probability[kept],
-            posterior.distance[kept],
-            posterior.scale[kept],
-            posterior.shift_px[kept],
-            posterior.scored,
-        ),
+        posterior=replace(posterior, **{name: getattr(posterior, name)[kept] for name in rowwise}),
     )
 
 
 def candidates_of(
     tree: TreeFilter, filter_frame: FilterFrame, rows: Sequence[int] | NDArray[np.integer]
-) -> PoseCandidates:
+) -> PoseArrays:
     """Samples of a posterior as poses in the world.
 
     Args:
@@ -188,11 +160,4 @@ def candidates_of(
         root[selected] = own.unproject(
             library.pelvis_px[sample[selected]] + posterior.shift_px[rows[selected]], own.distance_m
         )
-    occluded = library.occluded[sample][:, library.model.tree.dof_part].astype(bool)
-    return PoseCandidates(
-        root,
-        rotation,
-        library.base_angles[base].astype(float),
-        occluded,
-        filter_frame.time_s,
-    )
+    return PoseArrays(root, rotation, library.base_angles[base].astype(float))

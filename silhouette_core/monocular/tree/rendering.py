@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cleanup import reduce_silhouette
@@ -61,6 +62,11 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
     camera_from_world = np.array([[1.0, 0.0, 0.0], [0.0, -sine, -cosine], [0.0, cosine, -sine]])
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     return camera_from_world @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def yaw_rotations(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotations (N, 3, 3) about the vertical by (N,) headings."""
+    return Rotation.from_rotvec(np.asarray(heading_rad)[:, None] * [0.0, 0.0, 1.0]).as_matrix()
 
 
 def pose_surfaces(

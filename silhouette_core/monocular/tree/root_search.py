@@ -15,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.motion_cost import yaw_rotations
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
@@ -70,7 +69,10 @@ def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_
         [_turned(frame, turn, model) for frame in held]
         for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
     ]
-    others = [(frames[0].poses[0], _all_held(tree, surface, frames)) for frames in turned]
+    others = [
+        (frames[0].poses[0], [_held(surface, frame, frames[0].poses[0], tree) for frame in frames])
+        for frames in turned
+    ]
     likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
     settled = [_settled(tree, surface, frames, frames[0].poses[0]) for _, frames in likely]
     return min([(root, held), *settled], key=_error)[0]
@@ -90,11 +92,6 @@ def _settled(
         best = [frame.poses[int(frame.errors.argmin())] for frame in held]
         root = still_root(surface, [frame.observation for frame in frames], best, _HELD)
     return root, [_held(surface, frame, root, tree) for frame in frames]
-
-
-def _all_held(tree: TreeFilter, surface: Surface, frames: Sequence[_Frame]) -> list[_Frame]:
-    """Poses of frames refined with the root that they have."""
-    return [_held(surface, frame, frames[0].poses[0], tree) for frame in frames]
 
 
 def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Frame:
@@ -127,19 +124,30 @@ def _refined(
     mask: NDArray[np.bool_],
 ) -> _Frame:
     """The best poses of every view, refined with the root free."""
-    filter_frame = ForwardFilter(tree, camera).step(0, 0.0, Person(mask, False))
+    filter_frame = ForwardFilter(tree, camera).step(0.0, mask)
     rows = _best_of_views(tree, filter_frame.posterior)
-    samples = candidates_of(tree, filter_frame, rows)
-    sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
-    sigma[:3] = 0.1 * filter_frame.distance_m
-    poses = [
-        Pose(samples.root_m[k], samples.root_rotation[k], samples.angles_rad[k])
-        for k in range(len(rows))
-    ]
+    poses = candidates_of(tree, filter_frame, rows).poses()
     observation = Observation.from_masks(views, [mask], filter_frame.distance_m)
-    starts = [RefineStart(pose, _STARTS, PosePrior(pose, sigma)) for pose in poses]
+    return _fitted(tree, surface, observation, poses, _STARTS, 3, 0.1 * filter_frame.distance_m)
+
+
+def _fitted(
+    tree: TreeFilter,
+    surface: Surface,
+    observation: Observation,
+    poses: Sequence[Pose],
+    refining: RefineSettings,
+    count: int,
+    sigma_m: float,
+) -> _Frame:
+    """A frame with poses that are refined; the first `count` numbers of a pose have the deviation
+    `sigma_m`, m or radians.
+    """
+    sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
+    sigma[:count] = sigma_m
+    starts = [RefineStart(pose, refining, PosePrior(pose, sigma)) for pose in poses]
     refined = [one.pose for one in refine_many(surface, observation, starts)]
-    errors = mask_errors(surface.model, refined, views, [mask], tree.backend)
+    errors = mask_errors(surface.model, refined, observation.views, observation.masks, tree.backend)
     return _Frame(observation, refined, errors)
 
 
@@ -191,15 +199,8 @@ def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Fra
         0.5 * np.minimum(_gaps(frame.poses, root), 50.0)
         + 0.5 * (frame.errors / ROOT_SEARCH.sigma_error) ** 2
     )
-    sigma = np.full(6 + surface.model.dof_count, ROOT_SEARCH.loose_rad)
-    sigma[:6] = 1e-5
     poses = [
         Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
         for k in np.argsort(likely, kind="stable")[:_LIKELY]
     ]
-    starts = [RefineStart(pose, _HELD, PosePrior(pose, sigma)) for pose in poses]
-    refined = [one.pose for one in refine_many(surface, frame.observation, starts)]
-    views, masks = frame.observation.views, frame.observation.masks
-    return _Frame(
-        frame.observation, refined, mask_errors(surface.model, refined, views, masks, tree.backend)
-    )
+    return _fitted(tree, surface, frame.observation, poses, _HELD, 6, 1e-5)

@@ -62,8 +62,7 @@ class SampleProposal(FrameProposal):
         by_fit = np.argsort(posterior.distance, kind="stable")[:_ROWS]
         rows = np.unique(np.concatenate([np.arange(min(len(posterior.samples), _ROWS)), by_fit]))
         samples = candidates_of(self.tree, self.frame, rows)
-        arrays = samples.root_m, samples.root_rotation, samples.angles_rad
-        joints = landmarks(model, *place(model, *arrays))
+        joints = landmarks(model, *place(model, *samples.arrays))
         least = self.different_m
         chosen = select_different(joints, np.argsort(rows), _BY_PROBABILITY, least)
         by_fit = np.argsort(posterior.distance[rows], kind="stable")
@@ -81,9 +80,9 @@ class SampleProposer(Proposer):
         self.model = forward.tree.library.model
         self._forward, self._root, self._different_m = forward, root, different_m
 
-    def note(self, number: int, time_s: float, person: Person) -> FilterFrame:
+    def note(self, time_s: float, person: Person) -> FilterFrame:
         """Posterior of the frame, without its pictures."""
-        return slim(self._forward.step(number, time_s, person), _ROWS)
+        return slim(self._forward.step(time_s, person.mask), _ROWS)
 
     def propose(
         self, notes: Sequence[FilterFrame], people: Sequence[Person], first: bool

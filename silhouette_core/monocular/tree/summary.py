@@ -61,9 +61,6 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
     Each row shows a node's representative, then samples from its leaves, coloured by part. The rows
     are taken from the list of nodes ordered by number of samples, largest first.
 
-    Args:
-        path: the PNG file.
-
     Raises:
         InputError: the file cannot be written.
     """
@@ -105,28 +102,17 @@ def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray
         cv2.COLOR_HSV2BGR,
     )[0]
     palette[0] = (30, 25, 22)
-    height, width = windows.shape[1:]
+    left, top = (np.array(windows.shape[:0:-1]) - _CROP_PX) // 2
     wide, high = _CROP_PX
-    left, top = (width - wide) // 2, (height - high) // 2
-    tiles, scale = [], 0.6
-    for window in windows:
-        tile = palette[window[top : top + high, left : left + wide]]
-        tiles.append(
-            np.pad(
-                cv2.resize(tile, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
-                ((0, 0), (0, _GAP), (0, 0)),
-            )
+    tiles = [
+        np.pad(
+            cv2.resize(part, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA),
+            ((0, 0), (0, _GAP), (0, 0)),
         )
+        for part in palette[windows[:, top : top + high, left : left + wide]]
+    ]
     tiles[0][:, -_GAP:] = 255
-    cv2.putText(
-        tiles[0],
-        f"node {node}: {len(samples)}",
-        (3, 12),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        0.38,
-        (235, 235, 235),
-        1,
-        cv2.LINE_AA,
-    )
+    font = cv2.FONT_HERSHEY_SIMPLEX, 0.38, (235, 235, 235), 1, cv2.LINE_AA
+    cv2.putText(tiles[0], f"node {node}: {len(samples)}", (3, 12), *font)
     tiles += [np.full_like(tiles[0], 25)] * (_ACROSS - len(tiles))
     return np.concatenate(tiles, axis=1)

@@ -55,7 +55,6 @@ def transitions(
     library.
 
     Args:
-        library: the library, N samples.
         occlusion_aware: DM2, with eq. (5); else DM1, without.
         sigma_scale: factor on all sigmas; the paper has none.
         neighbours: largest number of neighbours used.

@@ -101,15 +101,6 @@ class TreeFilter:
         prior /= max(prior.sum(), 1e-300)
         return (1 - self.settings.floor) * prior + self.settings.floor / len(prior)
 
-    def spread(self, prior: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-        """Prior of which a share is spread evenly over the library.
-
-        Args:
-            prior: (N,) float64, summing to 1.
-            share: from 0 to 1.
-        """
-        return (1 - share) * prior + share / len(prior)
-
     def weigh_views(
         self, prior: NDArray[np.float64], weights: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
-from silhouette_core.monocular.tracking.observed_frame import FrameObserver, ObservedFrame
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
+from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
+from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.monocular.window import Window
 from silhouette_core.motion.keyposes.notation import movements
@@ -17,7 +19,6 @@ from silhouette_core.motion.kinematics import landmarks, place, rotation_matrice
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
@@ -81,10 +82,9 @@ def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
 
 def observed_by(camera: Camera, pose: Pose) -> ObservedFrame:
     """The frame in which a camera sees the body in a pose."""
-    views = PinholeViews.from_rig(Rig((camera,)))
     distance = float(np.linalg.norm(pose.root_m - camera.center_m))
-    mask = silhouette(body(), pose, camera)
-    return FrameObserver(views, STATURE_M).observe(mask, distance, 0.0)
+    tracker = HypothesisTracker(body(), camera, np.zeros(27), TrackerSettings())
+    return tracker.observe(silhouette(body(), pose, camera), distance, 0.0)
 
 
 def prior_of(pose: Pose, sigma_m: float = 0.1) -> LandmarkPrior:

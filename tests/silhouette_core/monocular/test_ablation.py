@@ -6,7 +6,6 @@ test_with_proposal.py.
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
@@ -45,7 +44,7 @@ class FromTheFront(ForwardFilter):
 
 def follow(tree, masks):
     filter_ = FromTheFront(tree, FRONT, interval_s=INTERVAL_S)
-    return [filter_.step(k, INTERVAL_S * k, Person(mask, False)) for k, mask in enumerate(masks)]
+    return [filter_.step(INTERVAL_S * k, mask) for k, mask in enumerate(masks)]
 
 
 def expected_error_m(tree, filter_frame, truth):

@@ -13,10 +13,10 @@ from silhouette_core.monocular.body_library import (
     _from_one_side,
     body_of_track,
     library_of_body,
+    sampled_motion,
 )
 from silhouette_core.monocular.making.base_poses import base_poses
 from silhouette_core.monocular.making.build import build_library
-from silhouette_core.monocular.making.sampled_motion import sampled_motion
 from silhouette_core.monocular.occlusion import usual_areas
 from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
@@ -65,7 +65,7 @@ def test_a_smaller_silhouette_is_farther_away():
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
     tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
-    frame = ForwardFilter(tree, CAMERA).step(0, 0.0, Person(masks[0], False))
+    frame = ForwardFilter(tree, CAMERA).step(0.0, masks[0])
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
     assert frame.distance_m == pytest.approx(true_m, rel=0.2)
 
@@ -99,9 +99,9 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
         TreeFilter(library, transitions(library, True, interval_s=1 / 15)), CAMERA
     )
     proposer = SampleProposer(forward, root, settings.different_m)
-    (proposal,) = proposer.propose([proposer.note(0, 0.0, person)], [person], True)
+    (proposal,) = proposer.propose([proposer.note(0.0, person)], [person], True)
     tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings)
-    observed = tracker.observer.observe(masks[0], proposal.distance_m, 0.0)
+    observed = tracker.observe(masks[0], proposal.distance_m, 0.0)
     beam = tracker.step(observed, proposal, (None, None))
     assert len(beam.poses) > 1 and set(beam.priors) == {None}
     for pose in beam.poses:

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.monocular.making.encoder_training import train_encoders
 from silhouette_core.monocular.making.from_motion import make_library
-from silhouette_core.monocular.making.network_training import TrainingSettings
+from silhouette_core.monocular.making.network_training import TrainingSettings, train_encoders
 from silhouette_core.monocular.making.proposal_learning import (
     FramePool,
     LearningSettings,

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import correlate
 
-from silhouette_core.monocular.making.encoder_training import (
+from silhouette_core.monocular.making.network_training import (
     PictureBatch,
+    TrainingBatch,
+    TrainingSettings,
     encoder_gradients,
     train_encoders,
 )
-from silhouette_core.monocular.making.network_training import TrainingBatch, TrainingSettings
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
 from silhouette_core.monocular.proposal.pose_proposal import SilhouetteEncoding

@@ -10,9 +10,11 @@ from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.raster import render_parts
 from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking import bare_parts, hypothesis_tracker
-from silhouette_core.monocular.tracking.bare_parts import BareParts, SkinEvidence
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.colour_evidence import (
+    BareParts,
+    ColourEvidence,
+    SkinEvidence,
+)
 from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.motion.pose import Pose
@@ -90,7 +92,7 @@ def test_sleeves_are_learned(observed, bare_names):
     else:
         assert skin.bare[FOREARM] < 0.15
     assert skin.bare[THIGH] == pytest.approx(0.05, abs=0.03)
-    assert skin.bare[PART_NAMES.index("head")] == 0.9
+    assert skin.bare[PART_NAMES.index("head")] == 0.95
     assert skin.bare[PART_NAMES.index("right_fingers")] > 0.8
 
 
@@ -125,7 +127,7 @@ def test_the_tracker_asks_for_it(observed, monkeypatch):
     settings = TrackerSettings(CostSettings(silhouette=1.0), reaching=0)
     tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
     found = poses, [prior_of(pose) for pose in poses]
-    monkeypatch.setattr(hypothesis_tracker, "find_hypotheses", lambda *_: found)
+    monkeypatch.setattr(HypothesisTracker, "_found", lambda *_: found)
 
     def chosen(one):
         beam = tracker.step(one, modes, (None, None))
@@ -144,13 +146,10 @@ def teach(learned, found, moved_m=(0, 0, 0)):
         learned.add(np.full(mask.shape, one, np.float32), mask, (0, 0), CAMERA, joints)
 
 
-def test_an_arm_behind_the_trunk_teaches_nothing():
-    """Skin in the middle of the trunk, over which the far arm hangs in the picture."""
+def test_what_was_learned_fades():
     learned = BareParts()
     teach(learned, [1] * 5)
     assert learned.probability()[FOREARM] == 0.95
-    both = learned._counts[list(bare_parts._LIMBS).index(("forearm",))].sum()
-    assert both == 5  # the near one alone
     learned.fade(0.1)
     teach(learned, [0] * 5)
     assert learned.probability()[FOREARM] == 0.05
@@ -165,9 +164,9 @@ def test_sleeves_are_those_of_the_frames_in_which_a_bare_arm_is_found():
 
 def test_too_few_frames_or_a_person_behind_the_camera_teach_nothing():
     learned = BareParts()
-    teach(learned, [1] * 4)
+    teach(learned, [1] * 2)  # of two arms
     teach(learned, [1] * 9, (-9, 0, 0))
-    assert learned.probability()[FOREARM] == 0.3
+    assert learned.probability()[FOREARM] == 0.5
 
 
 def test_what_is_neither_drawn_nor_silhouette_costs_nothing():

@@ -38,7 +38,7 @@ def turned(pose: Pose, degrees: float) -> Pose:
 
 def seen(tracker: HypothesisTracker, pose: Pose, time_s: float, model=None):
     mask = silhouette(model or body(), pose, CAMERA)
-    return tracker.observer.observe(mask, 4.0, time_s)
+    return tracker.observe(mask, 4.0, time_s)
 
 
 def last_two(beams: list[Beam]) -> tuple[Beam | None, Beam | None]:
@@ -206,7 +206,7 @@ def test_who_stands_still_does_not_turn_round_for_a_while():
         frame = seen(tracker, pose, 0.0)
         beams: list[Beam] = []
         for t in range(30):
-            behind = 0.99 if 5 <= t < 20 else 0.01
+            behind = 0.999 if 5 <= t < 20 else 0.001
             modes = proposed([pose, back], [1 - behind, behind], sigma_m=0.03)
             now = replace(frame, time_s=t / 30)
             beams.append(tracker.step(now, modes, last_two(beams)))
@@ -227,7 +227,7 @@ def test_kept_hypotheses_know_what_they_hide(followed):
 
 def test_probabilities_follow_the_costs(followed):
     _, states, _ = followed
-    probability, joints = states[-1].probabilities()
+    probability, joints = states[-1].probabilities(TrackerSettings().temperature)
     assert probability.sum() == pytest.approx(1) and (np.diff(probability) <= 0).all()
     assert joints[0] == pytest.approx(states[-1].joints[states[-1].best])
 

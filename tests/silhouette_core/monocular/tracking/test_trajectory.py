@@ -37,9 +37,6 @@ class KnownPoses:
         self.model = model or body()
         self.asked, self.learned = [], []
 
-    def note(self, number, time_s, person):
-        return number
-
     def propose(self, notes, people, first):
         self.asked.append((list(notes), first))
         assert all(person.mask.any() for person in people)
@@ -76,8 +73,7 @@ def track(rows, times, smooth=True, masks=None, proposer=None, settings=QUICK):
     for row, time_s in zip(rows, times, strict=True):
         mask = (masks or {}).get(row, silhouette(body(), POSES[row], CAMERA))
         person = Person(mask, False)
-        note = proposer.note(row, time_s, person)
-        found += tracked.add(PendingFrame.of(row, time_s, person, note))
+        found += tracked.add(PendingFrame.of(row, time_s, person, row))
     return [*found, *tracked.finish()], tracked
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.occlusion import standing_areas
-from silhouette_core.monocular.tracking import hypothesis_search, hypothesis_tracker
+from silhouette_core.monocular.tracking import hypothesis_tracker
 from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered, uncovered_ends
@@ -113,7 +113,7 @@ def test_the_tracker_covers_what_the_proposal_missed(observed, hanging, monkeypa
         return beam.distance[beam.best]
 
     found = distance()
-    monkeypatch.setattr(hypothesis_search, "reach_uncovered", lambda *_: ([], []))
+    monkeypatch.setattr(hypothesis_tracker, "reach_uncovered", lambda *_: ([], []))
     assert found < 0.5 * distance()
 
 
@@ -137,7 +137,7 @@ def test_an_uncovered_hand_outweighs_what_is_proposed(
     """Both arms are proposed, the hanging one as more probable: what stands out decides."""
     poses = [hanging, raised]
     found = poses, [prior_of(pose) for pose in poses]
-    monkeypatch.setattr(hypothesis_tracker, "find_hypotheses", lambda *_: found)
+    monkeypatch.setattr(HypothesisTracker, "_found", lambda *_: found)
     costs = CostSettings(silhouette=1.0, most_uncovered_m=most_m)
     tracker = tracker_of(TrackerSettings(costs, reaching=0))
     beam = tracker.step(observed, proposed(poses, [0.99, 0.01]), (None, None))

@@ -8,8 +8,7 @@ from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.monocular.tracking import mode_proposer, trajectory
-from silhouette_core.monocular.tracking.bare_parts import SkinEvidence
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films

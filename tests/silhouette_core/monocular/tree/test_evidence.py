@@ -5,7 +5,6 @@ import pytest
 from scipy.sparse import identity
 
 from silhouette_core.image.distance import pixel_weights
-from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree.evidence import (
     SHIFTS_PX,
@@ -93,7 +92,7 @@ def test_a_frame_is_weighed_in_the_librarys_rectangle(library, windows, monkeypa
     tree = TreeFilter(library, identity(len(library), format="csr"))
     camera = camera_at((0, -4, 1.2))
     mask = films(performed("walk"), camera, [5])[0]
-    ForwardFilter(tree, camera, weighting="nwxor").step(0, 0.0, Person(mask, False))
+    ForwardFilter(tree, camera, weighting="nwxor").step(0.0, mask)
     assert seen[0][3] == library.bounds_px
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
@@ -18,7 +17,7 @@ def walk():
 
 
 def follow(forward, masks, step_s=1 / 30):
-    return [forward.step(k, step_s * k, Person(mask, False)) for k, mask in enumerate(masks)]
+    return [forward.step(step_s * k, mask) for k, mask in enumerate(masks)]
 
 
 def test_somebody_who_comes_nearer_is_seen_to(tree, walk):
@@ -44,7 +43,7 @@ def test_every_frame_interval_is_one_step_of_the_motion_model(tree, walk, fps, m
     monkeypatch.setattr(tree, "predict", lambda *args: steps.append(args[1]) or predict(*args))
     forward = ForwardFilter(tree, CAMERA, interval_s=1 / fps)
     for number in (0, 1, 2, 5, 6):  # two frames are missing
-        forward.step(number, number / fps, Person(walk[1][number], False))
+        forward.step(number / fps, walk[1][number])
     assert steps == [1, 1, 3, 1]
 
 
@@ -65,4 +64,4 @@ def test_candidates_stand_where_the_silhouette_is(tree, walk):
     true, _ = CAMERA.project(places[:1])
     assert np.linalg.norm(pixels - true, axis=1).max() < 15
     np.testing.assert_allclose(np.linalg.det(result.root_rotation), 1.0, atol=1e-6)
-    assert result.angles_rad.shape == (5, tree.library.model.dof_count) == result.occluded.shape
+    assert result.angles_rad.shape == (5, tree.library.model.dof_count)

@@ -37,7 +37,7 @@ def proposal(tree):
     proposer = SampleProposer(ForwardFilter(tree, CAMERA), None, DIFFERENT_M)
     assert proposer.model is tree.library.model
     person = Person(silhouette(body(), POSE, CAMERA), False)
-    (found,) = proposer.propose([proposer.note(3, 0.1, person)], [person], True)
+    (found,) = proposer.propose([proposer.note(0.1, person)], [person], True)
     return found
 
 
@@ -61,8 +61,8 @@ def reordered(proposal, probability, distance):
 
 def test_a_frame_is_kept_without_its_pictures(proposal):
     frame = proposal.frame
-    assert frame.person.mask.size == 0 and all(one.mask.size == 0 for one in frame.windows)
-    assert frame.number == 3 and proposal.window is None
+    assert all(one.mask.size == 0 for one in frame.windows)
+    assert proposal.window is None
     away = np.linalg.norm(POSE.root_m - CAMERA.center_m)
     assert proposal.distance_m == frame.distance_m == pytest.approx(away, rel=0.1)
 

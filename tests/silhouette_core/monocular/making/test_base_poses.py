@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from silhouette_core.monocular.making.thinning import pose_features, thin_poses
+from silhouette_core.monocular.making.base_poses import pose_features, thin_poses
 from silhouette_core.motion.heading import split_heading
 from tests.clips import waving
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from silhouette_core.monocular.tracking.hypothesis_store import HypothesisStore
+from silhouette_core.monocular.monocular_estimator import HypothesisStore
 
 
 def test_the_store_gives_back_what_was_put_as_often_as_asked():
