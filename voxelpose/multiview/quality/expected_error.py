@@ -53,27 +53,22 @@ FILE = Path(__file__).with_suffix(".toml")
 """Weights of these regressors, written by the benchmark."""
 
 
-@dataclass(frozen=True, eq=False)
-class FrameEvidence:
-    """What speaks for and against one frame's pose.
-
-    Attributes:
-        camera_error: (C,) float64, |XOR| / |OR| of body and silhouette in each camera; what is
-            unknown does not count, and a camera in which all of it is has the others' mean.
-        joint_error: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share of the
-            square, the mean over the cameras that have the joint before them and know some of it.
-        joint_sigma_m: (15,) float64, standard deviations of the joints by the outlines, m.
-    """
-
-    camera_error: np.ndarray
-    joint_error: np.ndarray
-    joint_sigma_m: np.ndarray
-
-
 def frame_evidence(
     body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation
-) -> FrameEvidence:
-    """Compares a posed body, whose joints are (15, 3), with the silhouettes of its frame."""
+) -> dict[str, np.ndarray]:
+    """What speaks for and against one frame's pose, by the names of `Motion.quality`.
+
+    Args:
+        joints_m: (15, 3) float64, joints of the posed body.
+
+    Returns:
+        camera_agreement: (C,) float64, 1 - |XOR| / |OR| of body and silhouette in each camera; what
+            is unknown does not count, and a camera in which all of it is has the others' mean.
+        joint_disagreement: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share
+            of the square, the mean over the cameras that have the joint before them and know some
+            of it.
+        joint_sigma_mm: (15,) float64, standard deviations of the joints by the outlines.
+    """
     model, vertices_m = body.model, posed_mesh(body.model, pose)
     errors, near = [], []
     for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
@@ -103,9 +98,11 @@ def frame_evidence(
     camera_error = np.array(errors)
     if np.isnan(camera_error).any() and not np.isnan(camera_error).all():
         camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
-    joint_error = sums / np.maximum(known.sum(axis=0), 1)
-    sigma_m = landmark_sigma_m(body.surface, frame.observation, pose)
-    return FrameEvidence(camera_error, joint_error, sigma_m)
+    return {
+        "camera_agreement": 1 - camera_error,
+        "joint_disagreement": sums / np.maximum(known.sum(axis=0), 1),
+        "joint_sigma_mm": 1000 * landmark_sigma_m(body.surface, frame.observation, pose),
+    }
 
 
 def half_turn_ratio(
@@ -127,29 +124,14 @@ def half_turn_ratio(
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedErrors:
-    """Errors to be expected of T poses.
-
-    Attributes:
-        median_mm: (T, 15) float64, median error of each joint, mm.
-        near_probability: (T, 15) float64, that a joint is within 30 mm of the truth.
-        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
-            80 mm.
-    """
-
-    median_mm: np.ndarray
-    near_probability: np.ndarray
-    right_probability: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
 class MotionEvidence:
     """What speaks for and against the T poses of a motion.
 
     Attributes:
-        camera_error: (T, C) float64, as in `FrameEvidence`; rows of NaN where there is none.
-        joint_error: (T, 15) float64, likewise.
-        joint_sigma_m: (T, 15) float64, likewise.
+        camera_error: (T, C) float64, 1 less `camera_agreement` of `frame_evidence`; rows of NaN
+            where there is none.
+        joint_error: (T, 15) float64, its `joint_disagreement`.
+        joint_sigma_m: (T, 15) float64, its `joint_sigma_mm` in metres.
         outside: (T,) float64, share of the body's volume outside the hull.
         at_limits: (T,) float64, share of the joint angles that are at an end of their range.
         half_turn: median half-turn ratio of the recording.
@@ -184,15 +166,22 @@ class MotionEvidence:
         )
 
 
-def expected_errors(evidence: MotionEvidence) -> ExpectedErrors:
-    """Errors by regression on the evidence of T frames."""
+def expected_errors(evidence: MotionEvidence) -> dict[str, np.ndarray]:
+    """Errors of T poses by regression on their evidence, by the names of `Motion.quality`.
+
+    Returns:
+        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
+            80 mm.
+        joint_error_mm: (T, 15) float64, median error of each joint.
+        landmark_confidence: (T, 15) float64, probability that a joint is within 30 mm of the truth.
+    """
     joints, frames = regressors(evidence)
     weights = fitted_weights(FILE)
-    return ExpectedErrors(
-        np.maximum(np.exp(joints @ weights["error"]) - ADDED_MM, 1.0),
-        logistic(joints @ weights["near"]),
-        logistic(frames @ weights["right"]),
-    )
+    return {
+        "right_probability": logistic(frames @ weights["right"]),
+        "joint_error_mm": np.maximum(np.exp(joints @ weights["error"]) - ADDED_MM, 1.0),
+        "landmark_confidence": logistic(joints @ weights["near"]),
+    }
 
 
 def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:

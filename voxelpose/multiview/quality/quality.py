@@ -111,15 +111,11 @@ def motion_quality(
         pose = pose_of(row)
         quality = assess(body.body_volume, pose, frame)
         outside = 1 - float(np.nansum(quality.part_overlap * points)) / points.sum()
-        seen = frame_evidence(body, pose, joints_m[row], frame)
         return {
             "part_overlap": quality.part_overlap,
             "unexplained": np.array(quality.unexplained),
             "outside": np.array(outside),
-            "camera_agreement": 1 - seen.camera_error,
-            "joint_disagreement": seen.joint_error,
-            "joint_sigma_mm": 1000 * seen.joint_sigma_m,
-        }
+        } | frame_evidence(body, pose, joints_m[row], frame)
 
     found: list[dict[str, np.ndarray]] = []
     for first in range(0, len(motion), _TOGETHER):
@@ -138,12 +134,9 @@ def motion_quality(
     if body.model.person is None:  # the regression is of people
         return arrays, ratio
     evidence = MotionEvidence.from_motion(replace(motion, quality=arrays), ratio)
-    expected = expected_errors(evidence)
-    arrays |= {
-        "right_probability": np.nan_to_num(expected.right_probability),
-        "joint_error_mm": expected.median_mm,
-        "landmark_confidence": np.nan_to_num(expected.near_probability),
-    }
+    arrays |= expected_errors(evidence)
+    for name in ("right_probability", "landmark_confidence"):
+        arrays[name] = np.nan_to_num(arrays[name])
     return arrays, ratio
 
 
