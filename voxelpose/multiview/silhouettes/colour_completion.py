@@ -81,7 +81,5 @@ class ColourFinder:
                         store.put(t, [lens.undistort(mask) for lens, mask in pairs])
                 self._reporter.advance()
             for store in stores:
-                for c, late in enumerate(self._late):
-                    if late:
-                        store.advance(c, late)
+                store.advance(self._late)
             yield stores

@@ -164,7 +164,7 @@ class SilhouetteCompletion:
         if not shares:
             return False
         mostly = bool(np.mean(shares) >= COMPLETION.piece_share)
-        return mostly and min(shares) >= COMPLETION.camera_share
+        return mostly and min(shares) >= 1 - COMPLETION.piece_share
 
     def _without_holes(self, mask: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Mask (h, w) without narrow gaps and small holes."""

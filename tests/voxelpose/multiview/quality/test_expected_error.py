@@ -115,7 +115,9 @@ def test_each_piece_of_evidence_counts(worse):
 
 def test_frames_without_evidence_say_nothing():
     nothing = expected_errors(evidence(np.nan, np.nan, np.nan))
-    assert np.isnan(nothing["right_probability"]).all() and np.isnan(nothing["joint_error_mm"]).all()
+    assert (
+        np.isnan(nothing["right_probability"]).all() and np.isnan(nothing["joint_error_mm"]).all()
+    )
     rows, frames = regressors(evidence(0.1, 0.05, 0.0, frames=2))
     weights = fitted_weights(FILE)
     assert rows.shape == (2, 15, len(weights["near"]))
