@@ -208,8 +208,6 @@ class HullGirth:
     hull_over_body: float = 1.75
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
-    usual_chest: float = 0.55
-    """1. Chest girth of the man's template over its stature."""
     least: float = 0.9
     """1. Smallest girth by a hull, relative to the usual one. By eye."""
     most: float = 1.5
