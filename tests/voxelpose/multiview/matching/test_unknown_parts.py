@@ -23,7 +23,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.matching.limb_search import _pixel_values
 from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, refine_fit
-from voxelpose.multiview.quality.expected_error import frame_evidence
+from voxelpose.multiview.quality.quality import frame_evidence
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.floor_shadows import FloorShadows
 
