@@ -276,18 +276,6 @@ class Completion:
 
 
 @dataclass(frozen=True)
-class FloorShadows:
-    """Shadows on the floor (`silhouettes.floor_shadows`)."""
-
-    longest_m: float = 3.0
-    """m. Length of a shadow where no other camera sees the floor. By eye."""
-    foot_m3: float = 0.0005
-    """m³. Smallest piece of the hull by which the floor is found: a foot. By eye."""
-    floor_m: float = 0.15
-    """m. A floor no farther from the world's origin than this is there. By eye."""
-
-
-@dataclass(frozen=True)
 class Colours:
     """A second segmentation by the person's colours (`silhouettes.prepared_silhouettes`).
 
@@ -317,5 +305,5 @@ class UpSearch:
 PERSON_COST = PersonCost()
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
-COMPLETION, FLOOR_SHADOWS, COLOURS, UP_SEARCH = Completion(), FloorShadows(), Colours(), UpSearch()
+COMPLETION, COLOURS, UP_SEARCH = Completion(), Colours(), UpSearch()
 BODY_EVIDENCE = BodyEvidence()

@@ -3,12 +3,11 @@
 What one camera misses leaves the visual hull, and then the other cameras show something that the
 hull does not explain. The missing part is looked for among the pixels of a soft silhouette that may
 belong to it: on the rays of what is unexplained, where all cameras allow it. Where all but one
-in four cameras are sure, what may be a shadow in those may belong to it, too, and so may what has
-the person's colours, once these are known.
+in four cameras are sure, what has the person's colours in those may belong to it, too, once these
+are known.
 
-What all cameras miss is found where all of them show a piece whose pixels differ from the
-background nearly everywhere, if only by a little. A difference of brightness counts where it cannot
-be a shadow on the floor: some other camera sees that place of the floor lit.
+What all cameras miss is found where all of them show a piece whose tint differs from the background
+nearly everywhere, if only by a little.
 """
 
 from dataclasses import replace
@@ -25,8 +24,10 @@ from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import widened
-from voxelpose.multiview.silhouettes.floor_shadows import FloorShadows, Masks
 from voxelpose.multiview.tuning import COMPLETION
+
+Masks = list[NDArray[np.bool_]]
+"""A mask (h, w) bool per camera."""
 
 _THIN_PX = 5  # narrower pieces are edges
 _PIECE_PX = 30  # a camera that shows less of a piece does not judge it
@@ -39,17 +40,11 @@ class SilhouetteCompletion:
         views: the C cameras.
         volume: where the body may be.
         rule: how many cameras may object to a voxel.
-        floor_m: height of the floor on which shadows fall.
-
-    Attributes:
-        rig: the cameras.
     """
 
-    def __init__(
-        self, views: PinholeViews, volume: VoxelGrid, rule: CarveRule, floor_m: float = 0.0
-    ):
+    def __init__(self, views: PinholeViews, volume: VoxelGrid, rule: CarveRule):
         """Keeps the settings."""
-        self.rig, self._views, self._rule = views.rig, views, rule
+        self._views, self._rule = views, rule
         low = volume.origin_m
         self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, COMPLETION.voxel_m)
         outvoted = len(views.rig) // 4
@@ -59,30 +54,23 @@ class SilhouetteCompletion:
         depth = np.maximum(views.rotation[:, 2] @ middle + views.translation_m[:, 2], 0.1)
         self._voxel_px = views.intrinsics[:, 0] * grid.voxel_size_m / depth
         self._radius = [window_radius(camera.size) for camera in views.rig]
-        self._floor = FloorShadows(views.rig, floor_m, views.unknown)
 
-    def complete(
-        self, masks: Masks, tint: Masks, brightness: Masks, alike: Masks | None = None
-    ) -> Masks:
+    def complete(self, masks: Masks, tint: Masks, alike: Masks | None = None) -> Masks:
         """Silhouettes (h, w) bool of one frame with what was found to be missing, one per camera.
 
         Args:
             masks: the silhouettes.
             tint: where the colour's direction differs from the background's, (h, w) bool.
-            brightness: where the brightness differs, (h, w) bool.
             alike: where a pixel has a colour of the person's, (h, w) bool; None: not known.
         """
-        shaded = brightness
-        if alike is not None:
-            shaded = [one | other for one, other in zip(brightness, alike, strict=True)]
-        masks = self._seen_by_some(masks, tint, shaded)
-        return self._views.without_unknown(self._missed_by_all(masks, tint, brightness))
+        masks = self._seen_by_some(masks, tint, alike or tint)
+        return self._views.without_unknown(self._missed_by_all(masks, tint))
 
     def unexplained(self, masks: Masks) -> float:
         """Share of the silhouettes' pixels that their hull does not explain, a mean of the cameras:
         other cameras miss what these show.
         """
-        hull = carve(self.rig, masks, self._grid, self._rule, self._views.unknown)
+        hull = carve(self._views.rig, masks, self._grid, self._rule, self._views.unknown)
         return float(
             np.mean(
                 [
@@ -93,37 +81,30 @@ class SilhouetteCompletion:
             )
         )
 
-    def _seen_by_some(self, masks: Masks, tint: Masks, shaded: Masks) -> Masks:
+    def _seen_by_some(self, masks: Masks, tint: Masks, alike: Masks) -> Masks:
         unknown = self._views.unknown
-        hull = carve(self.rig, masks, self._grid, self._rule, unknown)
+        hull = carve(self._views.rig, masks, self._grid, self._rule, unknown)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
         if not any(pixels.any() for pixels in unexplained):
             return masks
         possible = [self._without_holes(masks[c] | tint[c], c) for c in range(len(masks))]
         anything = [
-            self._without_holes(masks[c] | tint[c] | shaded[c], c) for c in range(len(masks))
+            self._without_holes(masks[c] | tint[c] | alike[c], c) for c in range(len(masks))
         ]
-        hidden = carve(self.rig, unexplained, self._grid, self._seen_by_one, unknown) & ~hull
+        hidden = carve(self._views.rig, unexplained, self._grid, self._seen_by_one, unknown) & ~hull
         allowed = self._carved(possible) & hidden
-        agreed = carve(self.rig, masks, self._grid, self._majority, unknown) & hidden
+        agreed = carve(self._views.rig, masks, self._grid, self._majority, unknown) & hidden
         completed = []
         for c, (mask, more, most) in enumerate(zip(masks, possible, anything, strict=True)):
             added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
             completed.append(mask | _opened(added & ~mask))
         return completed
 
-    def _missed_by_all(self, masks: Masks, tint: Masks, brightness: Masks) -> Masks:
-        differs = [a | b | c for a, b, c in zip(masks, tint, brightness, strict=True)]
+    def _missed_by_all(self, masks: Masks, tint: Masks) -> Masks:
+        differs = [mask | colour for mask, colour in zip(masks, tint, strict=True)]
         hull = self._carved(masks)
         if not hull.any() or all(map(np.array_equal, differs, masks)):
             return masks
-        columns = np.argwhere(hull.any(axis=2)).mean(axis=0)
-        person_m = self._grid.origin_m[:2] + columns * self._grid.voxel_size_m
-        shadow = self._floor.possible(differs, person_m)
-        differs = [
-            mask | colour | _opened(bright & ~dark)
-            for mask, colour, bright, dark in zip(masks, tint, brightness, shadow, strict=True)
-        ]
         likely = [_closed(found, 2 * r + 1) for found, r in zip(differs, self._radius, strict=True)]
         kept = np.zeros_like(hull)
         for piece in self._pieces(hull, self._carved(likely) & ~hull):
@@ -174,7 +155,7 @@ class SilhouetteCompletion:
     def _carved(self, masks: Masks) -> NDArray[np.bool_]:
         """Hull of silhouettes widened by half a voxel, so that thin limbs remain."""
         wide = widened(self._views, masks, self._grid)
-        return carve(self.rig, wide, self._grid, self._rule, self._views.unknown)
+        return carve(self._views.rig, wide, self._grid, self._rule, self._views.unknown)
 
     def _unexplained(
         self, mask: NDArray[np.bool_], hull: NDArray[np.bool_], c: int
@@ -190,7 +171,7 @@ class SilhouetteCompletion:
 
     def _footprint(self, hull: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Pixels (h, w) of a camera into which voxels project, without gaps between them."""
-        camera = self.rig.cameras[c]
+        camera = self._views.rig.cameras[c]
         marked = np.zeros(camera.size[::-1], np.uint8)
         mark_voxels(hull, *self._grid.axes(), camera.projection, marked)
         return dilated(marked.view(np.bool_), int(np.ceil(1.5 * self._voxel_px[c])) | 1)

@@ -26,7 +26,6 @@ from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
 from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
-from voxelpose.multiview.silhouettes.floor_shadows import floor_under
 from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import choose_upright
@@ -36,7 +35,7 @@ LONG_SIDE_PX = 960
 """Larger images are reduced: contours are finer there than clothes are."""
 _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
-_FLOOR_FRAMES = 12
+_JUDGED_FRAMES = 12
 _RECHECKS = 3
 _COLOUR_ROUNDS = 3
 
@@ -154,7 +153,7 @@ def prepare_silhouettes(
     """
     lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
     sizes = [lens.pinhole.size for lens in lenses]
-    with mask_stores(3, sizes, source.frame_count) as stores:
+    with mask_stores(2, sizes, source.frame_count) as stores:
         reporter.stage("masks" if source.silhouettes_given else "background")
         silhouettes = Footage(source, settings, lenses, {}).silhouettes()
         silhouettes.note(reporter)
@@ -219,8 +218,8 @@ def prepare_silhouettes(
 
 @dataclass(frozen=True, eq=False)
 class _Preparation:
-    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness;
-    `unknown` is as of `PinholeViews`.
+    """Steps of the preparation; `stores` are of silhouettes and of differences of tint, `unknown`
+    is as of `PinholeViews`.
     """
 
     source: FrameSource
@@ -242,12 +241,10 @@ class _Preparation:
         for t, (number, seconds, frames) in enumerate(source):
             with self.clock("silhouettes"):
                 soft = silhouettes.soft(frames)
-                masks = zip(*(soft[name] for name in source.rig.names), strict=True)
-                for store, seen in zip(self.stores, masks, strict=True):
-                    masks_t = [
-                        lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)
-                    ]
-                    store.put(t, views.without_unknown(masks_t))
+                for store, kind in zip(self.stores, ("silhouette", "tint"), strict=True):
+                    masks = (getattr(soft[name], kind) for name in source.rig.names)
+                    pairs = zip(lenses, masks, strict=True)
+                    store.put(t, views.without_unknown([lens.undistort(m) for lens, m in pairs]))
             numbers[t], times_s[t] = number, seconds
             reporter.advance()
         return numbers, times_s
@@ -291,12 +288,12 @@ class _Preparation:
         self.reporter.stage("completion", len(store))
 
         def completed(t: int) -> list[np.ndarray]:
-            masks, (tint, brightness) = store[t], (found[t] for found in self.stores[1:])
+            masks, tint = (found[t] for found in self.stores)
             if not coloured:
-                return completion.complete(masks, tint, brightness)
+                return completion.complete(masks, tint)
             likely, alike = (found[t] for found in coloured)
             tint = [one | other for one, other in zip(tint, likely, strict=True)]
-            return completion.complete(masks, tint, brightness, alike)
+            return completion.complete(masks, tint, alike)
 
         for first in range(0, len(store), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(store)))
@@ -334,14 +331,12 @@ class _Preparation:
     def _unexplained(self, rig: Rig) -> float:
         """Share of the silhouettes' pixels that no hull explains, see `SilhouetteCompletion`."""
         completion, store = self._completion(rig), self.stores[0]
-        moments = even_moments(len(store), _FLOOR_FRAMES)
+        moments = even_moments(len(store), _JUDGED_FRAMES)
         return float(np.mean([completion.unexplained(store[int(t)]) for t in moments]))
 
     def _completion(self, rig: Rig) -> SilhouetteCompletion:
-        store, observer = self.stores[0], self.observer(rig)
-        moments = even_moments(len(store), _FLOOR_FRAMES)
-        floor_m = floor_under(observer, [store[int(t)] for t in moments])
-        return SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
+        observer = self.observer(rig)
+        return SilhouetteCompletion(observer.views, observer.volume, observer.rule)
 
     def observer(self, rig: Rig) -> HullObserver:
         """Observer of hulls by some cameras."""

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -25,7 +24,6 @@ from voxelpose.multiview.matching.limb_search import _pixel_values
 from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, refine_fit
 from voxelpose.multiview.quality.quality import frame_evidence
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
-from voxelpose.multiview.silhouettes.floor_shadows import FloorShadows
 
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 MODEL = fitting_model()
@@ -151,16 +149,6 @@ def test_completion_adds_nothing_there(masks, marked):
     holed = [hidden[0], hidden[1].copy(), *hidden[2:]]
     rows = np.flatnonzero(masks[1].any(axis=1))
     holed[1][rows[0] + len(rows) // 4 : rows[0] + len(rows) // 2] = False
-    completed = completion.complete(holed, masks, masks)
+    completed = completion.complete(holed, masks)
     assert not (completed[0] & marked.unknown[0]).any()
     assert (completed[1] & masks[1]).sum() > 0.95 * masks[1].sum()
-
-
-def test_the_floor_behind_something_unknown_may_be_dark(masks, marked):
-    person = np.zeros(2)
-    dark = [np.ones_like(mask) for mask in masks]
-    lit = [np.zeros_like(masks[0]), *dark[1:]]
-    unknown = [np.ones_like(masks[0]), *marked.unknown[1:]]
-    refused = FloorShadows(marked.rig).possible(lit, person)[1]
-    allowed = FloorShadows(marked.rig, 0.0, unknown).possible(lit, person)[1]
-    assert not refused[allowed].all() and cv2.countNonZero(allowed.view(np.uint8)) > refused.sum()

@@ -105,7 +105,7 @@ def holed():
     truth = photograph(seen_by, body, stance(body, {"left_upper_arm.abduction": 40.0}))
     masks = [*map(without_clothes, truth[:2]), *truth[2:]]
     sizes = [camera.size for camera in seen_by.rig]
-    with mask_stores(3, sizes, 3) as stores:
+    with mask_stores(2, sizes, 3) as stores:
         for t in range(3):
             stores[0].put(t, masks)
         settings = PreparationSettings(0.02, 0, "off")
