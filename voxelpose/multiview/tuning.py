@@ -266,13 +266,6 @@ class Completion:
     """m. Edge of the voxels of what is missing."""
     hole_share: float = 2e-3
     """1. Holes in what may belong to a silhouette are filled up to this share of the image."""
-    piece_m3: float = 0.001
-    """m³. Smaller pieces are noise: a forearm has a litre, a thigh eight."""
-    piece_share: float = 0.6
-    """1. Share of a piece's pixels that differ from the background, mean of the cameras; where it
-    shows least as many may differ as else may not."""
-    most_added: float = 1.5
-    """1. Of the hull's volume: a larger piece is no part of a person."""
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,6 @@ hull does not explain. The missing part is looked for among the pixels of a soft
 belong to it: on the rays of what is unexplained, where all cameras allow it. Where all but one
 in four cameras are sure, what has the person's colours in those may belong to it, too, once these
 are known.
-
-What all cameras miss is found where all of them show a piece whose tint differs from the background
-nearly everywhere, if only by a little.
 """
 
 from dataclasses import replace
@@ -30,7 +27,6 @@ Masks = list[NDArray[np.bool_]]
 """A mask (h, w) bool per camera."""
 
 _THIN_PX = 5  # narrower pieces are edges
-_PIECE_PX = 30  # a camera that shows less of a piece does not judge it
 
 
 class SilhouetteCompletion:
@@ -63,99 +59,39 @@ class SilhouetteCompletion:
             tint: where the colour's direction differs from the background's, (h, w) bool.
             alike: where a pixel has a colour of the person's, (h, w) bool; None: not known.
         """
-        masks = self._seen_by_some(masks, tint, alike or tint)
-        return self._views.without_unknown(self._missed_by_all(masks, tint))
+        views, alike = self._views, alike or tint
+        hull = carve(views.rig, masks, self._grid, self._rule, views.unknown)
+        unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
+        if not any(pixels.any() for pixels in unexplained):
+            return masks
+        possible = [self._without_holes(masks[c] | tint[c], c) for c in range(len(masks))]
+        likely = [self._without_holes(masks[c] | tint[c] | alike[c], c) for c in range(len(masks))]
+        hidden = carve(views.rig, unexplained, self._grid, self._seen_by_one, views.unknown) & ~hull
+        wide = widened(views, possible, self._grid)  # so that thin limbs remain
+        allowed = carve(views.rig, wide, self._grid, self._rule, views.unknown) & hidden
+        agreed = carve(views.rig, masks, self._grid, self._majority, views.unknown) & hidden
+        completed = []
+        for c, (mask, more, most) in enumerate(zip(masks, possible, likely, strict=True)):
+            added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
+            completed.append(mask | _opened(added & ~mask))
+        return views.without_unknown(completed)
 
     def unexplained(self, masks: Masks) -> float:
         """Share of the silhouettes' pixels that their hull does not explain, a mean of the cameras:
         other cameras miss what these show.
         """
         hull = carve(self._views.rig, masks, self._grid, self._rule, self._views.unknown)
-        return float(
-            np.mean(
-                [
-                    np.count_nonzero(self._unexplained(mask, hull, c))
-                    / max(np.count_nonzero(mask), 1)
-                    for c, mask in enumerate(masks)
-                ]
-            )
-        )
-
-    def _seen_by_some(self, masks: Masks, tint: Masks, alike: Masks) -> Masks:
-        unknown = self._views.unknown
-        hull = carve(self._views.rig, masks, self._grid, self._rule, unknown)
-        unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
-        if not any(pixels.any() for pixels in unexplained):
-            return masks
-        possible = [self._without_holes(masks[c] | tint[c], c) for c in range(len(masks))]
-        anything = [
-            self._without_holes(masks[c] | tint[c] | alike[c], c) for c in range(len(masks))
+        missed = [
+            np.count_nonzero(self._unexplained(mask, hull, c)) for c, mask in enumerate(masks)
         ]
-        hidden = carve(self._views.rig, unexplained, self._grid, self._seen_by_one, unknown) & ~hull
-        allowed = self._carved(possible) & hidden
-        agreed = carve(self._views.rig, masks, self._grid, self._majority, unknown) & hidden
-        completed = []
-        for c, (mask, more, most) in enumerate(zip(masks, possible, anything, strict=True)):
-            added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
-            completed.append(mask | _opened(added & ~mask))
-        return completed
-
-    def _missed_by_all(self, masks: Masks, tint: Masks) -> Masks:
-        differs = [mask | colour for mask, colour in zip(masks, tint, strict=True)]
-        hull = self._carved(masks)
-        if not hull.any() or all(map(np.array_equal, differs, masks)):
-            return masks
-        likely = [_closed(found, 2 * r + 1) for found, r in zip(differs, self._radius, strict=True)]
-        kept = np.zeros_like(hull)
-        for piece in self._pieces(hull, self._carved(likely) & ~hull):
-            if self._differs(piece, masks, differs):
-                kept |= piece
-        if not kept.any():
-            return masks
-        return [
-            mask | _opened(more & self._footprint(kept, c) & ~mask)
-            for c, (mask, more) in enumerate(zip(masks, likely, strict=True))
-        ]
-
-    def _pieces(self, hull: NDArray[np.bool_], more: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
-        """Large pieces (nx, ny, nz) bool of additional voxels that touch the hull's largest one."""
-        voxel_m3 = self._grid.voxel_size_m**3
-        if more.sum() * voxel_m3 < COMPLETION.piece_m3:
-            return []
-        joined = label_components(hull | more, diagonal=False).labels
-        more = more & (joined == np.bincount(joined[hull]).argmax())
-        pieces = label_components(more, diagonal=False)
-        most = COMPLETION.most_added * np.count_nonzero(hull)
-        large = np.flatnonzero(
-            (pieces.sizes * voxel_m3 >= COMPLETION.piece_m3) & (pieces.sizes <= most)
-        )
-        return [pieces.labels == k for k in large]
-
-    def _differs(self, piece: NDArray[np.bool_], masks: Masks, differs: Masks) -> bool:
-        """Whether a piece differs from the background at most of its pixels."""
-        shares = []
-        for c, (mask, found) in enumerate(zip(masks, differs, strict=True)):
-            edge = int(np.ceil(1.5 * self._voxel_px[c])) | 1
-            inside = ~dilated(~self._footprint(piece, c), edge)
-            inside &= ~dilated(mask, 2 * self._radius[c] + 1)
-            if self._views.unknown is not None:
-                inside &= ~self._views.unknown[c]
-            if (pixels := np.count_nonzero(inside)) > _PIECE_PX:
-                shares.append(np.count_nonzero(found & inside) / pixels)
-        if not shares:
-            return False
-        mostly = bool(np.mean(shares) >= COMPLETION.piece_share)
-        return mostly and min(shares) >= 1 - COMPLETION.piece_share
+        return float(np.mean(missed / np.maximum([np.count_nonzero(mask) for mask in masks], 1)))
 
     def _without_holes(self, mask: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Mask (h, w) without narrow gaps and small holes."""
-        closed = _closed(mask, 4 * self._radius[c] + 1)
-        return clean(closed, max_hole_px=round(COMPLETION.hole_share * mask.size))
-
-    def _carved(self, masks: Masks) -> NDArray[np.bool_]:
-        """Hull of silhouettes widened by half a voxel, so that thin limbs remain."""
-        wide = widened(self._views, masks, self._grid)
-        return carve(self._views.rig, wide, self._grid, self._rule, self._views.unknown)
+        square = np.ones((4 * self._radius[c] + 1,) * 2, np.uint8)
+        closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, square)
+        most_px = round(COMPLETION.hole_share * mask.size)
+        return clean(np.asarray(closed, np.uint8).view(np.bool_), max_hole_px=most_px)
 
     def _unexplained(
         self, mask: NDArray[np.bool_], hull: NDArray[np.bool_], c: int
@@ -175,12 +111,6 @@ class SilhouetteCompletion:
         marked = np.zeros(camera.size[::-1], np.uint8)
         mark_voxels(hull, *self._grid.axes(), camera.projection, marked)
         return dilated(marked.view(np.bool_), int(np.ceil(1.5 * self._voxel_px[c])) | 1)
-
-
-def _closed(mask: NDArray[np.bool_], side_px: int) -> NDArray[np.bool_]:
-    square = np.ones((side_px, side_px), np.uint8)
-    closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, square)
-    return np.asarray(closed, np.uint8).view(np.bool_)
 
 
 def _opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

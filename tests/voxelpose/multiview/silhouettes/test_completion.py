@@ -20,7 +20,7 @@ def scene() -> tuple[SilhouetteCompletion, list[np.ndarray]]:
     return completion, photograph(seen_by, body, pose)
 
 
-SHIRT, TROUSERS = (0.25, 0.45), (0.55, 0.8)  # of the height, from the top
+SHIRT = (0.25, 0.45)  # of the height, from the top
 
 
 def without_clothes(mask: np.ndarray, part: tuple[float, float] = SHIRT) -> np.ndarray:
@@ -55,14 +55,6 @@ def test_whole_silhouettes_are_left_alone(scene):
     given = everywhere(truth)
     for mask, result in zip(truth, completion.complete(truth, given), strict=True):
         assert overlap(mask, result) > 0.97
-
-
-@pytest.mark.parametrize("part", [SHIRT, TROUSERS])
-def test_what_all_cameras_miss_is_found_by_small_differences(scene, part):
-    completion, truth = scene
-    masks = [without_clothes(mask, part) for mask in truth]
-    for mask, result, before in zip(truth, completion.complete(masks, truth), masks, strict=True):
-        assert overlap(mask, result) > 0.88 > 0.85 > overlap(mask, before)
 
 
 def test_noise_is_none_of_it(scene):
