@@ -85,12 +85,11 @@ class Carving:
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
     small: float = 0.03
-    """1. Of a silhouette or a hull: a hand or a foot is smaller, a limb larger. What the hull
-    leaves unexplained is less where it explains a silhouette. By eye."""
+    """1. Of a silhouette or a hull: a hand or a foot is smaller, a limb larger, and smaller pieces
+    do not bound the volume. What the hull leaves unexplained is less where it explains a
+    silhouette. By eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
-    bounding: float = 0.1
-    """1. Of a silhouette's largest component: smaller ones do not bound the volume. By eye."""
     smallest_m3: float = 0.004
     """m³. A smaller hull is noise, not a body nor an object: a lower leg. Chosen by eye."""
     person_m3: float = 0.25

@@ -177,7 +177,7 @@ def test_full_search_finds_the_postures_of_others(body_volume):
 
 def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume, scene):
     _, _, grid, occupancy = scene
-    settings, start = MatchSettings(taken_cost=0.7), stance(body_volume.model)
+    settings, start = MatchSettings(), stance(body_volume.model)
     points = len(body_volume.points["left_thigh"])
     empty, full = (
         _Search(body_volume, grid, np.full_like(occupancy, there), start, settings)
