@@ -3,7 +3,7 @@
 `python -m benchmarks.expected_error OUT RECORDING ...` fits each recording into OUT (those that are
 there are kept; the truth is read from truth.json) and prints what was said beside what was: a
 reliability table over the joints and one over the frames, and a line per recording. With `--fit
-[near] [error] [right]`, these weights of `voxelpose.multiview.quality.expected_error` (by default
+[near] [error] [right]`, these weights of `voxelpose.multiview.quality.quality` (by default
 all) are estimated anew from these recordings, written into its file with a statement of how, and
 judged on recordings left out (each seventh).
 """
@@ -21,7 +21,7 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.fitted_weights import write_weights
 from voxelpose.fitting import Output, fit
-from voxelpose.multiview.quality.expected_error import (
+from voxelpose.multiview.quality.quality import (
     ADDED_MM,
     FILE,
     NEAR_MM,

@@ -31,7 +31,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.batch.batch_tables import write_tables
 from voxelpose.batch.jobs import jobs_of
 from voxelpose.batch.run import BatchSettings, Outcome, run_batch
-from voxelpose.multiview.quality.expected_error import NEAR_MM
+from voxelpose.multiview.quality.quality import NEAR_MM
 from voxelpose.reliability import verdict_of
 
 ROOT = Path(__file__).resolve().parents[1]

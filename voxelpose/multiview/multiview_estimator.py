@@ -94,7 +94,6 @@ class MultiViewEstimator:
             options.voxel_size_m,
             options.tolerance,
             options.repair,
-            matching,
             *((0.0, True) if given is None else (CARVING.joined * given.extent_m, False)),
         )
         with (

@@ -12,8 +12,6 @@ class Refining:
     step_reach_m: float = 0.18
     """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
     follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
-    smooth_reach_m: float = 0.08
-    """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
     spacing_m: float = 0.035
@@ -31,15 +29,12 @@ class Tracking:
     """1. Of a pose's error, below which another replaces it. Chosen by eye, not ablated."""
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
-    suspect: float = 0.16
-    """1. Error above which a pose may be a wrong one, or the body another. Chosen by eye."""
-    poor: float = 1.2
-    """1. Of the usual error, above which a frame is tried a second time. Chosen by eye."""
-    poor_by: float = 0.01
-    """1. Excess over that, of outlines that fit nearly perfectly. Chosen by eye."""
     bad: float = 1.4
-    """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
-    does not tell which body it is. By eye."""
+    """1. Of the usual error, above which a frame is tried a second time and a search is due; of the
+    smallest one, above which a frame does not tell which body it is. By eye."""
+    again_s: float = 0.5
+    """s. Time between the frames in which arms and legs are searched off line, and least time
+    between searches live where poses are bad. Chosen by eye."""
     long_steps: float = 2.5
     """1 / FPS. Time between frames from which a refinement reaches as far as after a search. Tuned
     on walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
@@ -50,21 +45,13 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class OffLine:
-    """Repair of a whole recording's poses (`tracking.tracking`)."""
+class Jumps:
+    """Jumps between the poses of a whole recording (`tracking.tracking`)."""
 
-    limbs_again_s: float = 0.5
-    """s. Time between the frames in which arms and legs are searched. Chosen by eye."""
-    jump_m: float = 0.10
-    """m. Mean step of the joints within 1 / FPS from which it may be a jump: 3 m/s. By eye."""
-    jump_ratio: float = 3.0
-    """1. Over the steps around it, from which it is one. Chosen by eye."""
+    least_m: float = 0.10
+    """m. Mean step of the joints within 1 / FPS from which it is a jump: 3 m/s. By eye."""
     continued: float = 1.1
     """1. Of a stretch's error, up to which one that continues its neighbours replaces it."""
-    continued_short: float = 1.5
-    """1. The same of a short stretch. Chosen by eye."""
-    short_s: float = 0.25
-    """s. Length of a short stretch. Chosen by eye."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +62,6 @@ class Live:
     """s. Time after which a track is given up. Chosen by eye."""
     longest_gap: float = 3.5
     """Frames of a slow camera after which it is given up. Tuned on walk4 with `--every 3`."""
-    poor_again_s: float = 0.7
-    """s. Least time between searches where poses are bad. Chosen by eye."""
     limbs_again_s: float = 3.0
     """s. Least time between searches of arms and legs where nothing is wrong. Chosen by eye."""
     apart_s: tuple[float, ...] = (0.4, 1.5, 4.0)
@@ -94,32 +79,28 @@ class Carving:
 
     voxel_m: float = 0.025
     """m. Edge of the voxels that are matched, and of those of objects. By eye."""
-    limb_m: float = 1.0
-    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
     shrinkage: float = 0.9
     """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
     no accuracy."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
-    explained: float = 0.04
-    """1. Largest unexplained share of a silhouette that the hull counts as explaining. By eye."""
-    small: float = 0.02
-    """1. Of a silhouette: a hand or a foot is smaller. Chosen by eye."""
-    crumb: float = 0.03
-    """1. Of the largest component, below which another is no limb. Chosen by eye."""
+    small: float = 0.03
+    """1. Of a silhouette or a hull: a hand or a foot is smaller, a limb larger, and smaller pieces
+    do not bound the volume. What the hull leaves unexplained is less where it explains a
+    silhouette. By eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
-    bounding: float = 0.1
-    """1. Of a silhouette's largest component: smaller ones do not bound the volume. By eye."""
     smallest_m3: float = 0.004
-    """m³. A smaller hull is noise, not a body. Chosen by eye."""
+    """m³. A smaller hull is noise, not a body nor an object: a lower leg. Chosen by eye."""
     person_m3: float = 0.25
     """m³. A person's hull is up to so large; larger ones count for less. standing4: board and man
     have 0.37 and 0.15."""
     person_m: float = 1.6
-    """m. In most poses it is so long; shorter ones count for less. As `person_m3`."""
+    """m. In most poses it is so long; shorter ones count for less, and objects are. As
+    `person_m3`."""
     near_m: float = 1.0
-    """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
+    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone, and
+    from the last position a component's weight falls to 1 / e."""
     unlikely: float = 2.5
     """1. Hulls so many times larger or smaller than people are in a wrong unit. By eye."""
     off_axis: float = 1.5
@@ -142,10 +123,9 @@ class Matching:
     211 to 220) searched live, 6 are over 100 mm off; with one placement, and one below, 8."""
     searched: int = 2
     """Poses whose limbs are searched on the silhouettes. As `matched_again`."""
-    empty_cost: float = 1.0
-    """Voxels. Cost of a part's voxel in empty space. Chosen by eye, not ablated."""
     taken_cost: float = 0.7
-    """Voxels. The same inside a part that is already placed. Chosen by eye, not ablated."""
+    """Voxels. Cost of a part's voxel inside a part that is already placed; in empty space it is
+    one. Chosen by eye, not ablated."""
     lying_cost: float = 0.1
     """1. Of the torso: cost of lying on the side, as people mostly stand. Chosen by eye."""
     apart_m: float = 0.12
@@ -176,7 +156,7 @@ class Evidence:
 
 REFINING = Refining()
 TRACKING = Tracking()
-OFF_LINE = OffLine()
+JUMPS = Jumps()
 LIVE = Live()
 CARVING = Carving()
 MATCHING = Matching()
@@ -200,8 +180,8 @@ class PersonCost:
     """1. Standard deviations above the usual error from which costly candidates are searched, too:
     an error of 0.146; 0.15 was tuned for sitting people (701 to 704 of `benchmarks.seated`)."""
     hull_sigma: float = 0.05
-    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. By
-    eye."""
+    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. Statures
+    that are tried are so far apart. By eye."""
     middle_m: float = 0.2
     """m. From the hull's middle, within which its height is taken: a torso's radius. Largest height
     of five frames over the stature, logarithm, 5 to 95 %, seeds 201 to 224: two cameras -0.04 to
@@ -221,30 +201,12 @@ class PersonCost:
 
 
 @dataclass(frozen=True)
-class PersonSearch:
-    """Candidates for a person, and frames in which they are compared (`person`)."""
-
-    stature_step: float = 1.07
-    """1. Ratio of neighbouring statures that are tried; adaptation bridges half of it."""
-
-
-@dataclass(frozen=True)
-class SittingSearch:
-    """Search for sitting postures (`person.body_choice`)."""
-
-    head_m: float = 0.12
-    """m. Of the hull below its top, which is taken for the head: half of a head's height."""
-
-
-@dataclass(frozen=True)
 class HullGirth:
     """Girth by the volume of the hull (`person.girth`)."""
 
     hull_over_body: float = 1.75
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
-    usual_chest: float = 0.55
-    """1. Chest girth of the man's template over its stature."""
     least: float = 0.9
     """1. Smallest girth by a hull, relative to the usual one. By eye."""
     most: float = 1.5
@@ -259,21 +221,15 @@ class StaticObjectSearch:
     """
 
     beside_m: float = 0.03
-    """m. From the body's outline, within which a silhouette is the body's."""
-    widened_m: float = 0.04
-    """m. By which an object's pixels are widened: as far, and a pixel more."""
+    """m. From the body's outline, within which a silhouette is the body's; an object's pixels are
+    widened as far, and a pixel more."""
     always: float = 0.9
     """1. Share of frames in which an object's pixel is foreground."""
     seen: float = 0.25
     """1. Share of frames in which the body does not hide it."""
-    least_m3: float = 0.002
-    """m³. Smallest volume of an object: half of a lower leg."""
-    moved_m: float = 0.1
-    """m. Way of a part of the body: while none goes so far, anything may seem static. By eye."""
     apart_m: float = 0.15
-    """m. From the body's surface: what is farther away in all frames is no limb (standing4)."""
-    person_m: float = 1.4
-    """m. What is so long may be the person, and the body that of something else (standing4)."""
+    """m. From the body's surface: what is farther away in all frames is no limb (standing4). While
+    no part of the body goes so far, anything may seem static."""
 
 
 @dataclass(frozen=True)
@@ -309,26 +265,6 @@ class Completion:
     """m. Edge of the voxels of what is missing."""
     hole_share: float = 2e-3
     """1. Holes in what may belong to a silhouette are filled up to this share of the image."""
-    piece_m3: float = 0.001
-    """m³. Smaller pieces are noise: a forearm has a litre, a thigh eight."""
-    piece_share: float = 0.6
-    """1. Share of a piece's pixels that differ from the background, mean of the cameras."""
-    camera_share: float = 0.4
-    """1. The same of the camera that shows least of it."""
-    most_added: float = 1.5
-    """1. Of the hull's volume: a larger piece is no part of a person."""
-
-
-@dataclass(frozen=True)
-class FloorShadows:
-    """Shadows on the floor (`silhouettes.floor_shadows`)."""
-
-    longest_m: float = 3.0
-    """m. Length of a shadow where no other camera sees the floor. By eye."""
-    foot_m3: float = 0.0005
-    """m³. Smallest piece of the hull by which the floor is found: a foot. By eye."""
-    floor_m: float = 0.15
-    """m. A floor no farther from the world's origin than this is there. By eye."""
 
 
 @dataclass(frozen=True)
@@ -358,9 +294,8 @@ class UpSearch:
     `benchmarks.turned`."""
 
 
-PERSON_COST, PERSON_SEARCH = PersonCost(), PersonSearch()
+PERSON_COST = PersonCost()
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
-COMPLETION, FLOOR_SHADOWS, COLOURS, UP_SEARCH = Completion(), FloorShadows(), Colours(), UpSearch()
+COMPLETION, COLOURS, UP_SEARCH = Completion(), Colours(), UpSearch()
 BODY_EVIDENCE = BodyEvidence()
-SITTING_SEARCH = SittingSearch()

@@ -20,7 +20,7 @@ from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.tuning import CARVING, REFINING
 
 COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
-"""A component of a hull, as a row of a table."""
+"""A connected component of a hull: volume, centre of mass, lower and upper corner of its box."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,40 +55,13 @@ def observation_at(
     return Observation.from_masks(views, masks, distance, *spacing)
 
 
-@dataclass(frozen=True, eq=False)
-class HullComponents:
-    """The n connected components of a hull.
-
-    Attributes:
-        volume_m3: (n,) float64, volumes.
-        center_m: (n, 3) float64, centres of mass in the world.
-        bounds_m: (n, 2, 3) float64, lower and upper corner of each component's box.
-    """
-
-    volume_m3: np.ndarray
-    center_m: np.ndarray
-    bounds_m: np.ndarray
-
-    @classmethod
-    def from_voxels(cls, voxels: MaskComponents, grid: VoxelGrid) -> HullComponents:
-        """Measures the components of a grid's voxels."""
-        return cls(
-            voxels.sizes[1:] * grid.voxel_size_m**3,
-            grid.origin_m + (voxels.centroids + 0.5) * grid.voxel_size_m,
-            grid.origin_m + voxels.bounds * grid.voxel_size_m,
-        )
-
-    @classmethod
-    def from_table(cls, table: np.ndarray) -> HullComponents:
-        """Components of the rows (n,) of a table of dtype `COMPONENT`."""
-        return cls(*(table[name] for name in COMPONENT.names or ()))
-
-    def table(self) -> np.ndarray:
-        """The components as rows (n,) of dtype `COMPONENT`."""
-        rows = np.empty(len(self.volume_m3), COMPONENT)
-        for name in COMPONENT.names or ():
-            rows[name] = getattr(self, name)
-        return rows
+def hull_components(voxels: MaskComponents, grid: VoxelGrid) -> np.ndarray:
+    """Components of a grid's voxels, rows (n,) of dtype `COMPONENT`."""
+    rows = np.empty(len(voxels.sizes) - 1, COMPONENT)
+    rows["volume_m3"] = voxels.sizes[1:] * grid.voxel_size_m**3
+    rows["center_m"] = grid.origin_m + (voxels.centroids + 0.5) * grid.voxel_size_m
+    rows["bounds_m"] = grid.origin_m + voxels.bounds * grid.voxel_size_m
+    return rows
 
 
 def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRule:
@@ -180,38 +153,36 @@ class HullObserver:
         grid = self.window(components, body)
         return self.select(*self.carve(masks, grid), grid, near_m)
 
-    def components(self, masks: list[np.ndarray]) -> HullComponents:
-        """Components of the coarse hull of the whole volume."""
+    def components(self, masks: list[np.ndarray]) -> np.ndarray:
+        """Rows (n,) of dtype `COMPONENT` of the coarse hull of the whole volume."""
         hull = carve(self.views.rig, masks, self._coarse, self.rule, self.views.unknown)
-        return HullComponents.from_voxels(
-            _label_bodies(hull, self._coarse, self._joined_m), self._coarse
-        )
+        return hull_components(_label_bodies(hull, self._coarse, self._joined_m), self._coarse)
 
-    def body(self, components: HullComponents, near_m: np.ndarray | None) -> int | None:
+    def body(self, components: np.ndarray, near_m: np.ndarray | None) -> int | None:
         """Index of the body's component, or None where none is large enough.
 
         Args:
             near_m: (3,) where the body was last: near components are preferred. None: the largest;
                 of a person, those larger or shorter than persons are count for less.
         """
-        weight = components.volume_m3
+        weight = components["volume_m3"]
         if not len(weight):
             return None
         if self._person:
-            longest_m = np.ptp(components.bounds_m, axis=1).max(axis=1)
+            longest_m = np.ptp(components["bounds_m"], axis=1).max(axis=1)
             fitting = np.minimum(CARVING.person_m3 / weight, 1) * np.minimum(
                 longest_m / CARVING.person_m, 1
             )
             weight = weight * fitting**2
         if near_m is not None and len(weight) > 1:
-            distance = np.linalg.norm(components.center_m - near_m, axis=1)
+            distance = np.linalg.norm(components["center_m"] - near_m, axis=1)
             weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
         best = int(weight.argmax())
-        return best if components.volume_m3[best] >= CARVING.smallest_m3 else None
+        return best if components["volume_m3"][best] >= CARVING.smallest_m3 else None
 
-    def window(self, components: HullComponents, body: int) -> VoxelGrid:
+    def window(self, components: np.ndarray, body: int) -> VoxelGrid:
         """Fine grid around one component of the coarse hull."""
-        low, high = components.bounds_m[body]
+        low, high = components["bounds_m"][body]
         return VoxelGrid.from_bounds(
             low - 2 * CARVING.coarse_m, high + 2 * CARVING.coarse_m, self.voxel_size_m
         )
@@ -230,7 +201,7 @@ class HullObserver:
         """
         if len(self.views.rig) - self.views.partly_unknown >= LEAST_CAMERAS:
             return grid
-        low, high = grid.origin_m - CARVING.limb_m, grid.origin_m + grid.size_m + CARVING.limb_m
+        low, high = grid.origin_m - CARVING.near_m, grid.origin_m + grid.size_m + CARVING.near_m
         return VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
 
     def select(
@@ -242,7 +213,7 @@ class HullObserver:
     ) -> FrameObservation | None:
         """The body's component of a carved window, or None where it is too small for a body."""
         voxels = _label_bodies(occupancy, grid, self._joined_m)
-        body = self.body(HullComponents.from_voxels(voxels, grid), near_m)
+        body = self.body(hull_components(voxels, grid), near_m)
         if body is None:
             return None
         return FrameObservation(self.views, masks, grid, voxels.labels == body + 1)
@@ -270,7 +241,7 @@ class HullObserver:
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
         )
-        if missing[1] >= CARVING.explained:
+        if missing[1] >= CARVING.small:
             return loose
         return [
             sure | _small_components(likely & ~sure, CARVING.small * np.count_nonzero(sure))
@@ -317,7 +288,7 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
-    return (components.sizes >= CARVING.crumb * components.sizes.max(initial=1))[components.labels]
+    return (components.sizes >= CARVING.small * components.sizes.max(initial=1))[components.labels]
 
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:

@@ -22,14 +22,10 @@ class MatchSettings:
     Attributes:
         interference: match parts jointly where their movable areas share voxels; False is the
             paper's plain matcher.
-        empty_cost: cost of a voxel of a part in empty space, in explained voxels.
-        taken_cost: cost of a voxel of a part inside a part that is already placed.
     """
 
     step_rad: float = np.radians(MATCHING.step_deg)
     interference: bool = True
-    empty_cost: float = MATCHING.empty_cost
-    taken_cost: float = MATCHING.taken_cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +212,7 @@ class _Search:
         """Placements of a limb at angles (K, D), with the voxels they cover and what they cost."""
         placed = self.body_volume.placements(limb, self.pose, angles_rad)
         bits, empty, inside = self.voxel_set.cover(self.body_volume.points[limb.name], *placed)
-        cost = self.settings.empty_cost * empty + self.settings.taken_cost * inside
+        cost = empty + MATCHING.taken_cost * inside
         return LimbPlacements(limb, angles_rad, bits, cost)
 
     def decide(

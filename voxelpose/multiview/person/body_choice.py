@@ -50,7 +50,7 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, SITTING_SEARCH, TRACKING
+from voxelpose.multiview.tuning import PERSON_COST, TRACKING
 
 _BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
@@ -83,8 +83,10 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
 def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
     """Where the root (3,) of an upright body is whose head is the top of a hull (n, 3)."""
     top_m = points_m[:, 2].max()
-    head = points_m[points_m[:, 2] > top_m - SITTING_SEARCH.head_m]
-    trunk_m = model.vertices_m[:, 2].max() - model.joints_m[0, 2]
+    crown_m = model.vertices_m[:, 2].max()
+    half_head_m = 0.5 * (crown_m - model.joints_m[model.names.index("head"), 2])
+    head = points_m[points_m[:, 2] > top_m - half_head_m]
+    trunk_m = crown_m - model.joints_m[0, 2]
     return np.append(np.median(head[:, :2], axis=0), top_m - trunk_m)
 
 
@@ -262,7 +264,7 @@ class _Search:
                 starts[t] = starts.get(t, []) + taken
         if not any(starts.values()):
             return None
-        step = PERSON_SEARCH.stature_step
+        step = float(np.exp(PERSON_COST.hull_sigma))
         scales = (1.0,) if evidence.told_m is not None else (1 / step, 1.0, step)
         candidates = [
             Candidate(metres * scale, girth, self._templates[0], posture, self.objects)

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.model import BodyModel, read_template
 from silhouette_core.body.population import sex_probability, usual_range
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
@@ -41,7 +42,14 @@ def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     """Chest girth, m, with which a usual body fills a hull, m³, as far as people's go."""
     usual_m3 = HULL_GIRTH.hull_over_body * model.part_volumes_m3(0.02).sum()
     girth = float(np.clip(np.sqrt(hull_m3 / usual_m3), HULL_GIRTH.least, HULL_GIRTH.most))
-    return float(np.clip(girth * HULL_GIRTH.usual_chest * model.sizes.stature_m, *CHESTS_M))
+    return float(np.clip(girth * usual_chest(model.sizes.sex) * model.sizes.stature_m, *CHESTS_M))
+
+
+@lru_cache
+def usual_chest(sex: str) -> float:
+    """Chest girth of a sex's template over its stature."""
+    sizes = read_template(sex).sizes
+    return (sizes.chest_girth_m or np.nan) / sizes.stature_m
 
 
 @dataclass(frozen=True)
@@ -210,7 +218,7 @@ def _girth(candidate: Candidate) -> float:
     if candidate.girth is None:
         return 0.0
     mean_m, sigma_m = usual_range("waist_girth_m", candidate.stature, candidate.template)
-    usual_m = HULL_GIRTH.usual_chest * candidate.stature
+    usual_m = usual_chest(candidate.template) * candidate.stature
     return 0.5 * ((candidate.girth / usual_m - 1) * mean_m / sigma_m) ** 2
 
 

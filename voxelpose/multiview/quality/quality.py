@@ -1,31 +1,220 @@
-"""Agreement of a fitted pose with the hull, part by part."""
+"""Quality of fitted poses: agreement with the hull, part by part, and errors to be expected.
+
+A frame's evidence are the shares of the silhouettes that body and silhouettes do not have in common
+(the mean and the median over the cameras), the same near every joint, how uncertain the outlines
+leave the joint, the body's part outside the hull, how many of its angles are at their limits, how
+much worse the recording is explained by bodies turned half round, how thick the clothes are, and
+how many cameras there are. Logistic regression on it gives probabilities, and linear regression of
+log(error + 3 mm) the median error:
+
+.. math::
+
+    P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
+
+with a constant :math:`w_j` for every joint. The weights stand in expected_error.toml, which
+`python -m benchmarks.expected_error ... --fit` writes.
+
+Source: textbook (logistic regression); the evidence is this project's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from silhouette_core.body.sizes import IS_CLOTHING
+from silhouette_core.fitted_weights import fitted_weights
+from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.refinement.posterior import landmark_sigma_m
+from silhouette_core.refinement.refine import RefineStart
+from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
-from voxelpose.multiview.quality.expected_error import (
-    MotionEvidence,
-    expected_errors,
-    frame_evidence,
-    half_turn_ratio,
-)
+from voxelpose.multiview.matching.matcher import MatchSettings, match
+from voxelpose.multiview.matching.pose_search import SEARCHED, STEP, BodyGeometry, refine_fits
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import QUALITY
 
 _TOGETHER = 8  # frames
 _TURNED = 5  # frames in which the body is turned half round
+
+NEAR_MM = 30
+"""Error for which the probability of a joint is stated."""
+RIGHT_MM = 80
+"""Mean error of the joints relative to the pelvis up to which a frame counts as right."""
+ADDED_MM = 3
+"""Added to errors before their logarithm is taken."""
+
+# Constants of the 15 joints, then the weights of: log of the share near the joint, log of its
+# standard deviation over a centimetre, log of the mean share, log of the median one, log of the
+# half-turn ratio, share of the body outside the hull, share of the angles at their limits,
+# thickness of the clothes in per cent of the stature, log of the number of cameras over four.
+# Of right frames: a constant, then the same without those of the joint.
+FILE = Path(__file__).with_name("expected_error.toml")
+"""Weights of these regressors, written by the benchmark."""
+
+
+def frame_evidence(
+    body: BodyGeometry, pose: Pose, joints_m: np.ndarray, frame: FrameObservation
+) -> dict[str, np.ndarray]:
+    """What speaks for and against one frame's pose, by the names of `Motion.quality`.
+
+    Args:
+        joints_m: (15, 3) float64, joints of the posed body.
+
+    Returns:
+        camera_agreement: (C,) float64, 1 - |XOR| / |OR| of body and silhouette in each camera; what
+            is unknown does not count, and a camera in which all of it is has the others' mean.
+        joint_disagreement: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share
+            of the square, the mean over the cameras that have the joint before them and know some
+            of it.
+        joint_sigma_mm: (15,) float64, standard deviations of the joints by the outlines.
+    """
+    model, vertices_m = body.model, posed_mesh(body.model, pose)
+    errors, near = [], []
+    for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
+        seen = vertices_m @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        drawn, unknown = parts > 0, None
+        if frame.views.unknown is not None:
+            unknown = frame.views.unknown[c]
+            drawn &= ~unknown
+        apart = drawn ^ mask
+        either = np.count_nonzero(drawn | mask)
+        hidden = unknown is not None and not either
+        errors.append(np.nan if hidden else np.count_nonzero(apart) / max(either, 1))
+        pixels, depth_m = camera.project(joints_m)
+        shares = np.full(len(joints_m), np.nan)
+        for k in np.flatnonzero(np.isfinite(pixels).all(axis=1)):
+            reach = QUALITY.square_m * camera.matrix[0, 0] / max(float(depth_m[k]), 0.3)
+            low = np.maximum((pixels[k] - reach).astype(int), 0)
+            high = np.maximum((pixels[k] + reach).astype(int) + 1, 0)
+            square, area = (slice(low[1], high[1]), slice(low[0], high[0])), (2 * reach) ** 2
+            seen = area if unknown is None else area - np.count_nonzero(unknown[square])
+            if seen >= QUALITY.least_seen * area:
+                shares[k] = np.count_nonzero(apart[square]) / seen
+        near.append(shares)
+    known = np.isfinite(near)
+    sums = np.where(known, near, 0.0).sum(axis=0)
+    camera_error = np.array(errors)
+    if np.isnan(camera_error).any() and not np.isnan(camera_error).all():
+        camera_error[np.isnan(camera_error)] = np.nanmean(camera_error)
+    return {
+        "camera_agreement": 1 - camera_error,
+        "joint_disagreement": sums / np.maximum(known.sum(axis=0), 1),
+        "joint_sigma_mm": 1000 * landmark_sigma_m(body.surface, frame.observation, pose),
+    }
+
+
+def half_turn_ratio(
+    body: BodyGeometry, pose: Pose, frame: FrameObservation, settings: MatchSettings
+) -> float:
+    """How much worse the body turned half round, its limbs matched again, explains a frame."""
+    turned = Pose(
+        pose.root_m,
+        pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
+        np.zeros_like(pose.angles_rad),
+    )
+    found = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
+    other, own = refine_fits(
+        body,
+        frame.observation,
+        [RefineStart(found.pose, SEARCHED), RefineStart(pose, STEP)],
+    )
+    return other.error / max(own.error, 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionEvidence:
+    """What speaks for and against the T poses of a motion.
+
+    Attributes:
+        camera_error: (T, C) float64, 1 less `camera_agreement` of `frame_evidence`; rows of NaN
+            where there is none.
+        joint_error: (T, 15) float64, its `joint_disagreement`.
+        joint_sigma_m: (T, 15) float64, its `joint_sigma_mm` in metres.
+        outside: (T,) float64, share of the body's volume outside the hull.
+        at_limits: (T,) float64, share of the joint angles that are at an end of their range.
+        half_turn: median half-turn ratio of the recording.
+        clothes: thickness of the body's clothes, as fractions of the stature, summed.
+    """
+
+    camera_error: np.ndarray
+    joint_error: np.ndarray
+    joint_sigma_m: np.ndarray
+    outside: np.ndarray
+    at_limits: np.ndarray
+    half_turn: float
+    clothes: float
+
+    @classmethod
+    def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
+        """Evidence of a motion with its quality."""
+        quality = motion.quality
+        low, high = motion.model.tree.dof_limits_rad.T
+        angles, free = motion.angles_rad, high > low
+        at_end = (angles <= low + QUALITY.at_limit_rad) | (angles >= high - QUALITY.at_limit_rad)
+        at_limits = (at_end & free).mean(axis=1)
+        clothes = float(motion.model.shape[IS_CLOTHING].sum())
+        return cls(
+            1 - quality["camera_agreement"],
+            quality["joint_disagreement"],
+            quality["joint_sigma_mm"] / 1000,
+            quality["outside"],
+            at_limits,
+            half_turn,
+            clothes,
+        )
+
+
+def expected_errors(evidence: MotionEvidence) -> dict[str, np.ndarray]:
+    """Errors of T poses by regression on their evidence, by the names of `Motion.quality`.
+
+    Returns:
+        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
+            80 mm.
+        joint_error_mm: (T, 15) float64, median error of each joint.
+        landmark_confidence: (T, 15) float64, probability that a joint is within 30 mm of the truth.
+    """
+    joints, frames = regressors(evidence)
+    weights = fitted_weights(FILE)
+    return {
+        "right_probability": logistic(frames @ weights["right"]),
+        "joint_error_mm": np.maximum(np.exp(joints @ weights["error"]) - ADDED_MM, 1.0),
+        "landmark_confidence": logistic(joints @ weights["near"]),
+    }
+
+
+def regressors(evidence: MotionEvidence) -> tuple[np.ndarray, np.ndarray]:
+    """Regressors of the joints (T, 15, 24) and of the frames (T, 8), in the weights' order."""
+    camera_error = np.maximum(evidence.camera_error, 1e-3)
+    mean = np.log(camera_error.mean(axis=1))
+    middle = np.log(np.median(camera_error, axis=1))
+    turn = np.full(len(mean), np.log(np.clip(evidence.half_turn, 1.0, QUALITY.most_turned)))
+    clothes = np.full(len(mean), 100 * evidence.clothes)
+    cameras = np.full(len(mean), np.log(camera_error.shape[1] / 4))
+    shared = [mean, middle, turn, evidence.outside, evidence.at_limits, clothes, cameras]
+    frames = np.stack([np.ones(len(mean)), *shared], axis=1)
+    near = np.log(evidence.joint_error + QUALITY.least)
+    sigma = np.log(evidence.joint_sigma_m / 0.01)
+    constants = np.repeat(np.eye(15)[None], len(mean), axis=0)
+    of_frame = np.repeat(frames[:, None, 1:], 15, axis=1)
+    of_joint = np.stack([near, sigma], axis=2)
+    return np.concatenate([constants, of_joint, of_frame], axis=2), frames
+
+
+def logistic(value: np.ndarray) -> np.ndarray:
+    """1 / (1 + exp(-value))."""
+    return 1.0 / (1.0 + np.exp(-np.clip(value, -30.0, 30.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +300,11 @@ def motion_quality(
         pose = pose_of(row)
         quality = assess(body.body_volume, pose, frame)
         outside = 1 - float(np.nansum(quality.part_overlap * points)) / points.sum()
-        seen = frame_evidence(body, pose, joints_m[row], frame)
         return {
             "part_overlap": quality.part_overlap,
             "unexplained": np.array(quality.unexplained),
             "outside": np.array(outside),
-            "camera_agreement": 1 - seen.camera_error,
-            "joint_disagreement": seen.joint_error,
-            "joint_sigma_mm": 1000 * seen.joint_sigma_m,
-        }
+        } | frame_evidence(body, pose, joints_m[row], frame)
 
     found: list[dict[str, np.ndarray]] = []
     for first in range(0, len(motion), _TOGETHER):
@@ -138,12 +323,9 @@ def motion_quality(
     if body.model.person is None:  # the regression is of people
         return arrays, ratio
     evidence = MotionEvidence.from_motion(replace(motion, quality=arrays), ratio)
-    expected = expected_errors(evidence)
-    arrays |= {
-        "right_probability": np.nan_to_num(expected.right_probability),
-        "joint_error_mm": expected.median_mm,
-        "landmark_confidence": np.nan_to_num(expected.near_probability),
-    }
+    arrays |= expected_errors(evidence)
+    for name in ("right_probability", "landmark_confidence"):
+        arrays[name] = np.nan_to_num(arrays[name])
     return arrays, ratio
 
 

@@ -108,7 +108,5 @@ def cut_by_body(
                 pairs = zip(views.rig.names, footage.lenses, strict=True)
                 store.put(t, views.without_unknown([lens.undistort(found[k]) for k, lens in pairs]))
             reporter.advance()
-        for c, late in enumerate(footage.late):
-            if late:
-                store.advance(c, late)
+        store.advance(footage.late)
         yield replace(prepared, store=store)

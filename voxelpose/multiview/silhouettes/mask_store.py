@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
@@ -51,14 +51,22 @@ class MaskStore:
             for t in range(self._count):
                 self._put(camera, t, other._bits(camera, t))
 
-    def advance(self, camera: int, frames: int) -> None:
-        """Gives each frame the silhouette that a camera showed so many frames later, as far as
+    def advance(self, late: Sequence[int]) -> None:
+        """Gives each frame the silhouettes that the cameras showed so many frames later, as far as
         there are any; earlier where negative.
         """
         last = self._count - 1
-        order = range(last + 1) if frames > 0 else range(last, -1, -1)
-        for t in order:
-            self._put(camera, t, self._bits(camera, min(max(t + frames, 0), last)))
+        for camera, frames in enumerate(late):
+            order = range(last + 1) if frames > 0 else range(last, -1, -1)
+            for t in order if frames else ():
+                self._put(camera, t, self._bits(camera, min(max(t + frames, 0), last)))
+
+    def pixels(self) -> np.ndarray:
+        """(C,) int64, pixels in the foreground of all frames."""
+        cameras, frames = range(len(self._files)), range(self._count)
+        return np.array(
+            [sum(int.from_bytes(self._bits(c, t)).bit_count() for t in frames) for c in cameras]
+        )
 
     def close(self) -> None:
         """Removes the scratch files."""

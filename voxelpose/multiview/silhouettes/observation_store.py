@@ -16,7 +16,6 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import (
     COMPONENT,
     FrameObservation,
-    HullComponents,
     HullObserver,
 )
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
@@ -108,18 +107,16 @@ class ObservationStore:
         """Removes the scratch file."""
         self._file.close()
 
-    def _components_of(self, t: int) -> HullComponents:
+    def _components_of(self, t: int) -> np.ndarray:
         """Components of a frame's hull, found once."""
         start, count = self._components[t].tolist()
         if start == _NOWHERE:
             components = self.observer.components(self._masks[t])
-            table = components.table()
-            self._components[t] = self._file.append(table.tobytes()), len(table)
+            self._components[t] = self._file.append(components.tobytes()), len(components)
             return components
-        table = np.frombuffer(self._file.read_at(start, count * COMPONENT.itemsize), COMPONENT)
-        return HullComponents.from_table(table)
+        return np.frombuffer(self._file.read_at(start, count * COMPONENT.itemsize), COMPONENT)
 
-    def _keep_hull(self, t: int, body: int, components: HullComponents) -> None:
+    def _keep_hull(self, t: int, body: int, components: np.ndarray) -> None:
         grid = self.observer.window(components, body)
         masks, occupancy = self.observer.carve(self._masks[t], grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from calib.camera import Rig
@@ -16,6 +17,7 @@ from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
+from silhouette_core.image.person_colours import ColourDensity, PersonColours
 from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
@@ -23,23 +25,21 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
-from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
-from voxelpose.multiview.silhouettes.floor_shadows import floor_under
 from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
-from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
+from voxelpose.multiview.silhouettes.up_search import choose_upright
 from voxelpose.multiview.tuning import CARVING, COLOURS
 
 LONG_SIDE_PX = 960
 """Larger images are reduced: contours are finer there than clothes are."""
 _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
-_FLOOR_FRAMES = 12
+_JUDGED_FRAMES = 12
 _RECHECKS = 3
 _COLOUR_ROUNDS = 3
+_LEARNED = 60  # frames from which the colours are learned
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,6 @@ class PreparationSettings:
         voxel_size_m: size of the voxels that are matched.
         tolerance: number of cameras that may be wrong about a voxel.
         repair: "auto", "say" or "off": what is done about cameras that do not agree.
-        matching: of the search for which way is up.
         joined_m: see `HullObserver`.
         person: whether the body is a person.
     """
@@ -58,7 +57,6 @@ class PreparationSettings:
     voxel_size_m: float
     tolerance: int
     repair: str
-    matching: MatchSettings = field(default_factory=MatchSettings)
     joined_m: float = 0.0
     person: bool = True
 
@@ -157,7 +155,7 @@ def prepare_silhouettes(
     """
     lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
     sizes = [lens.pinhole.size for lens in lenses]
-    with mask_stores(3, sizes, source.frame_count) as stores:
+    with mask_stores(2, sizes, source.frame_count) as stores:
         reporter.stage("masks" if source.silhouettes_given else "background")
         silhouettes = Footage(source, settings, lenses, {}).silhouettes()
         silhouettes.note(reporter)
@@ -185,16 +183,17 @@ def prepare_silhouettes(
             check_hull_size(pinholes, moments[::6], rule, settings.stature_m, unknown)
         checked = work.check_cameras(pinholes, times_s)
         reporter.stage("volume")
-        search = UpSearch(checked.rig, settings, preparation.matching, preparation.person)
-        upright = choose_upright(search, stores[0], work.observer, reporter)
-        added = work.complete(upright.rig(checked.rig))
-        checked, more = work.check_again(checked, upright, times_s)
+        at = checked.rig, settings, stores[0], work.observer, reporter
+        upright = choose_upright(*at, person=preparation.person)
+        alone = stores[0].pixels()
+        work.complete(upright.rig(checked.rig))
+        checked = work.check_again(checked, upright, times_s)
         finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, clock, reporter)
+        before = stores[0].pixels()
         coloured = work.complete_by_colours(finder, upright.rig(checked.rig))
-        last = np.zeros(len(lenses))
-        if coloured.any():
-            checked, last = work.check_again(checked, upright, times_s)
-        added = 1 - (1 - added) * (1 - more) * (1 - coloured) * (1 - last)
+        by_colours = _added(source.rig, before, stores[0].pixels())
+        if coloured:
+            checked = work.check_again(checked, upright, times_s)
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
@@ -203,10 +202,8 @@ def prepare_silhouettes(
             "moving_cameras": silhouettes.moving,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
-            "completed": dict(zip(source.rig.names, added.round(4).tolist(), strict=True)),
-            "found_by_colours": dict(
-                zip(source.rig.names, coloured.round(4).tolist(), strict=True)
-            ),
+            "completed": _added(source.rig, alone, stores[0].pixels()),
+            "found_by_colours": by_colours,
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
@@ -222,10 +219,78 @@ def prepare_silhouettes(
         )
 
 
+class ColourFinder:
+    """Finds a person's colours in the pictures of a recording.
+
+    Args:
+        source: the frames.
+        silhouettes: of the recording.
+        lenses: of all cameras.
+        late_frames: how many frames later than the others a camera's pictures are, by its name.
+        clock: told the durations.
+        reporter: told the progress.
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        silhouettes: Silhouettes,
+        lenses: Sequence[UndistortedView],
+        late_frames: Mapping[str, int],
+        clock: StageClock,
+        reporter: Reporter,
+    ):
+        """Keeps what it is given."""
+        self._source, self._silhouettes, self._lenses = source, silhouettes, lenses
+        self._late = [late_frames.get(name, 0) for name in source.rig.names]
+        self._clock, self._reporter = clock, reporter
+
+    @property
+    def useful(self) -> bool:
+        """Whether colours tell anything."""
+        return self._silhouettes.colours_tell
+
+    def learn(self, store: MaskStore) -> ColourDensity | None:
+        """Density of the colours within silhouettes; None where there are none."""
+        colours, last, names = PersonColours(), len(store) - 1, self._source.rig.names
+        self._reporter.stage("colours", len(store))
+        for t, (_, _, frames) in enumerate(self._source):
+            self._reporter.advance()
+            if t % (last // _LEARNED + 1):
+                continue
+            with self._clock("colours"):
+                for c, (name, lens) in enumerate(zip(names, self._lenses, strict=True)):
+                    # The silhouettes were put in step, the pictures were not.
+                    mask = store[min(max(t - self._late[c], 0), last)][c]
+                    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+                    if width:
+                        picture = lens.undistort_part(frames[name], (left, top), (width, height))
+                        colours.add(picture, mask[top : top + height, left : left + width])
+        return colours.density()
+
+    @contextmanager
+    def find(self, density: ColourDensity) -> Iterator[list[MaskStore]]:
+        """Stores of `ColouredSilhouette.likely` and `alike` of all frames, for a `with` block."""
+        sizes, names = [lens.pinhole.size for lens in self._lenses], self._source.rig.names
+        with mask_stores(2, sizes, self._source.frame_count) as stores:
+            self._reporter.stage("silhouettes by colours", self._source.frame_count)
+            for t, (_, _, frames) in enumerate(self._source):
+                with self._clock("colours"):
+                    found = self._silhouettes.of_colours(frames, density)
+                    for store, kind in zip(stores, ("likely", "alike"), strict=True):
+                        masks = (getattr(found[name], kind) for name in names)
+                        pairs = zip(self._lenses, masks, strict=True)
+                        store.put(t, [lens.undistort(mask) for lens, mask in pairs])
+                self._reporter.advance()
+            for store in stores:
+                store.advance(self._late)
+            yield stores
+
+
 @dataclass(frozen=True, eq=False)
 class _Preparation:
-    """Steps of the preparation; `stores` are of silhouettes, differences of tint, of brightness;
-    `unknown` is as of `PinholeViews`.
+    """Steps of the preparation; `stores` are of silhouettes and of differences of tint, `unknown`
+    is as of `PinholeViews`.
     """
 
     source: FrameSource
@@ -247,12 +312,10 @@ class _Preparation:
         for t, (number, seconds, frames) in enumerate(source):
             with self.clock("silhouettes"):
                 soft = silhouettes.soft(frames)
-                masks = zip(*(soft[name] for name in source.rig.names), strict=True)
-                for store, seen in zip(self.stores, masks, strict=True):
-                    masks_t = [
-                        lens.undistort(mask) for lens, mask in zip(lenses, seen, strict=True)
-                    ]
-                    store.put(t, views.without_unknown(masks_t))
+                for store, kind in zip(self.stores, ("silhouette", "tint"), strict=True):
+                    masks = (getattr(soft[name], kind) for name in source.rig.names)
+                    pairs = zip(lenses, masks, strict=True)
+                    store.put(t, views.without_unknown([lens.undistort(m) for lens, m in pairs]))
             numbers[t], times_s[t] = number, seconds
             reporter.advance()
         return numbers, times_s
@@ -266,30 +329,27 @@ class _Preparation:
         with self.clock("cameras"):
             at = times_s, self.source.fps
             checked = repair_cameras(rig, self.stores[0], *at, repair=repair, unknown=self.unknown)
-        for name, late in checked.late_frames.items():
-            for silhouettes in self.stores:
-                silhouettes.advance(rig.names.index(name), late)
+        for store in self.stores:
+            store.advance([checked.late_frames.get(name, 0) for name in rig.names])
         return checked
 
     def check_again(
         self, checked: RepairedCameras, upright: UprightFrame, times_s: FloatArray
-    ) -> tuple[RepairedCameras, FloatArray]:
+    ) -> RepairedCameras:
         """Checks cameras that are in doubt again: gaps of the silhouettes may have hidden which it
-        is, or by how much. Returns them, and the share (C,) that was completed anew.
+        is, or by how much. Completes what is missing by those that were put right.
         """
-        missing = np.ones(len(checked.rig))
         for _ in range(_RECHECKS):
             if not checked.in_doubt:
                 break
             checked = checked.then(self.check_cameras(checked.rig, times_s))
             if not checked.repaired:
                 break
-            missing *= 1 - self.complete(upright.rig(checked.rig))
-        return checked, 1 - missing
+            self.complete(upright.rig(checked.rig))
+        return checked
 
-    def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> FloatArray:
-        """Completes the silhouettes of all frames; (C,) share of each camera's pixels that was
-        added.
+    def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> None:
+        """Completes the silhouettes of all frames.
 
         Args:
             rig: the cameras.
@@ -297,30 +357,26 @@ class _Preparation:
         """
         store, completion = self.stores[0], self._completion(rig)
         self.reporter.stage("completion", len(store))
-        before, after = (np.zeros(len(rig)) for _ in range(2))
 
-        def completed(t: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-            masks, (tint, brightness) = store[t], (found[t] for found in self.stores[1:])
+        def completed(t: int) -> list[np.ndarray]:
+            masks, tint = (found[t] for found in self.stores)
             if not coloured:
-                return masks, completion.complete(masks, tint, brightness)
+                return completion.complete(masks, tint)
             likely, alike = (found[t] for found in coloured)
             tint = [one | other for one, other in zip(tint, likely, strict=True)]
-            return masks, completion.complete(masks, tint, brightness, alike)
+            return completion.complete(masks, tint, alike)
 
         for first in range(0, len(store), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(store)))
             with self.clock("completion"):
                 found = side_by_side(completed, together)
-            for t, (old, new) in zip(together, found, strict=True):
-                before += [np.count_nonzero(mask) for mask in old]
-                after += [np.count_nonzero(mask) for mask in new]
-                store.put(t, new)
+            for t, masks in zip(together, found, strict=True):
+                store.put(t, masks)
                 self.reporter.advance()
-        return 1 - before / np.maximum(after, 1)
 
-    def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> FloatArray:
-        """Completes with the person's colours what still lacks; the share (C,) as `complete`."""
-        missing, store = np.ones(len(rig)), self.stores[0]
+    def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> bool:
+        """Completes with the person's colours what still lacks; whether that explained it."""
+        store, explained = self.stores[0], False
         sizes = [camera.size for camera in rig]
         unexplained = self._unexplained(rig) if finder.useful else 0.0
         for k in range(_COLOUR_ROUNDS):
@@ -329,34 +385,39 @@ class _Preparation:
                 break
             with mask_stores(1, sizes, len(store)) as (kept,), finder.find(density) as coloured:
                 kept.copy(store)
-                added, before = self.complete(rig, coloured), unexplained
+                before = unexplained
+                self.complete(rig, coloured)
                 unexplained = self._unexplained(rig)
                 if unexplained > COLOURS.most_left * before:
                     store.copy(kept)  # it was no person that nothing explained
                     break
-                missing *= 1 - added
-        if (missing < 1).any():
+                explained = True
+        if explained:
             self.reporter.note(
                 "clothes resemble the background: what was missing was looked for by the colours of"
                 " the person"
             )
-        return 1 - missing
+        return explained
 
     def _unexplained(self, rig: Rig) -> float:
         """Share of the silhouettes' pixels that no hull explains, see `SilhouetteCompletion`."""
         completion, store = self._completion(rig), self.stores[0]
-        moments = even_moments(len(store), _FLOOR_FRAMES)
+        moments = even_moments(len(store), _JUDGED_FRAMES)
         return float(np.mean([completion.unexplained(store[int(t)]) for t in moments]))
 
     def _completion(self, rig: Rig) -> SilhouetteCompletion:
-        store, observer = self.stores[0], self.observer(rig)
-        moments = even_moments(len(store), _FLOOR_FRAMES)
-        floor_m = floor_under(observer, [store[int(t)] for t in moments])
-        return SilhouetteCompletion(observer.views, observer.volume, observer.rule, floor_m)
+        observer = self.observer(rig)
+        return SilhouetteCompletion(observer.views, observer.volume, observer.rule)
 
     def observer(self, rig: Rig) -> HullObserver:
         """Observer of hulls by some cameras."""
         return observer_of(rig, self.stores[0], self.settings, self.unknown)
+
+
+def _added(rig: Rig, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
+    """Share of each camera's pixels, (C,) int64 before and after, that was added."""
+    shares = 1 - before / np.maximum(after, 1)
+    return dict(zip(rig.names, shares.round(4).tolist(), strict=True))
 
 
 def unknown_views(
@@ -389,7 +450,7 @@ def observer_of(
 
     def moments() -> Iterator[list[np.ndarray]]:
         for t in even_moments(len(store), _VOLUME_FRAMES, margin=0).tolist():
-            yield [clean(mask, min_share=CARVING.bounding) for mask in store[t]]  # without specks
+            yield [clean(mask, min_share=CARVING.small) for mask in store[t]]  # without specks
 
     union = [np.zeros_like(mask) for mask in store[0]]
     for masks in moments():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
-from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.tuning import UP_SEARCH
@@ -35,28 +33,14 @@ _MOMENTS = 3
 _PLACEMENTS = 3
 
 
-@dataclass(frozen=True, eq=False)
-class UpSearch:
-    """What a direction is chosen for.
-
-    Attributes:
-        rig: pinhole cameras of the silhouettes, in the calibration's world.
-        settings: for the body, and for up where it is stated.
-        matching: settings of the pose search.
-        person: whether the body is a person, whose trunk may tell; else the cameras do.
-    """
-
-    rig: Rig
-    settings: Settings
-    matching: MatchSettings
-    person: bool = True
-
-
 def choose_upright(
-    search: UpSearch,
+    rig: Rig,
+    settings: Settings,
     masks: MaskStore,
     observer_of: Callable[[Rig], HullObserver],
     reporter: Reporter,
+    *,
+    person: bool = True,
 ) -> UprightFrame:
     """The upright frame of a calibration's world, floor at the world's origin.
 
@@ -66,23 +50,25 @@ def choose_upright(
     who lies decides nothing, and the cameras do.
 
     Args:
-        search: cameras and settings.
+        rig: pinhole cameras of the silhouettes, in the calibration's world.
+        settings: for the body, and for up where it is stated.
         masks: silhouettes of every frame.
         observer_of: makes an observer for cameras of another world.
         reporter: told if up is not z.
+        person: whether the body is a person, whose trunk may tell; else the cameras do.
     """
-    if search.settings.up is not None:
-        return UprightFrame.from_up(search.settings.up)
-    possible = up_candidates(search.rig)
-    own = is_cameras_own(search.rig)
+    if settings.up is not None:
+        return UprightFrame.from_up(settings.up)
+    possible = up_candidates(rig)
+    own = is_cameras_own(rig)
     if not own and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
         possible.append(Z_UP)
-    sure = own or not search.person or cameras_worth(search.rig, possible[0]) >= UP_SEARCH.sure
-    if sure and (len(possible) == 1 or not search.person):
+    sure = own or cameras_worth(rig, possible[0]) >= UP_SEARCH.sure
+    if (sure and len(possible) == 1) or not person:
         up, reason = possible[0], "by how the cameras stand"
     else:
         reporter.stage("which way is up")
-        trunk = _trunk(search, possible, masks, observer_of)
+        trunk = _trunk(rig, settings, possible, masks, observer_of)
         # A body is found in a wrong world, too, if only with some luck: its trunk may tell what was
         # not searched.
         others = possible if own else [*possible, *AXES.values()]
@@ -99,7 +85,8 @@ def choose_upright(
 
 
 def _trunk(
-    search: UpSearch,
+    rig: Rig,
+    settings: Settings,
     possible: list[FloatArray],
     masks: MaskStore,
     observer_of: Callable[[Rig], HullObserver],
@@ -107,14 +94,13 @@ def _trunk(
     """Mean direction (3,) of the trunk in the calibration's world, at most of unit length: that of
     the best pose of each moment, in whichever world it was found.
     """
-    settings = search.settings
     sex = "male" if settings.sex == "unknown" else settings.sex
     sizes = BodySizes(settings.stature_m or MEASURING.usual_m, settings.chest_m, sex)
     moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:
         frame = UprightFrame.from_up(up)
-        observer = observer_of(frame.rig(search.rig))
+        observer = observer_of(frame.rig(rig))
         body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
         for t in moments.tolist():
             try:
@@ -123,7 +109,7 @@ def _trunk(
                 continue
             if observation is None:
                 continue
-            for fit in find_pose(body, observation, search.matching, _PLACEMENTS)[:1]:
+            for fit in find_pose(body, observation, count=_PLACEMENTS)[:1]:
                 trunk = fit.pose.root_rotation[:, 2] @ frame.rotation
                 if t not in best or fit.error < best[t][0]:
                     best[t] = fit.error, trunk

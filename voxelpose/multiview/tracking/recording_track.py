@@ -24,7 +24,7 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
-from voxelpose.multiview.quality.expected_error import NEAR_MM
+from voxelpose.multiview.quality.quality import NEAR_MM
 from voxelpose.multiview.silhouettes.body_evidence import cut_by_body
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes

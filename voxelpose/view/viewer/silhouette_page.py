@@ -163,16 +163,15 @@ class FitSilhouettes:
     ) -> dict[str, Mask]:
         """Silhouettes completed by what the cameras see together."""
         scenes = self._scenes
-        floor_m = 0.0 if scenes.motion is None else scenes.motion.floor_m
         soft = plain.soft(frames)
-        silhouettes, tint, brightness = (
+        silhouettes, tint = (
             scenes.views.without_unknown(
-                [scenes.lenses[k].undistort(mask) for k, mask in zip(soft, masks, strict=True)]
+                [scenes.lenses[k].undistort(getattr(found, kind)) for k, found in soft.items()]
             )
-            for masks in zip(*soft.values(), strict=True)
+            for kind in ("silhouette", "tint")
         )
-        work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule, floor_m)
-        found = work.complete(silhouettes, tint, brightness)
+        work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule)
+        found = work.complete(silhouettes, tint)
         more = zip(soft, found, silhouettes, strict=True)
         return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in more}
 

@@ -17,7 +17,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import HullComponents, HullObserver, _small_components
+from voxelpose.multiview.carving.observe import COMPONENT, HullObserver, _small_components
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
@@ -115,10 +115,10 @@ def test_a_person_is_taken_and_not_a_board_of_larger_hull():
     board = board_on_floor(observer.views, (-0.1, -0.4))
     masks = [a | b for a, b in zip(person, board, strict=True)]
     components = observer.components(masks)
-    largest = int(components.volume_m3.argmax())
+    largest = int(components["volume_m3"].argmax())
     taken = observer.body(components, None)
-    assert taken is not None and components.center_m[taken, 0] < -0.7
-    assert taken != largest and components.center_m[largest, 0] > 0.2
+    assert taken is not None and components["center_m"][taken, 0] < -0.7
+    assert taken != largest and components["center_m"][largest, 0] > 0.2
     assert HullObserver(observer.views, room, 0.04, person=False).body(components, None) == largest
     frame = observer.observe(masks)
     assert frame is not None
@@ -129,7 +129,7 @@ def test_of_several_people_the_one_with_the_largest_hull_is_taken(observer):
     volume_m3 = np.array([0.11, 0.12, 0.1])
     bounds_m = np.zeros((3, 2, 3))
     bounds_m[:, 1] = (0.5, 0.6, 1.7)
-    people = HullComponents(volume_m3, bounds_m.mean(axis=1), bounds_m)
+    people = np.array([*zip(volume_m3, bounds_m.mean(axis=1), bounds_m, strict=True)], COMPONENT)
     assert observer.body(people, None) == 1
 
 

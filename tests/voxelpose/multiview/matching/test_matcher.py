@@ -177,14 +177,14 @@ def test_full_search_finds_the_postures_of_others(body_volume):
 
 def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume, scene):
     _, _, grid, occupancy = scene
-    settings, start = MatchSettings(empty_cost=1.5, taken_cost=0.7), stance(body_volume.model)
+    settings, start = MatchSettings(), stance(body_volume.model)
     points = len(body_volume.points["left_thigh"])
     empty, full = (
         _Search(body_volume, grid, np.full_like(occupancy, there), start, settings)
         for there in (False, True)
     )
     limb, angles = LIMB["left_thigh"], start.angles_rad[None]
-    assert empty.placements(limb, angles).cost == pytest.approx(1.5 * points)
+    assert empty.placements(limb, angles).cost == pytest.approx(points)
     placed = full.placements(limb, angles)
     assert placed.cost == 0
     full.decide([placed], (0,), start.angles_rad)

@@ -18,7 +18,7 @@ def hull_of(factor: float) -> float:
 
 def test_a_body_whose_girths_are_larger_fills_the_square_of_it():
     usual = chest_from_hull(MODEL, hull_of(1.0))
-    assert usual == pytest.approx(0.55 * MODEL.sizes.stature_m, rel=1e-6)
+    assert usual == pytest.approx(0.96 / 1.75 * MODEL.sizes.stature_m, rel=1e-6)
     assert chest_from_hull(MODEL, hull_of(1.2)) == pytest.approx(1.2 * usual, rel=1e-6)
     assert chest_from_hull(MODEL, hull_of(0.95)) == pytest.approx(0.95 * usual, rel=1e-6)
 

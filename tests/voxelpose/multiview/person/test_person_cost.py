@@ -67,7 +67,7 @@ def test_rare_postures_objects_and_girths_cost_more():
     assert rare["posture"] - plain["posture"] == pytest.approx(np.log(19))
     assert rare["objects"] - plain["objects"] == pytest.approx(np.log(19))
     assert plain["girth"] == 0 and rare["girth"] > 1
-    assert terms(replace(ADULT, girth=0.55 * 1.70))["girth"] == pytest.approx(0)
+    assert terms(replace(ADULT, girth=0.96 / 1.75 * 1.70))["girth"] == pytest.approx(0)
 
 
 def test_a_template_costs_what_it_is_rare_by_at_a_stature():

@@ -21,7 +21,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry
-from voxelpose.multiview.quality.expected_error import (
+from voxelpose.multiview.quality.quality import (
     FILE,
     MotionEvidence,
     expected_errors,
@@ -53,16 +53,18 @@ def joints(model, pose):
 def test_the_right_pose_has_nothing_against_it_and_a_wrong_arm_is_seen_at_that_arm(scene):
     body, pose, frame = scene
     right = frame_evidence(body, pose, joints(body.model, pose), frame)
-    assert right.camera_error.shape == (4,) and right.camera_error.max() < 0.02
+    agreement = right["camera_agreement"]
+    assert agreement.shape == (4,) and agreement.min() > 0.98
     angles = pose.angles_rad.copy()
     angles[body.model.tree.dof_names.index("left_forearm.flexion")] = 0.0
     other = replace(pose, angles_rad=angles)
     wrong = frame_evidence(body, other, joints(body.model, other), frame)
     names = list(range(15))
-    assert wrong.camera_error.mean() > 2 * right.camera_error.mean()
+    assert 1 - wrong["camera_agreement"].mean() > 2 * (1 - agreement.mean())
+    near = wrong["joint_disagreement"]
     # 11 is the left wrist, 12 to 14 the right arm.
-    assert max(names, key=lambda k: wrong.joint_error[k]) == 11
-    assert wrong.joint_error[11] > 10 * wrong.joint_error[14]
+    assert max(names, key=lambda k: near[k]) == 11
+    assert near[11] > 10 * near[14]
 
 
 def test_a_body_turned_half_round_explains_less(scene):
@@ -90,9 +92,9 @@ GOOD = {"camera": 0.06, "joint": 0.02, "outside": 0.0, "half_turn": 4.0}
 def test_worse_evidence_is_never_said_to_be_better():
     good = expected_errors(evidence(**GOOD))
     bad = expected_errors(evidence(0.35, 0.2, 0.05, half_turn=1.1, sigma=0.014))
-    assert good.right_probability[0] > 0.95 and bad.right_probability[0] < 0.5
-    assert good.near_probability.min() > 0.7 > bad.near_probability.max()
-    assert good.median_mm.max() < 40 < bad.median_mm.max()
+    assert good["right_probability"][0] > 0.95 and bad["right_probability"][0] < 0.5
+    assert good["landmark_confidence"].min() > 0.7 > bad["landmark_confidence"].max()
+    assert good["joint_error_mm"].max() < 40 < bad["joint_error_mm"].max()
 
 
 @pytest.mark.parametrize(
@@ -107,13 +109,15 @@ def test_worse_evidence_is_never_said_to_be_better():
 )
 def test_each_piece_of_evidence_counts(worse):
     good, bad = (expected_errors(evidence(**GOOD | more)) for more in ({}, worse))
-    assert (bad.near_probability < good.near_probability).all()
-    assert (bad.median_mm > good.median_mm).all()
+    assert (bad["landmark_confidence"] < good["landmark_confidence"]).all()
+    assert (bad["joint_error_mm"] > good["joint_error_mm"]).all()
 
 
 def test_frames_without_evidence_say_nothing():
     nothing = expected_errors(evidence(np.nan, np.nan, np.nan))
-    assert np.isnan(nothing.right_probability).all() and np.isnan(nothing.median_mm).all()
+    assert (
+        np.isnan(nothing["right_probability"]).all() and np.isnan(nothing["joint_error_mm"]).all()
+    )
     rows, frames = regressors(evidence(0.1, 0.05, 0.0, frames=2))
     weights = fitted_weights(FILE)
     assert rows.shape == (2, 15, len(weights["near"]))
@@ -161,6 +165,6 @@ def test_expected_errors_are_the_regression():
     found = expected_errors(given)
     weights = fitted_weights(FILE)
     expected = joints @ weights["error"]
-    np.testing.assert_allclose(np.log(found.median_mm + 3.0), expected, atol=0.05)
-    odds = found.right_probability / (1 - found.right_probability)
+    np.testing.assert_allclose(np.log(found["joint_error_mm"] + 3.0), expected, atol=0.05)
+    odds = found["right_probability"] / (1 - found["right_probability"])
     np.testing.assert_allclose(np.log(odds), frames @ weights["right"], atol=1e-6)

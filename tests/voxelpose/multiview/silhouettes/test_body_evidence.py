@@ -88,7 +88,7 @@ def prepared(walk):
     for t, (_, _, frames) in enumerate(walk):
         found = silhouettes.of(frames)
         store.put(t, [found[name] for name in walk.rig.names])
-    store.advance(1, 1)
+    store.advance([0, 1])
     observer = SimpleNamespace(views=VIEWS)
     at = np.arange(len(PLACES)), np.arange(len(PLACES)) / walk.fps
     settings = PreparationSettings(0.02, 0, "off")

@@ -103,7 +103,7 @@ def test_silhouettes_are_put_in_step(frames):
     with closing(MaskStore([(11, 5), (8, 4)], 6)) as store:
         for t, masks in enumerate(given):
             store.put(t, masks)
-        store.advance(0, frames)
+        store.advance([frames])
         for t in range(6):
             first, second = store[t]
             np.testing.assert_array_equal(first, given[min(max(t + frames, 0), 5)][0])

@@ -13,11 +13,10 @@ from silhouette_core.motion import kinematics
 from silhouette_core.progress import SilentReporter
 from tests.clips import waving
 from tests.sources import ring
-from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.silhouettes import up_search
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparationSettings, observer_of
-from voxelpose.multiview.silhouettes.up_search import UpSearch, choose_upright
+from voxelpose.multiview.silhouettes.up_search import choose_upright
 
 MOTION = waving(5)
 ROLL = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -72,7 +71,8 @@ def filmed(rig, up, stated=None, floor_m=0.0):
     reporter = Noting()
     settings = Settings(1.7, up=stated)
     chosen = choose_upright(
-        UpSearch(world, settings, MatchSettings()),
+        world,
+        settings,
         store,
         lambda rig: observer_of(rig, store, PreparationSettings(0.025, 0, "off")),
         reporter,
