@@ -12,6 +12,8 @@ class Refining:
     step_reach_m: float = 0.18
     """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
     follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
+    smooth_reach_m: float = 0.08
+    """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
     spacing_m: float = 0.035
@@ -29,12 +31,15 @@ class Tracking:
     """1. Of a pose's error, below which another replaces it. Chosen by eye, not ablated."""
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
+    suspect: float = 0.16
+    """1. Error above which a pose may be a wrong one, or the body another. Chosen by eye."""
+    poor: float = 1.2
+    """1. Of the usual error, above which a frame is tried a second time. Chosen by eye."""
+    poor_by: float = 0.01
+    """1. Excess over that, of outlines that fit nearly perfectly. Chosen by eye."""
     bad: float = 1.4
-    """1. Of the usual error, above which a frame is tried a second time and a search is due; of the
-    smallest one, above which a frame does not tell which body it is. By eye."""
-    again_s: float = 0.5
-    """s. Time between the frames in which arms and legs are searched off line, and least time
-    between searches live where poses are bad. Chosen by eye."""
+    """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
+    does not tell which body it is. By eye."""
     long_steps: float = 2.5
     """1 / FPS. Time between frames from which a refinement reaches as far as after a search. Tuned
     on walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
@@ -45,13 +50,21 @@ class Tracking:
 
 
 @dataclass(frozen=True)
-class Jumps:
-    """Jumps between the poses of a whole recording (`tracking.tracking`)."""
+class OffLine:
+    """Repair of a whole recording's poses (`tracking.tracking`)."""
 
-    least_m: float = 0.10
-    """m. Mean step of the joints within 1 / FPS from which it is a jump: 3 m/s. By eye."""
+    limbs_again_s: float = 0.5
+    """s. Time between the frames in which arms and legs are searched. Chosen by eye."""
+    jump_m: float = 0.10
+    """m. Mean step of the joints within 1 / FPS from which it may be a jump: 3 m/s. By eye."""
+    jump_ratio: float = 3.0
+    """1. Over the steps around it, from which it is one. Chosen by eye."""
     continued: float = 1.1
     """1. Of a stretch's error, up to which one that continues its neighbours replaces it."""
+    continued_short: float = 1.5
+    """1. The same of a short stretch. Chosen by eye."""
+    short_s: float = 0.25
+    """s. Length of a short stretch. Chosen by eye."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +75,8 @@ class Live:
     """s. Time after which a track is given up. Chosen by eye."""
     longest_gap: float = 3.5
     """Frames of a slow camera after which it is given up. Tuned on walk4 with `--every 3`."""
+    poor_again_s: float = 0.7
+    """s. Least time between searches where poses are bad. Chosen by eye."""
     limbs_again_s: float = 3.0
     """s. Least time between searches of arms and legs where nothing is wrong. Chosen by eye."""
     apart_s: tuple[float, ...] = (0.4, 1.5, 4.0)
@@ -79,28 +94,32 @@ class Carving:
 
     voxel_m: float = 0.025
     """m. Edge of the voxels that are matched, and of those of objects. By eye."""
+    limb_m: float = 1.0
+    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
     shrinkage: float = 0.9
     """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
     no accuracy."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
-    small: float = 0.03
-    """1. Of a silhouette or a hull: a hand or a foot is smaller, a limb larger, and smaller pieces
-    do not bound the volume. What the hull leaves unexplained is less where it explains a
-    silhouette. By eye."""
+    explained: float = 0.04
+    """1. Largest unexplained share of a silhouette that the hull counts as explaining. By eye."""
+    small: float = 0.02
+    """1. Of a silhouette: a hand or a foot is smaller. Chosen by eye."""
+    crumb: float = 0.03
+    """1. Of the largest component, below which another is no limb. Chosen by eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
+    bounding: float = 0.1
+    """1. Of a silhouette's largest component: smaller ones do not bound the volume. By eye."""
     smallest_m3: float = 0.004
-    """m³. A smaller hull is noise, not a body nor an object: a lower leg. Chosen by eye."""
+    """m³. A smaller hull is noise, not a body. Chosen by eye."""
     person_m3: float = 0.25
     """m³. A person's hull is up to so large; larger ones count for less. standing4: board and man
     have 0.37 and 0.15."""
     person_m: float = 1.6
-    """m. In most poses it is so long; shorter ones count for less, and objects are. As
-    `person_m3`."""
+    """m. In most poses it is so long; shorter ones count for less. As `person_m3`."""
     near_m: float = 1.0
-    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone, and
-    from the last position a component's weight falls to 1 / e."""
+    """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
     unlikely: float = 2.5
     """1. Hulls so many times larger or smaller than people are in a wrong unit. By eye."""
     off_axis: float = 1.5
@@ -156,7 +175,7 @@ class Evidence:
 
 REFINING = Refining()
 TRACKING = Tracking()
-JUMPS = Jumps()
+OFF_LINE = OffLine()
 LIVE = Live()
 CARVING = Carving()
 MATCHING = Matching()
@@ -180,8 +199,8 @@ class PersonCost:
     """1. Standard deviations above the usual error from which costly candidates are searched, too:
     an error of 0.146; 0.15 was tuned for sitting people (701 to 704 of `benchmarks.seated`)."""
     hull_sigma: float = 0.05
-    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. Statures
-    that are tried are so far apart. By eye."""
+    """1. Standard deviation of a stature's logarithm about the hull's height: term `hull`. By
+    eye."""
     middle_m: float = 0.2
     """m. From the hull's middle, within which its height is taken: a torso's radius. Largest height
     of five frames over the stature, logarithm, 5 to 95 %, seeds 201 to 224: two cameras -0.04 to
@@ -198,6 +217,14 @@ class PersonCost:
     """1. Probability that somebody sits all the time, and that something came with the person and
     stays: terms `posture`, `objects`. Chosen, not measured; of twelve ordinary recordings none
     showed anything."""
+
+
+@dataclass(frozen=True)
+class PersonSearch:
+    """Candidates for a person, and frames in which they are compared (`person`)."""
+
+    stature_step: float = 1.07
+    """1. Ratio of neighbouring statures that are tried; adaptation bridges half of it."""
 
 
 @dataclass(frozen=True)
@@ -222,14 +249,19 @@ class StaticObjectSearch:
 
     beside_m: float = 0.03
     """m. From the body's outline, within which a silhouette is the body's; an object's pixels are
-    widened as far, and a pixel more."""
+    widened as far, and by a pixel more."""
     always: float = 0.9
     """1. Share of frames in which an object's pixel is foreground."""
     seen: float = 0.25
     """1. Share of frames in which the body does not hide it."""
+    least_m3: float = 0.002
+    """m³. Smallest volume of an object: half of a lower leg."""
+    moved_m: float = 0.1
+    """m. Way of a part of the body: while none goes so far, anything may seem static. By eye."""
     apart_m: float = 0.15
-    """m. From the body's surface: what is farther away in all frames is no limb (standing4). While
-    no part of the body goes so far, anything may seem static."""
+    """m. From the body's surface: what is farther away in all frames is no limb (standing4)."""
+    person_m: float = 1.4
+    """m. What is so long may be the person, and the body that of something else (standing4)."""
 
 
 @dataclass(frozen=True)
@@ -294,7 +326,7 @@ class UpSearch:
     `benchmarks.turned`."""
 
 
-PERSON_COST = PersonCost()
+PERSON_COST, PERSON_SEARCH = PersonCost(), PersonSearch()
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
 COMPLETION, COLOURS, UP_SEARCH = Completion(), Colours(), UpSearch()

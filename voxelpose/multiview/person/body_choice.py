@@ -50,7 +50,7 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, TRACKING
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
 _BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
@@ -264,7 +264,7 @@ class _Search:
                 starts[t] = starts.get(t, []) + taken
         if not any(starts.values()):
             return None
-        step = float(np.exp(PERSON_COST.hull_sigma))
+        step = PERSON_SEARCH.stature_step
         scales = (1.0,) if evidence.told_m is not None else (1 / step, 1.0, step)
         candidates = [
             Candidate(metres * scale, girth, self._templates[0], posture, self.objects)

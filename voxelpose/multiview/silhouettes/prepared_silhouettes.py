@@ -450,7 +450,7 @@ def observer_of(
 
     def moments() -> Iterator[list[np.ndarray]]:
         for t in even_moments(len(store), _VOLUME_FRAMES, margin=0).tolist():
-            yield [clean(mask, min_share=CARVING.small) for mask in store[t]]  # without specks
+            yield [clean(mask, min_share=CARVING.bounding) for mask in store[t]]  # without specks
 
     union = [np.zeros_like(mask) for mask in store[0]]
     for masks in moments():

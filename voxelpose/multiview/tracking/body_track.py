@@ -81,7 +81,7 @@ class BodyTrack:
 
     def is_poor(self, error: float) -> bool:
         """Whether an error is clearly larger than usual."""
-        return error > TRACKING.bad * self.usual
+        return error > TRACKING.poor * self.usual + TRACKING.poor_by
 
     def predict(self, time_s: float) -> PosePrior:
         r"""Pose expected at a damped constant velocity, with the process noise of the time since.

@@ -36,7 +36,6 @@ from voxelpose.multiview.person.posterior import (
     chest_from_hull,
     hull_height_m,
     hull_volume_m3,
-    is_improbable,
 )
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
@@ -69,7 +68,7 @@ def search(
     body = body or _body(settings, frame)
     fits = find_pose(body, frame, count=count)
     tracks = [BodyTrack(body, moment.time_s, fit) for fit in fits]
-    if tracks and is_improbable([tracks[0].fit.error]):
+    if tracks and tracks[0].fit.error > TRACKING.suspect:
         # Of another body than this one, the right pose need not be the one that fits best.
         tracks += [
             adapt_body(rig, settings, track, [(moment, track.fit.pose)]) for track in tracks[:3]
@@ -128,8 +127,7 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         track = track.follow(rig, moment.time_s, moment.masks())
         if track.fit.error > TRACKING.bad * usual and not searched:
             searched, track = True, search_limbs(rig, track, moment) or track
-        error = track.fit.error
-        wrong = wrong + 1 if error > TRACKING.bad * usual and is_improbable([error]) else 0
+        wrong = wrong + 1 if track.fit.error > max(TRACKING.suspect, TRACKING.bad * usual) else 0
         if track.fit.error > TRACKING.lost or wrong == _MOST_WRONG:
             return None
     return track
@@ -260,10 +258,10 @@ class PoseFollower:
         poor = track.is_poor(track.fit.error)
         if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
-        suspect = is_improbable([track.usual])
+        suspect = track.usual > TRACKING.suspect
         bad = suspect or track.usual > TRACKING.bad * person.least
-        limbs_again_s = TRACKING.again_s if poor else LIVE.limbs_again_s
-        if bad and now - person.searched_s > TRACKING.again_s:
+        limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
+        if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s = now
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
             self._submit(search, self.rig, self.settings, body, moment, PLACEMENTS)

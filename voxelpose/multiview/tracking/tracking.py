@@ -20,17 +20,18 @@ from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import (
     PLACEMENTS,
-    STEP,
     BodyGeometry,
     PoseFit,
     find_pose,
     refine_fit,
+    refinement,
 )
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.body_track import RECENT, BodyTrack, process_noise
-from voxelpose.multiview.tuning import JUMPS, TRACKING
+from voxelpose.multiview.tuning import OFF_LINE, REFINING, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
+_SMOOTH = refinement(REFINING.smooth_reach_m)
 
 Clock = Callable[[str], AbstractContextManager[None]]
 """Times a block under a stage's name."""
@@ -175,8 +176,9 @@ class PoseTracker:
             if track is None:
                 return
             fits[t] = track.fit
-        most = JUMPS.continued * self.error[list(fits)].mean()
-        if np.mean([fit.error for fit in fits.values()]) < most:
+        short = len(fits) <= OFF_LINE.short_s * self.fps
+        most = OFF_LINE.continued_short if short else OFF_LINE.continued
+        if np.mean([fit.error for fit in fits.values()]) < most * self.error[list(fits)].mean():
             for t, fit in fits.items():
                 self._keep(t, fit)
 
@@ -190,11 +192,15 @@ class PoseTracker:
         return joints
 
     def _jumps(self) -> np.ndarray:
-        """Frames after which the pose jumps: farther than people move."""
+        """Frames after which the pose jumps: farther than people move, and than around it."""
         joints = self.joints_m()
         steps = np.linalg.norm(np.diff(joints - joints[:, :1], axis=0), axis=2).mean(axis=1)
         steps = steps / np.diff(self._steps)
-        return np.flatnonzero(steps > JUMPS.least_m * FPS / self.fps)
+        both = np.flatnonzero(np.isfinite(steps))
+        half = RECENT // 2
+        around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
+        farthest = OFF_LINE.jump_m * FPS / self.fps
+        return both[steps[both] > np.maximum(farthest, OFF_LINE.jump_ratio * np.array(around))]
 
     def recheck(self) -> None:
         """Searches every arm and leg again in some frames, evenly spread.
@@ -202,7 +208,7 @@ class PoseTracker:
         A limb that is wrong in all frames of a stretch shows no rise of the error. Where the limb
         explains the silhouettes better, its neighbours are tracked from there.
         """
-        stride = max(round(self.fps * TRACKING.again_s), 1)
+        stride = max(round(self.fps * OFF_LINE.limbs_again_s), 1)
         chosen = list(range(stride // 2, len(self.poses), stride))
         poses = list(self.poses)
         searched = dict(zip(chosen, side_by_side(self._searched, chosen), strict=True))
@@ -239,7 +245,7 @@ class PoseTracker:
                 passed = elapsed_steps(0.0, (steps or 1) / self.fps)
                 sigma = process_noise(self.body.model.tree, passed)
                 prior = PosePrior(neighbour_middle(before, pose, after), sigma)
-                return refine_fit(self.body, frame.observation, pose, prior, STEP)
+                return refine_fit(self.body, frame.observation, pose, prior, _SMOOTH)
 
         for t, fit in zip(frames, side_by_side(smoothed, frames), strict=True):
             if fit is not None:
