@@ -72,15 +72,23 @@ def test_no_public_name_is_defined_twice():
 def test_what_is_imported_of_ours_is_there():
     ours = {path.name for path in ROOT.iterdir() if path.is_dir()}
     missing = [
-        f"{path.relative_to(ROOT)}: {node.module}"
+        f"{path.relative_to(ROOT)}: {node.module} {name.name}"
         for folder in (*PACKAGES, "benchmarks", "examples", "papers", "tests", "tools")
         for path in (ROOT / folder).rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ours
-        for module in [ROOT.joinpath(*node.module.split("."))]
-        if not module.with_suffix(".py").exists() and not module.is_dir()
+        for name in node.names
+        if not is_there(ROOT.joinpath(*node.module.split(".")), name.name)
     ]
     assert not missing
+
+
+def is_there(module: Path, name: str) -> bool:
+    """Whether a module or package of ours has a name."""
+    if (module / name).is_dir() or (module / f"{name}.py").exists():
+        return True
+    file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+    return file.exists() and re.search(rf"\b{name}\b", file.read_text("utf-8")) is not None
 
 
 def test_no_file_name_is_used_twice_in_a_package():

@@ -9,9 +9,9 @@ import pytest
 
 from silhouette_core.fitted_weights import fitted_weights, write_weights
 from silhouette_core.monocular.tracking import joint_error
-from voxelpose.multiview.quality import expected_error
+from voxelpose.multiview.quality import quality
 
-FILES = {joint_error.FILE: 19 + 1 + 19, expected_error.FILE: 24 + 24 + 8}
+FILES = {joint_error.FILE: 19 + 1 + 19, quality.FILE: 24 + 24 + 8}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -41,9 +41,9 @@ def test_what_is_said_follows_the_file(tmp_path, monkeypatch):
 
 def test_writing_states_how_and_keeps_other_tables(tmp_path):
     file = tmp_path / "weights.toml"
-    shutil.copy(expected_error.FILE, file)
+    shutil.copy(quality.FILE, file)
     write_weights(file, {"right": np.array([1.23456, -2.0])}, "seeds 1 to 3", "a command --fit")
-    before, after = (tomllib.loads(path.read_text()) for path in (expected_error.FILE, file))
+    before, after = (tomllib.loads(path.read_text()) for path in (quality.FILE, file))
     made = after.pop("right")
     assert made["weights"] == [1.235, -2.0] and made["data"] == "seeds 1 to 3"
     assert made["command"] == "a command --fit"
