@@ -1,5 +1,5 @@
 """One camera as fast as it goes, picture to pose, nothing later known: `python -m benchmarks.causal
-LIBRARY RECORDING [--frames 300] [--fps 30]`.
+RECORDING [--frames 300] [--fps 30]`, with the proposal that comes with the program.
 
 The pictures of the recording's first camera are held in memory and shown forth and back, first as
 fast as they are taken, then at the rate of a camera. Printed are frames per second, and the time
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.cases import Case, Timed, case
-from benchmarks.filter import against_dense, clip, library_file
+from benchmarks.filter import against_dense, clip
 from calib.camera import Camera, Rig
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
@@ -95,11 +95,10 @@ class PoseTimes(SilentReporter):
         self.done_s.append(time.perf_counter())
 
 
-def times(source: Pictures, library: Path, stature_m: float) -> tuple[NDArray, NDArray]:
+def times(source: Pictures, stature_m: float) -> tuple[NDArray, NDArray]:
     """Tracks; returns intervals between poses and times from picture to pose, ms."""
     reporter = PoseTimes()
-    options: dict[str, bool | int | float | str] = {"library": str(library), "start": "any"}
-    settings = Settings(stature_m=stature_m, smooth=False, options=options)
+    settings = Settings(stature_m=stature_m, smooth=False, options={"start": "any"})
     MonocularEstimator().estimate(source, settings, reporter)
     done, shown = (np.array(each) for each in (reporter.done_s, source.shown_s))
     return 1000 * np.diff(done[_WARM:]), 1000 * (done - shown)[_WARM:]
@@ -133,7 +132,7 @@ class Stream(Timed):
     def seconds(self) -> float:
         camera, pictures, empty = painted()
         source = Pictures(camera, pictures, empty, _WARM + _COUNTED)
-        return quickest(times(source, library_file(), 1.75)[0]) / 1000
+        return quickest(times(source, 1.75)[0]) / 1000
 
 
 @case("track causally, picture to pose")
@@ -151,7 +150,6 @@ def causal() -> Case:
 def main() -> None:
     """Measures a recording."""
     words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("library", type=Path)
     words.add_argument("recording", type=Path)
     words.add_argument("--frames", type=int, default=300)
     words.add_argument("--fps", type=float, default=30.0)
@@ -163,7 +161,7 @@ def main() -> None:
     empty = [frame.copy() for frame in recording.backgrounds()[camera.name]]
     for paced in (False, True):
         source = Pictures(camera, pictures, empty, _WARM + given.frames, paced, given.fps)
-        between, latency = times(source, given.library, given.stature)
+        between, latency = times(source, given.stature)
         how = f"shown at {given.fps:g} a second" if paced else "as fast as they are taken"
         print(
             f"{how}: {1000 / between.mean():.1f} frames a second, {1000 / quickest(between):.1f} in"

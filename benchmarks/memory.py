@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from benchmarks.filter import clip, library_file
+from benchmarks.filter import clip
 from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
@@ -54,10 +54,9 @@ def main(lengths: list[str]) -> None:
         for length in lengths:
             subprocess.run([sys.executable, "-m", "benchmarks.memory", length], check=True)
         return
-    settings = Settings(options={"library": str(library_file())})
     started = time.perf_counter()
     film = Loop(int(lengths[0]))
-    motion = MonocularEstimator().estimate(film, settings, SilentReporter()).motion
+    motion = MonocularEstimator().estimate(film, Settings(), SilentReporter()).motion
     seconds = time.perf_counter() - started
     arrays = [
         motion.root_m,
