@@ -32,6 +32,15 @@ def test_a_camera_that_turns_is_told_from_a_person_who_walks(step_px, moving):
         assert rims == pytest.approx([step_px] * 3, abs=0.5)
 
 
+def test_somebody_who_fills_the_middle_does_not_move_the_camera():
+    rng = np.random.default_rng(2)
+    one = room(rng)[:240, :320]
+    other = one.copy()
+    other[48:192, 64:256] = one[48:192, 60:252]
+    rims = [rim_motion(np.uint8(one), np.uint8(other))] * 3
+    assert rims[0] == pytest.approx(0, abs=0.1) and not moves(rims)
+
+
 def test_a_bare_room_does_not_tell():
     rng = np.random.default_rng(1)
     wall = np.full((240, 320, 3), 128.0)
