@@ -118,7 +118,9 @@ class Upright:
     equal: float = 0.98
     """1. The same for any axis: one camera leaves open how far it looks down."""
     on_its_side: float = 0.7
-    """1. Worth of a camera that lies on its side; upright it is 1, and what is left upside down."""
+    """1. Worth of a camera that lies on its side; upright it is 1."""
+    upside_down: float = 0.3
+    """1. Worth of a camera that hangs upside down."""
     pull: float = 0.01
     """1. Toward the images' mean vertical, where the horizontals leave a choice."""
 

@@ -231,7 +231,7 @@ def _stances(rig: Rig, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     across = np.stack([right, -above, -right, above], axis=1)
     upright = np.cos(2 * np.minimum(lean, np.pi / 4))  # 0 where the next stance begins
     # Of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
-    worth = np.array([1.0, UPRIGHT.on_its_side, 1 - UPRIGHT.on_its_side, UPRIGHT.on_its_side])
+    worth = np.array([1.0, UPRIGHT.on_its_side, UPRIGHT.upside_down, UPRIGHT.on_its_side])
     return upright * worth * np.minimum(told[:, None] / 0.3, 1.0), across
 
 

@@ -108,7 +108,7 @@ def _observed(
     with modes (…, M).
     """
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
-    kernel = np.exp(-0.5 * (apart / np.radians(2 * HEADING.turn_deg)) ** 2)
+    kernel = np.exp(-0.5 * (apart / np.radians(HEADING.sigma_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)
     seen = np.einsum("...m,...ms->...s", probability, kernel)
     return kernel, seen**HEADING.independence

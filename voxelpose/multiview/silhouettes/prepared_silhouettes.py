@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from calib.camera import Rig
@@ -17,7 +16,6 @@ from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.person_colours import ColourDensity, PersonColours
 from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
@@ -26,6 +24,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
+from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
@@ -39,7 +38,6 @@ _TOGETHER = 16  # frames
 _JUDGED_FRAMES = 12
 _RECHECKS = 3
 _COLOUR_ROUNDS = 3
-_LEARNED = 60  # frames from which the colours are learned
 
 
 @dataclass(frozen=True)
@@ -167,33 +165,13 @@ def prepare_silhouettes(
             reporter.note(f"marked as unknown, and left out: {listed}")
         work = _Preparation(source, stores, unknown, preparation, clock, reporter)
         numbers, times_s = work.subtract_background(silhouettes, lenses)
-        moments = [stores[0][t] for t in telling_frames(len(stores[0]))]
-        by_camera = dict(zip(source.rig.names, zip(*moments, strict=True), strict=True))
-        by_name = dict(zip(source.rig.names, lenses, strict=True))
-        check_plausible(
-            by_camera,
-            least=LEAST_CAMERAS,
-            person=preparation.person,
-            lenses=by_name,
-            given=source.silhouettes_given,
-        )
         pinholes = Rig(tuple(lens.pinhole for lens in lenses))
-        if preparation.person:
-            rule = body_rule(len(pinholes), preparation.tolerance, len(shares))
-            check_hull_size(pinholes, moments[::6], rule, settings.stature_m, unknown)
+        work.refuse_implausible(lenses, pinholes, settings.stature_m, len(shares))
         checked = work.check_cameras(pinholes, times_s)
         reporter.stage("volume")
         at = checked.rig, settings, stores[0], work.observer, reporter
         upright = choose_upright(*at, person=preparation.person)
-        alone = stores[0].pixels()
-        work.complete(upright.rig(checked.rig))
-        checked = work.check_again(checked, upright, times_s)
-        finder = ColourFinder(source, silhouettes, lenses, checked.late_frames, clock, reporter)
-        before = stores[0].pixels()
-        coloured = work.complete_by_colours(finder, upright.rig(checked.rig))
-        by_colours = _added(source.rig, before, stores[0].pixels())
-        if coloured:
-            checked = work.check_again(checked, upright, times_s)
+        checked, added = work.complete_all(silhouettes, lenses, checked, upright, times_s)
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
@@ -202,8 +180,7 @@ def prepare_silhouettes(
             "moving_cameras": silhouettes.moving,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
-            "completed": _added(source.rig, alone, stores[0].pixels()),
-            "found_by_colours": by_colours,
+            **added,
         }
         observer = work.observer(upright.rig(checked.rig))
         yield PreparedSilhouettes(
@@ -217,74 +194,6 @@ def prepare_silhouettes(
             preparation,
             Footage(source, settings, lenses, checked.late_frames),
         )
-
-
-class ColourFinder:
-    """Finds a person's colours in the pictures of a recording.
-
-    Args:
-        source: the frames.
-        silhouettes: of the recording.
-        lenses: of all cameras.
-        late_frames: how many frames later than the others a camera's pictures are, by its name.
-        clock: told the durations.
-        reporter: told the progress.
-    """
-
-    def __init__(
-        self,
-        source: FrameSource,
-        silhouettes: Silhouettes,
-        lenses: Sequence[UndistortedView],
-        late_frames: Mapping[str, int],
-        clock: StageClock,
-        reporter: Reporter,
-    ):
-        """Keeps what it is given."""
-        self._source, self._silhouettes, self._lenses = source, silhouettes, lenses
-        self._late = [late_frames.get(name, 0) for name in source.rig.names]
-        self._clock, self._reporter = clock, reporter
-
-    @property
-    def useful(self) -> bool:
-        """Whether colours tell anything."""
-        return self._silhouettes.colours_tell
-
-    def learn(self, store: MaskStore) -> ColourDensity | None:
-        """Density of the colours within silhouettes; None where there are none."""
-        colours, last, names = PersonColours(), len(store) - 1, self._source.rig.names
-        self._reporter.stage("colours", len(store))
-        for t, (_, _, frames) in enumerate(self._source):
-            self._reporter.advance()
-            if t % (last // _LEARNED + 1):
-                continue
-            with self._clock("colours"):
-                for c, (name, lens) in enumerate(zip(names, self._lenses, strict=True)):
-                    # The silhouettes were put in step, the pictures were not.
-                    mask = store[min(max(t - self._late[c], 0), last)][c]
-                    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-                    if width:
-                        picture = lens.undistort_part(frames[name], (left, top), (width, height))
-                        colours.add(picture, mask[top : top + height, left : left + width])
-        return colours.density()
-
-    @contextmanager
-    def find(self, density: ColourDensity) -> Iterator[list[MaskStore]]:
-        """Stores of `ColouredSilhouette.likely` and `alike` of all frames, for a `with` block."""
-        sizes, names = [lens.pinhole.size for lens in self._lenses], self._source.rig.names
-        with mask_stores(2, sizes, self._source.frame_count) as stores:
-            self._reporter.stage("silhouettes by colours", self._source.frame_count)
-            for t, (_, _, frames) in enumerate(self._source):
-                with self._clock("colours"):
-                    found = self._silhouettes.of_colours(frames, density)
-                    for store, kind in zip(stores, ("likely", "alike"), strict=True):
-                        masks = (getattr(found[name], kind) for name in names)
-                        pairs = zip(self._lenses, masks, strict=True)
-                        store.put(t, [lens.undistort(mask) for lens, mask in pairs])
-                self._reporter.advance()
-            for store in stores:
-                store.advance(self._late)
-            yield stores
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,6 +229,23 @@ class _Preparation:
             reporter.advance()
         return numbers, times_s
 
+    def refuse_implausible(
+        self, lenses: list[UndistortedView], rig: Rig, stature_m: float | None, partly_unknown: int
+    ) -> None:
+        """Refuses silhouettes that cannot be those of a body, or of a person of such a stature."""
+        source, person, store = self.source, self.settings.person, self.stores[0]
+        moments = [store[t] for t in telling_frames(len(store))]
+        check_plausible(
+            dict(zip(rig.names, zip(*moments, strict=True), strict=True)),
+            least=LEAST_CAMERAS,
+            person=person,
+            lenses=dict(zip(rig.names, lenses, strict=True)),
+            given=source.silhouettes_given,
+        )
+        if person:
+            rule = body_rule(len(rig), self.settings.tolerance, partly_unknown)
+            check_hull_size(rig, moments[::6], rule, stature_m, self.unknown)
+
     def check_cameras(self, rig: Rig, times_s: FloatArray) -> RepairedCameras:
         """Cameras checked against the silhouettes, which are put in step where one is late."""
         if self.settings.repair == "off":
@@ -347,6 +273,31 @@ class _Preparation:
                 break
             self.complete(upright.rig(checked.rig))
         return checked
+
+    def complete_all(
+        self,
+        silhouettes: Silhouettes,
+        lenses: list[UndistortedView],
+        checked: RepairedCameras,
+        upright: UprightFrame,
+        times_s: FloatArray,
+    ) -> tuple[RepairedCameras, dict[str, object]]:
+        """Completes the silhouettes by tint, then by the person's colours, and checks cameras in
+        doubt again; the cameras, and what share of each camera's pixels was added.
+        """
+        names, alone = self.source.rig.names, self.stores[0].pixels()
+        self.complete(upright.rig(checked.rig))
+        checked = self.check_again(checked, upright, times_s)
+        by_tint, late = self.stores[0].pixels(), checked.late_frames
+        finder = ColourFinder(self.source, silhouettes, lenses, late, self.clock, self.reporter)
+        explained = self.complete_by_colours(finder, upright.rig(checked.rig))
+        by_colours = self.stores[0].pixels()
+        if explained:
+            checked = self.check_again(checked, upright, times_s)
+        return checked, {
+            "completed": _added(names, alone, self.stores[0].pixels()),
+            "found_by_colours": _added(names, by_tint, by_colours),
+        }
 
     def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> None:
         """Completes the silhouettes of all frames.
@@ -414,10 +365,10 @@ class _Preparation:
         return observer_of(rig, self.stores[0], self.settings, self.unknown)
 
 
-def _added(rig: Rig, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
+def _added(names: Sequence[str], before: np.ndarray, after: np.ndarray) -> dict[str, float]:
     """Share of each camera's pixels, (C,) int64 before and after, that was added."""
     shares = 1 - before / np.maximum(after, 1)
-    return dict(zip(rig.names, shares.round(4).tolist(), strict=True))
+    return dict(zip(names, shares.round(4).tolist(), strict=True))
 
 
 def unknown_views(

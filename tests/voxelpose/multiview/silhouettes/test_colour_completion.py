@@ -12,9 +12,9 @@ from silhouette_core.progress import SilentReporter, StageClock
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
 from tests.voxelpose.multiview.silhouettes.test_completion import overlap, without_clothes
+from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
-    ColourFinder,
     PreparationSettings,
     _Preparation,
 )
