@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow, is_grey
+from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import (
     Background,
@@ -27,6 +27,7 @@ from silhouette_core.image.foreground import (
     refined_stages,
     segmented,
 )
+from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
 from silhouette_core.tuning import BACKGROUND

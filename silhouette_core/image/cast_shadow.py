@@ -1,10 +1,4 @@
-"""The darkest cast shadow of a recording, and shadows in pictures without colour, of grey and
-infra-red cameras: there texture tells them instead of tint.
-
-A shadow is evenly darker than what it falls on, whose texture it keeps; clothes have folds and a
-shading of their own. Source: own; shadows by ratios of brightness after Rosin and Ellis, Image
-difference threshold strategies and shadow detection (1995).
-"""
+"""The darkest cast shadow of a recording."""
 
 from dataclasses import replace
 
@@ -15,21 +9,17 @@ from numpy.typing import NDArray
 from silhouette_core.image.difference import (
     UNIT,
     Background,
-    FrameView,
     detect,
     grown,
     looked_at,
     pooled_brightness,
 )
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
 _SHADES = 50  # bins of a ratio of brightness
-_LEVELS = 4  # grey levels between the channels of a picture without colour, at most
-_STEP = 4  # px between the pixels that are asked
-_WINDOW = 40  # of the shorter side: half of the window of a texture
-_FREEDOM = 4  # degrees of freedom of a texture within the window, as its spread on walk4 has
 
 
 def _edges() -> NDArray[np.float64]:
@@ -108,32 +98,3 @@ def darkest_shadow(counts: NDArray[np.int64]) -> float | None:
     if below < usual:
         return max(SHADOW.range[0], float(below))
     return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.range[1]))
-
-
-def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
-    """Whether an image (H, W, 3), of 255, has no colour, but for a thousandth of its pixels."""
-    spread = np.ptp(image[::_STEP, ::_STEP], axis=2)
-    return float(np.quantile(spread, 0.999)) <= _LEVELS
-
-
-def texture_evidence(view: FrameView) -> NDArray[np.float32]:
-    """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
-    twice the logarithm of a ratio of densities; 0 where it says nothing.
-    """
-    seen = view.planes[1] / view.gain[1]
-    empty = view.background.planes[1]
-    ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
-    darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
-    inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
-    side = 2 * (min(darker.shape) // _WINDOW) + 1
-
-    def mean(image: NDArray[np.floating]) -> NDArray[np.float32]:
-        return np.asarray(cv2.blur(image * inside, (side, side)), np.float32)
-
-    share, least = mean(np.ones_like(inside)), np.float32(1 / side)
-    both, square = mean(seen * empty), mean(empty * empty)
-    left = mean(seen * seen) - both * both / np.maximum(square, least)
-    uneven = np.sqrt(np.maximum(left * share, 0)) / np.maximum(mean(seen), least)
-    shadow, clothes = SHADOW.uneven
-    evidence = np.square(uneven / shadow) - 2 * _FREEDOM * np.log(clothes / shadow)
-    return np.where(share > least, evidence, 0).astype(np.float32)

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.cast_shadow import rising_shades, texture_evidence
+from silhouette_core.image.cast_shadow import rising_shades
 from silhouette_core.image.difference import Background, FrameView, noise_scale
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint

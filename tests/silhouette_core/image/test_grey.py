@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel
-from silhouette_core.image.cast_shadow import is_grey, texture_evidence
+from silhouette_core.image.grey import is_grey, texture_evidence
 from silhouette_core.image.difference import Background, FrameView
 
 SIZE = (240, 320)

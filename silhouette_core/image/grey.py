@@ -1,0 +1,47 @@
+"""Pictures without colour, of grey and infra-red cameras: texture tells shadows instead of tint.
+
+A shadow is evenly darker than what it falls on, whose texture it keeps; clothes have folds and a
+shading of their own. Source: own; shadows by ratios of brightness after Rosin and Ellis, Image
+difference threshold strategies and shadow detection (1995).
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.image.difference import FrameView, grown
+from silhouette_core.tuning import CUT, SHADOW
+
+_LEVELS = 4  # grey levels between the channels of a picture without colour, at most
+_STEP = 4  # px between the pixels that are asked
+_WINDOW = 40  # of the shorter side: half of the window of a texture
+_FREEDOM = 4  # degrees of freedom of a texture within the window, as its spread on walk4 has
+
+
+def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
+    """Whether an image (H, W, 3), of 255, has no colour, but for a thousandth of its pixels."""
+    spread = np.ptp(image[::_STEP, ::_STEP], axis=2)
+    return float(np.quantile(spread, 0.999)) <= _LEVELS
+
+
+def texture_evidence(view: FrameView) -> NDArray[np.float32]:
+    """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
+    twice the logarithm of a ratio of densities; 0 where it says nothing.
+    """
+    seen = view.planes[1] / view.gain[1]
+    empty = view.background.planes[1]
+    ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
+    darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
+    inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
+    side = 2 * (min(darker.shape) // _WINDOW) + 1
+
+    def mean(image: NDArray[np.floating]) -> NDArray[np.float32]:
+        return np.asarray(cv2.blur(image * inside, (side, side)), np.float32)
+
+    share, least = mean(np.ones_like(inside)), np.float32(1 / side)
+    both, square = mean(seen * empty), mean(empty * empty)
+    left = mean(seen * seen) - both * both / np.maximum(square, least)
+    uneven = np.sqrt(np.maximum(left * share, 0)) / np.maximum(mean(seen), least)
+    shadow, clothes = SHADOW.uneven
+    evidence = np.square(uneven / shadow) - 2 * _FREEDOM * np.log(clothes / shadow)
+    return np.where(share > least, evidence, 0).astype(np.float32)
