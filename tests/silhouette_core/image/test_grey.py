@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel
-from silhouette_core.image.grey import is_grey, texture_evidence
 from silhouette_core.image.difference import Background, FrameView
+from silhouette_core.image.grey import is_grey, texture_evidence
 
 SIZE = (240, 320)
 SHIRT, SHADOW = (slice(60, 150), slice(120, 170)), (slice(180, 215), slice(150, 250))
