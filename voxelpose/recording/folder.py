@@ -292,9 +292,11 @@ def one_camera(recording: Path, camera: str | None = None) -> tuple[Path, str]:
         camera: name of the camera that was chosen; None: the only one.
 
     Raises:
-        InputError: there are others, or none.
+        InputError: there are others, or none, or the video is another camera's.
     """
     if recording.is_file() and recording.suffix.lower() in VIDEOS:
+        if camera not in (None, recording.stem):
+            raise InputError(f"{recording} is one video, not of {camera}: leave out --camera")
         return recording.parent, recording.stem
     if camera is not None:
         return recording, camera

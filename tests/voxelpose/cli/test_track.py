@@ -126,6 +126,8 @@ def test_a_single_video_is_a_recording(room, capsys):
     words = str(video.relative_to(room)), "--out", "x"
     assert run(["track", *words, "--library", "lib.vplib", "--frames", "9:12"]) == 2
     assert "frames 9:12 are not in the recording" in capsys.readouterr().err
+    assert run(["track", *words, "--camera", "cam_2"]) == 2
+    assert "is one video, not of cam_2: leave out --camera" in capsys.readouterr().err
     assert run(["fit", *words]) == 2
     assert f"it is one video: `voxelpose track {words[0]}`" in capsys.readouterr().err
 
