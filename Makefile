@@ -10,13 +10,13 @@ PACKAGES := calib silhouette_core voxelpose
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help install demo test test-fast browser check docs format bench accuracy trials kills mutants fuzz proposal clean
+.PHONY: help install demo test test-fast browser check lint docs format bench accuracy trials kills mutants fuzz proposal clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones), in 2 processes: make WORKERS=8 test"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
-	@echo "make check     style, types and layers, and how many lines the packages have"
+	@echo "make check     style, types, layers, lines of the packages, and the documentation built without a warning"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
@@ -42,7 +42,10 @@ test-fast: $(VENV)/.ready-dev
 browser: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.browsing
 
-check: $(VENV)/.ready-dev
+# What CI asks beside the tests; the two run side by side with --jobs=2.
+check: lint docs
+
+lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright

@@ -72,12 +72,13 @@ def frame_evidence(
         joints_m: (15, 3) float64, joints of the posed body.
 
     Returns:
-        camera_agreement: (C,) float64, 1 - |XOR| / |OR| of body and silhouette in each camera; what
-            is unknown does not count, and a camera in which all of it is has the others' mean.
-        joint_disagreement: (15,) float64, |XOR| in a square of 0.24 m around each joint as a share
-            of the square, the mean over the cameras that have the joint before them and know some
-            of it.
-        joint_sigma_mm: (15,) float64, standard deviations of the joints by the outlines.
+        Float64 arrays.
+
+        - camera_agreement: (C,), 1 - |XOR| / |OR| of body and silhouette in each camera; what is
+          unknown does not count, and a camera in which all of it is has the others' mean.
+        - joint_disagreement: (15,), |XOR| in a square of 0.24 m around each joint as a share of the
+          square, the mean over the cameras that have the joint before them and know some of it.
+        - joint_sigma_mm: (15,), standard deviations of the joints by the outlines.
     """
     model, vertices_m = body.model, posed_mesh(body.model, pose)
     errors, near = [], []
@@ -180,10 +181,12 @@ def expected_errors(evidence: MotionEvidence) -> dict[str, np.ndarray]:
     """Errors of T poses by regression on their evidence, by the names of `Motion.quality`.
 
     Returns:
-        right_probability: (T,) float64, that the joints' mean error relative to the pelvis is below
-            80 mm.
-        joint_error_mm: (T, 15) float64, median error of each joint.
-        landmark_confidence: (T, 15) float64, probability that a joint is within 30 mm of the truth.
+        Float64 arrays.
+
+        - right_probability: (T,), that the joints' mean error relative to the pelvis is below
+          80 mm.
+        - joint_error_mm: (T, 15), median error of each joint.
+        - landmark_confidence: (T, 15), probability that a joint is within 30 mm of the truth.
     """
     joints, frames = regressors(evidence)
     weights = fitted_weights(FILE)
