@@ -339,6 +339,9 @@ class Refinement:
     """1. Of a silhouette's longer side: how far around it distances are computed."""
     student_freedom: float = 4.0
     """1. Degrees of freedom of the proposal's t distribution, with which it is trained."""
+    proposed: float = 0.1
+    """1. Weight of a deviation from a proposed pose: its 42 coordinates are not independent. By
+    eye."""
     largest_shape: float = 3.0
     """1. Largest deviation of a person's shape, in standard deviations."""
     girth_sigma: float = 1.7

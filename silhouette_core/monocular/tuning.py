@@ -233,8 +233,6 @@ class ProposedModes:
     """Metres. Reaches of a refinement from a mode, see `Refinement`."""
     pelvis_sigma_m: float = 0.15
     """Metres. Deviation of its pelvis."""
-    evidence: float = 0.1
-    """1. Weight of a deviation from a mode: its 42 coordinates are not independent."""
     usual_height: float = 0.53
     """Statures. Height of a person's middle."""
     heights: Range = (0.15, 1.1)

@@ -220,6 +220,17 @@ class PersonCost:
 
 
 @dataclass(frozen=True)
+class Proposals:
+    """What each camera alone proposes (`person.proposals`)."""
+
+    beside_s: tuple[float, ...] = (-0.4, -0.17, 0.0, 0.17, 0.4)
+    """s. Frames about the wanted one that are read. Some of those that the proposal learned by."""
+    stature_sigma: float = 0.04
+    """1. Standard deviation of the logarithm of a stature by the distance at which each camera
+    takes a person of the usual one to be."""
+
+
+@dataclass(frozen=True)
 class PersonSearch:
     """Candidates for a person, and frames in which they are compared (`person`)."""
 
@@ -326,7 +337,7 @@ class UpSearch:
     `benchmarks.turned`."""
 
 
-PERSON_COST, PERSON_SEARCH = PersonCost(), PersonSearch()
+PERSON_COST, PERSON_SEARCH, PROPOSALS = PersonCost(), PersonSearch(), Proposals()
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
 COMPLETION, COLOURS, UP_SEARCH = Completion(), Colours(), UpSearch()

@@ -29,8 +29,9 @@ from silhouette_core.monocular.tracking.body_heading import (
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.refinement.joint_placement import place_bodies
-from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.proposed_poses import ProposedPoses
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT
@@ -40,59 +41,25 @@ _FROM_MODE = RefineSettings(MODES.reaches_m)
 
 
 @dataclass(frozen=True, eq=False)
-class FrameModes:
+class FrameModes(ProposedPoses):
     """M probable poses of one frame.
 
     Attributes:
-        probability: (M,) float64, summing to 1.
-        priors: M priors of the joints' positions.
         distance_m: of the pelvis along the optical axis of the window.
         window: of the silhouette at about that distance, if its picture was kept.
     """
 
-    probability: NDArray[np.float64]
-    priors: list[LandmarkPrior]
     distance_m: float
     window: Window | None = None
 
-    @property
-    def likeliest(self) -> NDArray[np.float64]:
-        """Joints (15, 3) of the likeliest mode in the world."""
-        return self.priors[int(self.probability.argmax())].landmarks_m
-
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
-        probable = np.argsort(-self.probability, kind="stable")[:_STARTED]
-        expected = [self.priors[mode] for mode in probable]
+        expected = self.probable(_STARTED)
         placed = place_bodies(surface, contour, expected)
         return [
             RefineStart(pose, _FROM_MODE, None, prior)
             for pose, prior in zip(placed, expected, strict=True)
         ]
-
-    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
-        """The mode nearest to a pose's joints (15, 3), relative to the pelvis."""
-        relative = landmarks_m - landmarks_m[0]
-        gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
-        return self.priors[int(np.argmin(gaps))]
-
-    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.
-
-        Args:
-            landmarks_m: (K, 15, 3), joints in the world.
-        """
-        relative = landmarks_m - landmarks_m[:, :1]
-        logs = np.empty((len(relative), len(self.priors)))
-        for mode, prior in enumerate(self.priors):
-            error = (relative - prior.relative_m)[:, 1:]
-            square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
-            scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
-            logs[:, mode] = np.log(max(self.probability[mode], 1e-6)) - MODES.evidence * (
-                scale * np.log1p(square / DEGREES_OF_FREEDOM)
-            ).sum(axis=1)
-        most = logs.max(axis=1, keepdims=True)
-        return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
 
@@ -16,7 +16,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.dynamics import relaxed_rad
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
@@ -49,6 +50,7 @@ from voxelpose.multiview.person.posterior import (
     hull_volume_m3,
     is_improbable,
 )
+from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
@@ -56,6 +58,10 @@ _BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
 _STARTS = 3  # poses of a frame from which candidates are refined
 _ROUNDS = 2  # of adaptation about the stature that was found
+_NO_HULL = (
+    "the silhouettes leave no hull of a person's size: look at it with `voxelpose carve RECORDING"
+    " --frame 0 --out hull.ply`, and check the silhouettes and the calibration"
+)
 
 
 def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseFit]:
@@ -100,6 +106,7 @@ class Start:
         poses: frame -> pose, for the anchor frames that are clear.
         unclear: the same for others, which do not tell which body it is.
         errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
+        proposals: frame -> what cameras propose, for anchor frames.
     """
 
     candidate: Candidate
@@ -109,10 +116,17 @@ class Start:
     poses: dict[int, Pose]
     unclear: dict[int, Pose]
     errors: dict[int, float]
+    proposals: Mapping[int, FrameProposals] = field(default_factory=dict)
 
     def cost(self) -> float:
-        """Cost by the anchor frames, see `cost_terms`."""
-        return self.cost_of([*self.errors.values()])
+        """Cost by the anchor frames, see `cost_terms`, and what cameras propose for them."""
+        poses, model = self.poses | self.unclear, self.body.model
+        told = [
+            float(proposed.cost(joints_of(model, [poses[t]]))[0])
+            for t, proposed in self.proposals.items()
+            if t in poses
+        ]
+        return self.cost_of([*self.errors.values()]) + sum(told)
 
     def cost_of(self, errors: list[float]) -> float:
         """Cost by the silhouette errors of other frames."""
@@ -126,6 +140,7 @@ def choose_body(
     settings: Settings,
     matching: MatchSettings,
     reporter: Reporter,
+    fps: float,
     known: BodyModel | None = None,
     keep_clothes: bool = False,
     objects: bool = False,
@@ -134,7 +149,8 @@ def choose_body(
 
     Candidates of other girth and template, and of the stature that was found, are always compared.
     A further pose search, about another stature or of somebody who sits, is made only while the
-    best candidate is improbable, see `is_improbable`.
+    best candidate is improbable, see `is_improbable`. Where cameras look the same way, what each
+    alone proposes is asked, too.
 
     Args:
         settings: for stature, chest girth and sex, as far as known.
@@ -146,21 +162,28 @@ def choose_body(
         InputError: no frame shows a body.
     """
     frames = anchor_frames(observations)
+    if not frames:
+        raise InputError(_NO_HULL)
     reporter.stage("first poses", len(frames) + 1)
     voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
-    search = _Search(frames, settings, matching, objects, voxel_size_m, backend)
+    evidence = StatureEvidence.from_frames(frames, settings)
+    proposals: Mapping[int, FrameProposals] = {}
+    if evidence.is_far_open:
+        proposals = proposals_of(observations, [*frames], fps)
+        if proposals:
+            metres = float(np.median([one.stature_m for one in proposals.values()]))
+            evidence = replace(evidence, proposed_m=metres)
+    search = _Search(
+        frames, settings, matching, objects, voxel_size_m, backend, evidence, proposals
+    )
     starts = search.of_anybody() if known is None else search.of_known(known, keep_clothes)
     best: Start | None = None
-    for start in starts if frames else ():
+    for start in starts:
         best = start if best is None else min(best, start, key=Start.cost)
         if not is_improbable(best.errors.values()):
             break
     if best is None:
-        raise InputError(
-            "the silhouettes leave no hull of a person's size: look at it with `voxelpose carve"
-            " RECORDING --frame 0 --out hull.ply`, and check the silhouettes and the"
-            " calibration"
-        )
+        raise InputError(_NO_HULL)
     if known is None and settings.stature_m is None:
         reporter.note(
             f"no stature given: about {best.prior.stature.metres:.2f} m by the hull (--stature"
@@ -176,6 +199,11 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
     most = max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR)
     chosen = even_moments(total, most).tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
+
+
+def joints_of(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
+    """Joints (K, 15, 3) of poses in the world, m."""
+    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
 
 
 def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
@@ -227,6 +255,8 @@ class _Search:
     objects: bool
     voxel_size_m: float
     backend: Backend
+    evidence: StatureEvidence
+    proposals: Mapping[int, FrameProposals]
 
     def of_known(self, model: BodyModel, keep_clothes: bool) -> Iterator[Start]:
         """Starts with a person's body, whose clothes are adapted unless they are kept."""
@@ -245,10 +275,9 @@ class _Search:
 
     def of_anybody(self) -> Iterator[Start]:
         """Starts with candidates for an unknown person, a pose search each."""
-        evidence = StatureEvidence.from_frames(self.frames, self.settings)
         for posture in POSTURES:
-            for statures_m in evidence.statures_m(posture):
-                first = self._refined(posture, statures_m, evidence)
+            for statures_m in self.evidence.statures_m(posture):
+                first = self._refined(posture, statures_m, self.evidence)
                 if first is not None:
                     yield self._settled(first)
 
@@ -279,7 +308,7 @@ class _Search:
                 t: refine_fits(body, frame.observation, starts[t])
                 for t, frame in self.frames.items()
             }
-            fits = {t: min(poses, key=attrgetter("error")) for t, poses in found.items() if poses}
+            fits = {t: self._ranked(t, body, poses)[0] for t, poses in found.items() if poses}
             return self._start(candidate, body, _prior(candidate, body, evidence), evidence, fits)
 
         return min(side_by_side(refined, candidates), key=Start.cost)
@@ -321,14 +350,30 @@ class _Search:
         poses = {t: fit.pose for t, fit in clear.items()}
         unclear = {t: fit.pose for t, fit in fits.items() if t not in clear}
         errors = {t: fits[t].error if t in fits else 1.0 for t in self.frames}
-        return Start(candidate, body, prior, evidence, poses, unclear, errors)
+        return Start(candidate, body, prior, evidence, poses, unclear, errors, self.proposals)
 
     def _found(self, body: BodyGeometry, posture: str) -> dict[int, list[PoseFit]]:
         """Poses of all frames that a search finds, best first."""
         upright: PoseSearch = partial(find_pose, settings=self.matching)
         search = find_sitting_pose if posture == "sitting" else upright
-        found = side_by_side(lambda frame: search(body, frame), list(self.frames.values()))
-        return dict(zip(self.frames, found, strict=True))
+
+        def of(t: int) -> list[PoseFit]:
+            frame, fits = self.frames[t], search(body, self.frames[t])
+            if t in self.proposals:
+                placed = self.proposals[t].starts(body.surface, frame.observation)
+                starts = [RefineStart(pose, SEARCHED) for pose in placed]
+                fits = [*fits, *refine_fits(body, frame.observation, starts)]
+            return self._ranked(t, body, fits)
+
+        return dict(zip(self.frames, side_by_side(of, [*self.frames]), strict=True))
+
+    def _ranked(self, t: int, body: BodyGeometry, fits: list[PoseFit]) -> list[PoseFit]:
+        """Poses of a frame, best first by their errors and what cameras propose."""
+        costs = PERSON_COST.frame_residuals * np.log([fit.error for fit in fits])
+        if fits and t in self.proposals:
+            poses = [fit.pose for fit in fits]
+            costs = costs + self.proposals[t].cost(joints_of(body.model, poses))
+        return [fits[k] for k in np.argsort(costs, kind="stable")]
 
     @property
     def _templates(self) -> tuple[str, ...]:

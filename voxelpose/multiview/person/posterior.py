@@ -25,7 +25,7 @@ from silhouette_core.estimator import Settings
 from silhouette_core.refinement.adaptation import Stature, stature_of
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import FrameObservation
-from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST
+from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST, PROPOSALS
 
 GIRTH_CAMERAS = 4
 """Fewest cameras whose hull says anything of the girth: that of fewer varies too much."""
@@ -79,13 +79,15 @@ class Candidate:
 
 @dataclass(frozen=True)
 class StatureEvidence:
-    """Stature told by the user, m, if any, the usual and largest height of the hull, and what of
-    the standard deviation of a stature's logarithm about these an unknown distance makes.
+    """Stature told by the user, m, if any, the usual and largest height of the hull, what of the
+    standard deviation of a stature's logarithm about these an unknown distance makes, and the
+    stature that cameras propose, if they do.
     """
 
     told_m: float | None
     hull_m: tuple[float, ...] = ()
     distance_sigma: float = 0.0
+    proposed_m: float | None = None
 
     @classmethod
     def from_frames(
@@ -96,16 +98,31 @@ class StatureEvidence:
         unsure = float(np.median([hull_distance_sigma(frame) for frame in frames.values()]))
         return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)), unsure)
 
+    @property
+    def is_far_open(self) -> bool:
+        """Whether the hull leaves open how far away, and so how tall the person is."""
+        return self.distance_sigma > PERSON_COST.hull_sigma
+
+    @property
+    def beside_hull(self) -> Stature:
+        """Stature without the hull: by people's statures, and what cameras propose."""
+        usual, adult = MEASURING.usual_m, PERSON_COST.adult_sigma_m**2
+        if self.proposed_m is None:
+            return Stature(usual, PERSON_COST.adult_sigma_m)
+        share = adult / (adult + (PROPOSALS.stature_sigma * self.proposed_m) ** 2)
+        sigma_m = np.sqrt((1 - share) * adult)
+        return Stature(usual + share * (self.proposed_m - usual), float(sigma_m))
+
     def prior(self, metres: float) -> Stature:
         """What adaptation of a candidate's body may do to a stature, m: as far as the distance is
-        unknown, people's statures decide.
+        unknown, what is known beside the hull decides.
         """
         if self.told_m is not None:
             return Stature(metres, PERSON_COST.told_sigma_m)
-        unsure, adult = (self.distance_sigma * metres) ** 2, PERSON_COST.adult_sigma_m**2
-        share = unsure / (unsure + adult)
-        variance = (PERSON_COST.hull_sigma * metres) ** 2 + share * adult
-        return Stature(metres + share * (MEASURING.usual_m - metres), float(np.sqrt(variance)))
+        unsure, beside = (self.distance_sigma * metres) ** 2, self.beside_hull
+        share = unsure / (unsure + beside.sigma_m**2)
+        variance = (PERSON_COST.hull_sigma * metres) ** 2 + share * beside.sigma_m**2
+        return Stature(metres + share * (beside.metres - metres), float(np.sqrt(variance)))
 
     def statures_m(self, posture: str) -> tuple[tuple[float, ...], ...]:
         """Statures from which searches in a posture begin, likeliest first; a tuple a search."""
@@ -115,7 +132,7 @@ class StatureEvidence:
         # Somebody who crouches or jumps is as high as the hull is at times.
         varies = np.log(largest / usual) > 2 * PERSON_COST.hull_sigma
         heights = ((usual, largest) if varies else (usual,),) if posture == "any" else ()
-        return (*heights, (MEASURING.usual_m,))
+        return (*heights, (self.beside_hull.metres,))
 
 
 def hull_height_m(frame: FrameObservation) -> float:
@@ -200,7 +217,8 @@ def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:
 def _stature(metres: float, evidence: StatureEvidence) -> float:
     if evidence.told_m is not None:
         return 0.5 * ((metres - evidence.told_m) / PERSON_COST.told_sigma_m) ** 2
-    return 0.5 * ((metres - MEASURING.usual_m) / PERSON_COST.adult_sigma_m) ** 2
+    expected = evidence.beside_hull
+    return 0.5 * ((metres - expected.metres) / expected.sigma_m) ** 2
 
 
 def _hull(metres: float, evidence: StatureEvidence) -> float:

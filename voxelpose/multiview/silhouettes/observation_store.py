@@ -103,6 +103,10 @@ class ObservationStore:
         *masks, occupancy = (a.reshape(shape) for a, shape in zip(arrays, shapes, strict=True))
         return self.observer.select(masks, occupancy, grid, near_m)
 
+    def masks(self, t: int) -> list[np.ndarray]:
+        """Raw silhouettes (h, w) bool of frame `t`, one per camera."""
+        return self._masks[t]
+
     def close(self) -> None:
         """Removes the scratch file."""
         self._file.close()

@@ -207,7 +207,7 @@ class TrackWork:
         settings, known = self.settings, self.known
         with self.clock("first poses"):
             keep = known is not None and names_result(str(settings.options["body"]))
-            given = self.matching, self.reporter, known, keep, objects
+            given = self.matching, self.reporter, self.fps, known, keep, objects
             start = choose_body(observations, settings, *given)
         tracker = self._tracker(start.body, observations)
         self._follow(tracker, start.poses, start.errors)

@@ -1,0 +1,113 @@
+"""Poses that what was learned of silhouettes proposes, and who proposes them.
+
+A proposer is a class without constructor arguments, registered under the entry point group
+`silhouette_core.pose_proposers`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera import Camera
+from silhouette_core.entry_points import load_registered
+from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+from silhouette_core.tuning import REFINEMENT
+
+GROUP = "silhouette_core.pose_proposers"
+
+
+@dataclass(frozen=True, eq=False)
+class ProposedPoses:
+    """M probable poses of one frame.
+
+    Attributes:
+        probability: (M,) float64, summing to 1.
+        priors: M priors of the joints' positions.
+    """
+
+    probability: NDArray[np.float64]
+    priors: list[LandmarkPrior]
+
+    @property
+    def likeliest(self) -> NDArray[np.float64]:
+        """Joints (15, 3) of the likeliest pose in the world."""
+        return self.priors[int(self.probability.argmax())].landmarks_m
+
+    def probable(self, count: int) -> list[LandmarkPrior]:
+        """The most probable poses, likeliest first."""
+        order = np.argsort(-self.probability, kind="stable")[:count]
+        return [self.priors[pose] for pose in order]
+
+    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
+        """The proposed pose nearest to a pose's joints (15, 3), relative to the pelvis."""
+        relative = landmarks_m - landmarks_m[0]
+        gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
+        return self.priors[int(np.argmin(gaps))]
+
+    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.
+
+        Args:
+            landmarks_m: (K, 15, 3), joints in the world.
+        """
+        relative = landmarks_m - landmarks_m[:, :1]
+        logs = np.empty((len(relative), len(self.priors)))
+        for pose, prior in enumerate(self.priors):
+            error = (relative - prior.relative_m)[:, 1:]
+            square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
+            scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
+            logs[:, pose] = np.log(max(self.probability[pose], 1e-6)) - REFINEMENT.proposed * (
+                scale * np.log1p(square / DEGREES_OF_FREEDOM)
+            ).sum(axis=1)
+        most = logs.max(axis=1, keepdims=True)
+        return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
+
+    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> ProposedPoses:
+        """The same poses of a body larger by a factor, with the pelvis (3,) elsewhere."""
+        priors = [
+            replace(
+                prior,
+                relative_m=scale * prior.relative_m,
+                precision=prior.precision / scale**2,
+                pelvis_m=pelvis_m,
+            )
+            for prior in self.priors
+        ]
+        return replace(self, priors=priors)
+
+
+@runtime_checkable
+class PoseProposer(Protocol):
+    """Proposes poses of a person by silhouettes of one camera; called from several threads."""
+
+    def propose(
+        self,
+        camera: Camera,
+        stature_m: float,
+        times_s: Sequence[float],
+        masks: Sequence[NDArray[np.bool_]],
+        wanted: int,
+    ) -> ProposedPoses | None:
+        """Poses in one of some frames, at the distance of somebody of a stature; None: it shows
+        nobody.
+
+        Args:
+            camera: pinhole camera without distortion, in a world with z up.
+            masks: silhouettes (h, w) bool, around the wanted frame.
+            wanted: position of that frame among them.
+        """
+        ...
+
+
+def load_pose_proposer(name: str = "learned") -> PoseProposer:
+    """The proposer that is registered under a name.
+
+    Raises:
+        InputError: none is.
+    """
+    return load_registered(GROUP, "pose proposer", PoseProposer, name)
