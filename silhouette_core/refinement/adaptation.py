@@ -132,7 +132,7 @@ def _shape_equations(
     settings: RefineSettings,
 ) -> tuple[np.ndarray, np.ndarray, list[_FrameSystem]]:
     """Normal equations (K, K) and (K,) of the shape, from which the poses are eliminated, and those
-    of every frame.
+    of every frame. What is wrong with silhouettes and bodies is wrong in all frames alike.
     """
     free, size = free_unknowns(surface.model), len(surface.model.shape)
     matrix, gradient, systems = np.zeros((size, size)), np.zeros(size), []
@@ -144,7 +144,7 @@ def _shape_equations(
         )
         matrix += system.shape - system.cross[free].T @ eliminated
         gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
-    return matrix, gradient, systems
+    return REFINEMENT.alike * matrix, REFINEMENT.alike * gradient, systems
 
 
 class _FrameSystem:
