@@ -323,9 +323,9 @@ class Refinement:
     joint of a proposed mode."""
     independence: float = 0.25
     """1. Fraction of contour points that count as independent, at the usual spacing."""
-    alike: float = 0.25
-    """1. What of several frames' residuals counts for the shape, which they have in common: their
-    errors are alike. Of 1, 0.25 and 0.06 on dance8, walk4 and seeds 1301 to 1308 of level 1."""
+    alike: float = 0.03
+    """1. Correlation of the residuals of two silhouettes of one person, for the shape. Tuned on
+    dance8, walk4, seeds 1301 to 1308 of level 1, and pairs of cameras of 1231 to 1240."""
     spacing_m: float = 0.025
     """m. That spacing: distance between contour points on the body."""
     outside: float = 0.5

@@ -1,10 +1,10 @@
-"""Poses of a person by a few silhouettes of one camera, from the proposal that comes with the
-program: for whoever has silhouettes, and no track yet.
+"""Poses of a person by silhouettes of one camera, from the proposal that comes with the program:
+for whoever has silhouettes, and no track yet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
 from silhouette_core.monocular.window import STATURE_PX, look_at
 
-_ROUNDS = 3  # in which the distance is corrected
+_ROUNDS = 3  # in which the distance of a first frame is corrected
+_RECENT = 12  # frames by which the distance of the next is known
 
 
 class SilhouetteProposer:
@@ -25,22 +26,22 @@ class SilhouetteProposer:
         self,
         camera: Camera,
         stature_m: float,
-        times_s: Sequence[float],
-        masks: Sequence[NDArray[np.bool_]],
-        wanted: int,
-    ) -> FrameModes | None:
+        frames: Iterable[tuple[float, NDArray[np.bool_]]],
+    ) -> list[FrameModes | None]:
         """See `PoseProposer.propose`."""
-        found = [find_person(mask) for mask in masks]
-        people = {t: person.mask for t, person in enumerate(found) if person is not None}
-        if wanted not in people:
-            return None
         finder = ModeFinder(shipped_proposal(), camera, stature_m)
-
-        def view(t: int, distance_m: float) -> ModeView:
-            window = look_at(camera, people[t], distance_m, STATURE_PX / stature_m)
-            return finder.view(window, times_s[t])
-
-        distance_m = upright_distance(camera, people[wanted], stature_m)
-        for _ in range(_ROUNDS):
-            distance_m = finder.distance([view(wanted, distance_m)])
-        return finder.find([view(t, distance_m) for t in people])[[*people].index(wanted)]
+        views: dict[int, ModeView] = {}
+        distance_m, count = np.nan, 0
+        for t, (time_s, mask) in enumerate(frames):
+            count, person = t + 1, find_person(mask)
+            if person is None:
+                continue
+            first = not views
+            if first:
+                distance_m = upright_distance(camera, person.mask, stature_m)
+            for _ in range(_ROUNDS if first else 1):
+                window = look_at(camera, person.mask, distance_m, STATURE_PX / stature_m)
+                views[t] = finder.view(window, time_s)
+                distance_m = finder.distance([*views.values()][-_RECENT:])
+        found = dict(zip(views, finder.find([*views.values()]), strict=True)) if views else {}
+        return [found.get(t) for t in range(count)]

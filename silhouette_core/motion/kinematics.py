@@ -1,10 +1,13 @@
 """Forward kinematics and linear blend skinning."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kernels.kinematics import place_bodies, skin_vertices
+from silhouette_core.motion.pose import Pose, PoseArrays
 
 
 def rotation_matrices(quaternion_wxyz: np.ndarray) -> np.ndarray:
@@ -119,3 +122,10 @@ def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -
     skinned = model.vertices_m, model.joints_m, model.skin_parts, model.skin_weights
     skin_vertices(*skinned, part_rotation, part_origin, posed)
     return posed
+
+
+def joints_of(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
+    """Joints (K, L, 3) float64 of K poses in the world, m."""
+    if not poses:
+        return np.empty((0, len(model.landmarks_m), 3))
+    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))

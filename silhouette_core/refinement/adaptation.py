@@ -131,8 +131,15 @@ def _shape_equations(
     reach: float,
     settings: RefineSettings,
 ) -> tuple[np.ndarray, np.ndarray, list[_FrameSystem]]:
-    """Normal equations (K, K) and (K,) of the shape, from which the poses are eliminated, and those
-    of every frame. What is wrong with silhouettes and bodies is wrong in all frames alike.
+    r"""Normal equations (K, K) and (K,) of the shape, from which the poses are eliminated, and
+    those of every frame.
+
+    What is wrong with a silhouette or a body is wrong in others, too: of :math:`n` silhouettes
+    whose residuals correlate by :math:`\rho`, each counts as
+
+    .. math:: 1 / (1 + (n - 1) \rho)
+
+    Source: the design effect of Kish, Survey Sampling (1965).
     """
     free, size = free_unknowns(surface.model), len(surface.model.shape)
     matrix, gradient, systems = np.zeros((size, size)), np.zeros(size), []
@@ -144,7 +151,9 @@ def _shape_equations(
         )
         matrix += system.shape - system.cross[free].T @ eliminated
         gradient += system.shape_gradient - eliminated.T @ system.pose_gradient[free]
-    return REFINEMENT.alike * matrix, REFINEMENT.alike * gradient, systems
+    silhouettes = sum(len(observation.views.rig) for observation in observations)
+    counted = 1 / (1 + (silhouettes - 1) * REFINEMENT.alike)
+    return counted * matrix, counted * gradient, systems
 
 
 class _FrameSystem:

@@ -6,7 +6,7 @@ A proposer is a class without constructor arguments, registered under the entry 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -89,17 +89,14 @@ class PoseProposer(Protocol):
         self,
         camera: Camera,
         stature_m: float,
-        times_s: Sequence[float],
-        masks: Sequence[NDArray[np.bool_]],
-        wanted: int,
-    ) -> ProposedPoses | None:
-        """Poses in one of some frames, at the distance of somebody of a stature; None: it shows
-        nobody.
+        frames: Iterable[tuple[float, NDArray[np.bool_]]],
+    ) -> list[ProposedPoses | None]:
+        """Poses in each of consecutive frames, at the distance of somebody of a stature; None: it
+        shows nobody.
 
         Args:
             camera: pinhole camera without distortion, in a world with z up.
-            masks: silhouettes (h, w) bool, around the wanted frame.
-            wanted: position of that frame among them.
+            frames: time, s, and silhouette (h, w) bool of each.
         """
         ...
 

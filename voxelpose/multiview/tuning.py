@@ -31,8 +31,6 @@ class Tracking:
     """1. Of a pose's error, below which another replaces it. Chosen by eye, not ablated."""
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
-    suspect: float = 0.16
-    """1. Error above which a pose may be a wrong one, or the body another. Chosen by eye."""
     poor: float = 1.2
     """1. Of the usual error, above which a frame is tried a second time. Chosen by eye."""
     poor_by: float = 0.01
@@ -223,8 +221,6 @@ class PersonCost:
 class Proposals:
     """What each camera alone proposes (`person.proposals`)."""
 
-    beside_s: tuple[float, ...] = (-0.4, -0.17, 0.0, 0.17, 0.4)
-    """s. Frames about the wanted one that are read. Some of those that the proposal learned by."""
     stature_sigma: float = 0.04
     """1. Standard deviation of the logarithm of a stature by the distance at which each camera
     takes a person of the usual one to be."""
@@ -245,8 +241,6 @@ class HullGirth:
     hull_over_body: float = 1.75
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
-    least: float = 0.9
-    """1. Smallest girth by a hull, relative to the usual one. By eye."""
     most: float = 1.5
     """1. Largest one: beyond, the hull holds other things. By eye."""
 

@@ -8,7 +8,6 @@ silhouette uncovered. Viterbi's recursion runs over the refined poses. Beyond pa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +31,7 @@ from silhouette_core.motion.dynamics import (
     pose_step_sigma,
     predict,
 )
-from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -268,13 +267,6 @@ def _predicted(
             previous.poses, previous.back, previous.restarted, strict=True
         )
     ]
-
-
-def joints_of(model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
-    """Joints (K, L, 3) of poses in the world."""
-    if not poses:
-        return np.empty((0, len(model.landmarks_m), 3))
-    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
 
 
 def transition_cost(

@@ -94,7 +94,6 @@ def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
     count, free = len(SHAPE_AXES), free_unknowns(SURFACE.model)
     size = count + 2 * len(free)
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
-    matrix[:count, :count] = np.diag(1 / SHAPE_SIGMA**2)
     for k, (observation, pose) in enumerate(zip(seen, poses, strict=True)):
         given = SURFACE, observation, pose, 0.1, RefineSettings(), None
         one = adaptation._FrameSystem(*given)
@@ -104,6 +103,9 @@ def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
         matrix[own, :count], matrix[:count, own] = one.cross[free], one.cross[free].T
         gradient[:count] += one.shape_gradient
         gradient[own] = one.pose_gradient[free]
+    counted = 1 / (1 + 7 * adaptation.REFINEMENT.alike)  # of eight silhouettes
+    matrix, gradient = counted * matrix, counted * gradient
+    matrix[:count, :count] += np.diag(1 / SHAPE_SIGMA**2)
     step = -np.linalg.solve(matrix, gradient)
     found, moved = adapt_shape(SURFACE, seen, poses, Stature(STATURE_M, 100.0), USUAL)
     np.testing.assert_allclose(found.model.shape, step[:count], atol=1e-4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
@@ -16,8 +16,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.dynamics import relaxed_rad
-from silhouette_core.motion.kinematics import landmarks, place
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
@@ -186,8 +186,8 @@ def choose_body(
         raise InputError(_NO_HULL)
     if known is None and settings.stature_m is None:
         reporter.note(
-            f"no stature given: about {best.prior.stature.metres:.2f} m by the hull (--stature"
-            " makes every joint more accurate)"
+            f"no stature given: about {best.prior.stature.metres:.2f} m by the silhouettes"
+            " (--stature makes every joint more accurate)"
         )
     reporter.advance(len(frames) + 1)
     return best
@@ -199,11 +199,6 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
     most = max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR)
     chosen = even_moments(total, most).tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
-
-
-def joints_of(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
-    """Joints (K, 15, 3) of poses in the world, m."""
-    return landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
 
 
 def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:

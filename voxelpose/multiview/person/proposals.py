@@ -18,9 +18,9 @@ from silhouette_core.refinement.proposed_poses import ProposedPoses, load_pose_p
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PROPOSALS
 
 _STARTED = 3  # poses of a camera that are placed
+_READ = 15  # frames a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +63,22 @@ class FrameProposals:
 def proposals_of(
     observations: ObservationStore, frames: Sequence[int], fps: float
 ) -> Mapping[int, FrameProposals]:
-    """What cameras propose for some frames, as far as two of them show somebody."""
-    proposer, rig = load_pose_proposer(), observations.observer.views.rig
-    beside = np.unique(np.rint(np.array(PROPOSALS.beside_s) * fps).astype(int))
+    """What cameras propose for some frames, as far as two of them show somebody; who walks shows
+    which way round, so that all of the recording is read.
+    """
+    views = observations.observer.views
+    proposer, step = load_pose_proposer(), max(round(fps / _READ), 1)
+    read = sorted({*range(0, len(observations), step), *frames})
 
-    def proposed(t: int) -> FrameProposals | None:
-        near = [int(k) for k in t + beside if 0 <= k < len(observations)]
-        times, masks = [k / fps for k in near], [observations.masks(k) for k in near]
-        found = {
-            c: poses
-            for c, camera in enumerate(rig)
-            if (
-                poses := proposer.propose(
-                    camera, MEASURING.usual_m, times, [one[c] for one in masks], near.index(t)
-                )
-            )
-            is not None
-        }
-        if len(found) < 2:
-            return None
-        return FrameProposals.of([*found.values()], observations.observer.views.center_m[[*found]])
+    def proposed(camera: int) -> dict[int, ProposedPoses | None]:
+        shown = ((t / fps, observations.masks(t)[camera]) for t in read)
+        at = views.rig.cameras[camera], MEASURING.usual_m
+        return dict(zip(read, proposer.propose(*at, shown), strict=True))
 
-    every = side_by_side(proposed, list(frames))
-    return {t: one for t, one in zip(frames, every, strict=True) if one is not None}
+    cameras, found = range(len(views.rig)), {}
+    each = side_by_side(proposed, cameras)
+    for t in frames:
+        seen = {c: poses for c in cameras if (poses := each[c][t]) is not None}
+        if len(seen) > 1:
+            found[t] = FrameProposals.of([*seen.values()], views.center_m[[*seen]])
+    return found

@@ -36,6 +36,7 @@ from voxelpose.multiview.person.posterior import (
     chest_from_hull,
     hull_height_m,
     hull_volume_m3,
+    is_improbable,
 )
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
@@ -68,7 +69,7 @@ def search(
     body = body or _body(settings, frame)
     fits = find_pose(body, frame, count=count)
     tracks = [BodyTrack(body, moment.time_s, fit) for fit in fits]
-    if tracks and tracks[0].fit.error > TRACKING.suspect:
+    if tracks and is_improbable([tracks[0].fit.error]):
         # Of another body than this one, the right pose need not be the one that fits best.
         tracks += [
             adapt_body(rig, settings, track, [(moment, track.fit.pose)]) for track in tracks[:3]
@@ -127,7 +128,8 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         track = track.follow(rig, moment.time_s, moment.masks())
         if track.fit.error > TRACKING.bad * usual and not searched:
             searched, track = True, search_limbs(rig, track, moment) or track
-        wrong = wrong + 1 if track.fit.error > max(TRACKING.suspect, TRACKING.bad * usual) else 0
+        error = track.fit.error
+        wrong = wrong + 1 if is_improbable([error]) and error > TRACKING.bad * usual else 0
         if track.fit.error > TRACKING.lost or wrong == _MOST_WRONG:
             return None
     return track
@@ -258,7 +260,7 @@ class PoseFollower:
         poor = track.is_poor(track.fit.error)
         if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
-        suspect = track.usual > TRACKING.suspect
+        suspect = is_improbable([track.usual])
         bad = suspect or track.usual > TRACKING.bad * person.least
         limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
         if bad and now - person.searched_s > LIVE.poor_again_s:

@@ -12,8 +12,8 @@ from threading import Lock
 import numpy as np
 
 from silhouette_core.motion.dynamics import FPS, elapsed_steps, neighbour_middle
-from silhouette_core.motion.kinematics import landmarks, place
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.refine import PosePrior
 from voxelpose.multiview.carving.observe import FrameObservation
@@ -185,10 +185,8 @@ class PoseTracker:
     def joints_m(self) -> np.ndarray:
         """Joints (T, L, 3) of all frames, metres; NaN without a pose."""
         joints = np.full((len(self.poses), *self.body.model.landmarks_m.shape), np.nan)
-        posed = [t for t, pose in enumerate(self.poses) if pose is not None]
-        if posed:
-            poses = PoseArrays.from_poses([pose for pose in self.poses if pose is not None])
-            joints[posed] = landmarks(self.body.model, *place(self.body.model, *poses.arrays))
+        posed = {t: pose for t, pose in enumerate(self.poses) if pose is not None}
+        joints[[*posed]] = joints_of(self.body.model, [*posed.values()])
         return joints
 
     def _jumps(self) -> np.ndarray:

@@ -36,6 +36,7 @@ from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import refit
 from voxelpose.multiview.tracking.tracking import PoseTracker
 
+FPS = 30.0
 VOLUME = VoxelGrid.from_bounds((-1.6, -1.2, -0.1), (1.6, 1.2, 2.1), 0.05)
 CROUCH = {
     f"{side}_{name}": degrees
@@ -65,7 +66,7 @@ def test_somebody_who_crouches_most_of_the_time_is_no_child():
     with filmed(body, [*turns, {}]) as store:
         heights = [hull_height_m(frame) for frame in anchor_frames(store).values()]
         assert np.median(heights) < 0.85 * max(heights)
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
@@ -74,7 +75,7 @@ def test_somebody_who_sits_all_the_time_is_no_child():
     bent = ("thigh.flexion", "shin.flexion")
     seated = {f"{side}_{name}": 90.0 for side in ("left", "right") for name in bent}
     with filmed(other_body(), [seated | {"lumbar.flexion": 10.0 * t} for t in range(3)]) as store:
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
@@ -87,7 +88,7 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     monkeypatch.setattr(body_choice, "_ROUNDS", 0)
     raised = {f"{side}_upper_arm.abduction": 130.0 for side in ("left", "right")}
     with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter())
+        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
@@ -114,7 +115,7 @@ def test_of_a_known_body_only_the_clothes_are_adapted():
     )
     dressed = known.reshaped(np.where(IS_CLOTHING, clothes, known.shape))
     with filmed(dressed, [{"lumbar.flexion": 10.0 * t} for t in range(3)]) as store:
-        at = store, Settings(), MatchSettings(), SilentReporter(), known
+        at = store, Settings(), MatchSettings(), SilentReporter(), FPS, known
         start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
         settings = 30.0, MatchSettings()
         tracker = PoseTracker(kept.body, store, *settings, StageClock(), lambda: None)
