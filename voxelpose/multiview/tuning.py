@@ -242,7 +242,8 @@ class HullGirth:
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
     most: float = 1.5
-    """1. Largest one: beyond, the hull holds other things. By eye."""
+    """1. Largest factor between a girth by the hull and the usual one: beyond, the hull holds other
+    things, or the body is not all in it. By eye."""
 
 
 @dataclass(frozen=True)
