@@ -92,6 +92,7 @@ def make_library(
     settings: LibrarySettings,
     reporter: Reporter | None = None,
     learning: LearningSettings | None = _USUAL,
+    begun: PoseProposal | None = None,
 ) -> PoseLibrary:
     """Builds and writes a library; an interrupted build resumes from the checkpoints in
     `path`.partial.
@@ -100,6 +101,7 @@ def make_library(
         path: the library's file; an existing library is replaced once the new one is complete.
         learning: settings of the proposal that a person's library learns from the motion, of which
             `mirror` is that of the library; None: it has none.
+        begun: proposal that goes on learning, see `learn_proposal`.
 
     Returns:
         The library, opened from its file.
@@ -128,7 +130,7 @@ def make_library(
         library = build_library(bases, model, settings, reporter, partial)
         if learning is not None:
             learning = replace(learning, mirror=settings.mirror)
-            proposal = learned_from(motions, model, learning, partial / "proposal", reporter)
+            proposal = learned_from(motions, model, learning, partial / "proposal", reporter, begun)
             library = replace(library, proposal=proposal)
         write_library(library, path)
         Checkpoint.remove(partial)
@@ -150,15 +152,19 @@ def learned_from(
     settings: LearningSettings,
     partial: Path,
     reporter: Reporter,
+    begun: PoseProposal | None = None,
 ) -> PoseProposal:
     """Proposal learned from all motion, with checkpoints in a folder of its encoding and of all of
     it; see `learn_proposal`.
     """
     facts = json.dumps([asdict(settings), asdict(model.sizes), motion_digest(motions)])
-    checkpoint = Checkpoint(partial, hashlib.sha256(facts.encode()).hexdigest())
+    digest = hashlib.sha256(facts.encode())
+    for array in begun.arrays().values() if begun is not None else ():
+        digest.update(np.ascontiguousarray(array).tobytes())
+    checkpoint = Checkpoint(partial, digest.hexdigest())
 
     def learned() -> Mapping[str, NDArray]:
-        found = learn_proposal(list(motions.values()), model, settings, reporter, checkpoint.step)
-        return found.arrays()
+        takes, kept = list(motions.values()), checkpoint.step
+        return learn_proposal(takes, model, settings, reporter, kept, begun).arrays()
 
     return PoseProposal.from_arrays(checkpoint.step("proposal", learned))

@@ -181,11 +181,13 @@ def train_network(
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
+    further: bool = False,
 ) -> float:
     """Trains a network in place.
 
     Args:
         draw: draws a number of samples; called in several threads.
+        further: whether the network has learned already, and its modes have parted.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -200,7 +202,9 @@ def train_network(
         found = loss_gradient(network, noisy, share)
         return found.loss, [*found.weights, *found.biases]
 
-    return descend([*network.weights, *network.biases], gradients, settings, rng, reporter)
+    claimed = 0.0 if further else TRAINING.claimed
+    parameters = [*network.weights, *network.biases]
+    return descend(parameters, gradients, settings, rng, reporter, claimed)
 
 
 def descend(
@@ -209,6 +213,7 @@ def descend(
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
+    claimed: float = TRAINING.claimed,
 ) -> float:
     """Lets parameters descend along the gradients of random samples, in place.
 
@@ -218,6 +223,7 @@ def descend(
             `loss_gradient`: the loss and its gradient with respect to every array; called in
             several threads.
         reporter: informed of every step, and of the mean loss of each tenth of them.
+        claimed: share of the steps in which the nearest mode alone learns.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -232,8 +238,8 @@ def descend(
     for step in range(settings.steps):
         done = step / settings.steps
         share = (
-            max(TRAINING.share * (1 - done / TRAINING.claimed), TRAINING.least_share)
-            if done < TRAINING.claimed
+            max(TRAINING.share * (1 - done / claimed), TRAINING.least_share)
+            if done < claimed
             else 0.0
         )
         portion = settings.batch // _PARTS, share

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -82,12 +83,17 @@ class LearningSettings:
     seed: int = 0
 
 
+CONTINUED = LearningSettings(frames=200_000, training=TrainingSettings(steps=4_000, rate=5e-4))
+"""For a proposal that has learned of other motion and goes on."""
+
+
 def learn_proposal(
     motions: Sequence[Motion],
     model: BodyModel,
     settings: LearningSettings | None = None,
     reporter: Reporter | None = None,
     step: Callable[[str, Callable[[], Arrays]], Arrays] | None = None,
+    begun: PoseProposal | None = None,
 ) -> PoseProposal:
     """Proposal that has learned to tell recorded motion from its silhouettes.
 
@@ -96,6 +102,8 @@ def learn_proposal(
         model: the body of the library; random bodies around it are filmed.
         step: keeps the arrays of a named step, made by a function, and gives them again after an
             interruption, such as `Checkpoint.step`; None: nothing is kept.
+        begun: what has learned of other motion goes on learning, but for its encoders; None: all is
+            learned from the motion.
 
     Returns:
         The proposal; the same inputs give the same one, for any number of threads.
@@ -116,14 +124,20 @@ def learn_proposal(
     with threadpool_limits(1, user_api="blas"):
         studio = _Studio(stretches, VirtualBodies(model), settings, film.spawn(len(stretches)))
         ends = np.cumsum([len(stretch) for stretch in stretches])
-        first = int(np.searchsorted(ends, min(settings.pictures, ends[-1]))) + 1
+        first = 0
+        if begun is None:
+            first = int(np.searchsorted(ends, min(settings.pictures, ends[-1]))) + 1
         groups = studio.film("filming the first takes", range(first), reporter)
         takes = [take for group in groups for take in group]
-        encoding = SilhouetteEncoding.from_arrays(
-            step(
-                "encoding",
-                lambda: _trained_encoding(takes, settings, (fit, encode), reporter).arrays(),
+        encoding = (
+            SilhouetteEncoding.from_arrays(
+                step(
+                    "encoding",
+                    lambda: _trained_encoding(takes, settings, (fit, encode), reporter).arrays(),
+                )
             )
+            if begun is None
+            else begun.encoding
         )
         codes = side_by_side(partial(_codes, encoding), takes)
         takes = [_without_grids(take) for take in takes]
@@ -131,7 +145,8 @@ def learn_proposal(
         for group in studio.film("filming the other takes", others, reporter):
             codes += side_by_side(partial(_codes, encoding), group)
             takes += [_without_grids(take) for take in group]
-        network = _trained(_joined(takes, codes), takes, settings, train, reporter)
+        features = _joined(takes, codes)
+        network = _trained(features, takes, settings, train, reporter, begun and begun.network)
     return PoseProposal(encoding, network)
 
 
@@ -264,8 +279,9 @@ def _trained(
     settings: LearningSettings,
     rng: np.random.Generator,
     reporter: Reporter,
+    begun: MixtureNetwork | None,
 ) -> MixtureNetwork:
-    """Network trained on frames."""
+    """Network trained on frames, from the beginning or further."""
     count = len(features)
     training = _shortened(settings.training, settings.passes * count)
     nearby = nearby_frames(features.time_s)
@@ -283,7 +299,7 @@ def _trained(
             offset[frames],
         )
 
-    network = MixtureNetwork.initial(
+    network = deepcopy(begun) or MixtureNetwork.initial(
         draw(np.random.default_rng(0), 1).inputs.shape[1],
         training.units,
         training.blocks,
@@ -292,5 +308,5 @@ def _trained(
         rng,
     )
     reporter.stage("learning the proposal", training.steps)
-    train_network(network, draw, training, rng, reporter)
+    train_network(network, draw, training, rng, reporter, further=begun is not None)
     return network

@@ -151,9 +151,9 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
 def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     calls = []
 
-    def learn(motions, model, settings, reporter, step):
+    def learn(motions, model, settings, *more):
         calls.append(settings)
-        return learn_proposal(motions, model, TINY, reporter, step)
+        return learn_proposal(motions, model, TINY, *more)
 
     monkeypatch.setattr("silhouette_core.monocular.making.from_motion.learn_proposal", learn)
     settings = replace(SETTINGS, poses=24)
@@ -207,6 +207,17 @@ def test_an_interrupted_training_keeps_its_encoders(monkeypatch):
     kept.clear()
     for name, array in learn().items():
         assert (resumed[name] == array).all()
+
+
+def test_what_has_learned_goes_on_learning_with_its_encoders():
+    motion, stages = swaying(frames=200), Stages()
+    begun = learn_proposal([motion], motion.model, TINY)
+    before = {name: array.copy() for name, array in begun.arrays().items()}
+    further = learn_proposal([motion], motion.model, TINY, stages, begun=begun)
+    assert further.encoding is begun.encoding and "learning the encoders" not in stages.totals
+    learned = further.arrays()
+    assert any((array != learned[name]).any() for name, array in before.items())
+    assert all((array == begun.arrays()[name]).all() for name, array in before.items())
 
 
 def test_too_little_motion_is_refused():
