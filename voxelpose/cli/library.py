@@ -59,7 +59,7 @@ class Build:
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
             from silhouette_core.monocular.making.from_motion import make_library, read_clips
-            from silhouette_core.monocular.making.proposal_learning import CONTINUED
+            from silhouette_core.monocular.making.proposal_learning import LearningSettings
             from silhouette_core.monocular.proposal.shipped import shipped_proposal
             from silhouette_core.monocular.tree.pose_library import LibrarySettings
             from silhouette_core.motion.body_source import load_body
@@ -77,7 +77,7 @@ class Build:
                 else load_body(self.body)
             )
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
-            learning = CONTINUED, shipped_proposal()
+            learning = LearningSettings.of_begun(), shipped_proposal()
             library = make_library(clips, model, self.out, settings, progress, *learning)
         from silhouette_core.monocular.tree.summary import summary
 

@@ -82,9 +82,10 @@ class LearningSettings:
     training: TrainingSettings = field(default_factory=TrainingSettings)
     seed: int = 0
 
-
-CONTINUED = LearningSettings(frames=200_000, training=TrainingSettings(steps=4_000, rate=5e-4))
-"""For a proposal that has learned of other motion and goes on."""
+    @classmethod
+    def of_begun(cls) -> LearningSettings:
+        """For a proposal that has learned of other motion and goes on."""
+        return cls(frames=200_000, training=TrainingSettings(steps=4_000, rate=5e-4))
 
 
 def learn_proposal(
