@@ -154,6 +154,7 @@ def choose_body(
 
     Args:
         settings: for stature, chest girth and sex, as far as known.
+        fps: frames a second.
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
         objects: whether something beside the person was left out of the silhouettes.
@@ -169,7 +170,8 @@ def choose_body(
     evidence = StatureEvidence.from_frames(frames, settings)
     proposals: Mapping[int, FrameProposals] = {}
     if evidence.is_far_open:
-        proposals = proposals_of(observations, [*frames], fps)
+        told_m = settings.stature_m if known is None else stature_of(known)
+        proposals = proposals_of(observations, [*frames], fps, told_m)
         if proposals:
             metres = float(np.median([one.stature_m for one in proposals.values()]))
             evidence = replace(evidence, proposed_m=metres)

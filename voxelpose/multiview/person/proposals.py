@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.joint_placement import place_bodies
@@ -28,27 +29,37 @@ class FrameProposals:
     """What cameras propose for one frame.
 
     Attributes:
-        poses: of each camera that shows a person, the pelvis where all cameras see it, for the
-            stature that this asks for.
-        stature_m: that stature.
+        poses: of each camera that shows a person, the pelvis where all cameras see it, of somebody
+            of the stature.
+        stature_m: what is known, else what the pelvis's place asks for.
     """
 
     poses: tuple[ProposedPoses, ...]
     stature_m: float
 
     @classmethod
-    def of(cls, poses: Sequence[ProposedPoses], centers_m: NDArray[np.float64]) -> FrameProposals:
+    def of(
+        cls,
+        poses: Sequence[ProposedPoses],
+        centers_m: NDArray[np.float64],
+        stature_m: float | None = None,
+    ) -> FrameProposals:
         """From the poses of cameras (C, 3) for the usual stature: somebody who is farther away by a
-        factor, is taller by it.
+        factor, is taller by it. The stature, m, may be known.
         """
         alone = np.stack([one.priors[0].pelvis_m for one in poses])
         rays = alone - centers_m
         ranges = np.linalg.norm(rays, axis=1, keepdims=True)
         across = np.eye(3) - np.einsum("ci,cj->cij", rays / ranges, rays / ranges)
-        pelvis = np.linalg.solve(across.sum(0), np.einsum("cij,cj->i", across, centers_m))
-        factors = np.linalg.norm(pelvis - centers_m, axis=1) / ranges[:, 0]
-        scale = float(np.exp(np.log(factors).mean()))
-        return cls(tuple(one.at(pelvis, scale) for one in poses), scale * MEASURING.usual_m)
+        across += 1e-4 * np.eye(3)  # rays that hardly meet leave the pelvis where it was thought
+        met = np.einsum("cij,cj->i", across, alone)
+        pelvis = np.linalg.solve(across.sum(axis=0), met)
+        if stature_m is None:
+            factors = np.linalg.norm(pelvis - centers_m, axis=1) / ranges[:, 0]
+            metres = MEASURING.usual_m * np.exp(np.log(factors).mean())
+            stature_m = float(np.clip(metres, *STATURES_M))
+        scale = stature_m / MEASURING.usual_m
+        return cls(tuple(one.at(pelvis, scale) for one in poses), stature_m)
 
     def starts(self, surface: Surface, observation: Observation) -> list[Pose]:
         """Bodies placed as the cameras propose."""
@@ -61,7 +72,7 @@ class FrameProposals:
 
 
 def proposals_of(
-    observations: ObservationStore, frames: Sequence[int], fps: float
+    observations: ObservationStore, frames: Sequence[int], fps: float, stature_m: float | None
 ) -> Mapping[int, FrameProposals]:
     """What cameras propose for some frames, as far as two of them show somebody; who walks shows
     which way round, so that all of the recording is read.
@@ -80,5 +91,5 @@ def proposals_of(
     for t in frames:
         seen = {c: poses for c in cameras if (poses := each[c][t]) is not None}
         if len(seen) > 1:
-            found[t] = FrameProposals.of([*seen.values()], views.center_m[[*seen]])
+            found[t] = FrameProposals.of([*seen.values()], views.center_m[[*seen]], stature_m)
     return found
