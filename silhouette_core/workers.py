@@ -135,10 +135,11 @@ class Processes:
         try:
             with interrupts_put_off():
                 return self._pool.submit(work, task)
-        except OSError as error:
-            if error.errno is not None:
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.errno is not None:
                 raise
-            # The pool closed its pipes while it started another process for this task.
+            # The pool closed its pipes while it started another process for this task: they have
+            # no handle any more, or one that another file has by now.
             raise BrokenProcessPool("a process was ended while another one was started") from error
 
 

@@ -16,7 +16,7 @@ from silhouette_core.workers import Processes, WorkerEndedError, interrupts_put_
 class ClosingPool:
     """A pool whose first process is ended while the second one is started."""
 
-    def __init__(self, error: OSError):
+    def __init__(self, error: Exception):
         self.error, self.futures = error, []
 
     def submit(self, work, task):
@@ -26,9 +26,12 @@ class ClosingPool:
         return self.futures[0]
 
 
-def test_a_process_that_ends_while_another_is_started_costs_its_task():
+@pytest.mark.parametrize(
+    "error", [OSError("handle is closed"), ValueError("bad value(s) in fds_to_keep")]
+)
+def test_a_process_that_ends_while_another_is_started_costs_its_task(error):
     with pytest.raises(WorkerEndedError) as ended:
-        list(Processes(ClosingPool(OSError("handle is closed")), 2).run(str, [1, 2, 3]))  # type: ignore[arg-type]
+        list(Processes(ClosingPool(error), 2).run(str, [1, 2, 3]))  # type: ignore[arg-type]
     assert ended.value.tasks == (0,)
 
 
