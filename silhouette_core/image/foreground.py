@@ -52,23 +52,21 @@ class SoftSilhouette:
 
     Attributes:
         silhouette: (H, W) bool.
-        tint: (H, W) bool, the colour's direction differs: clothes may resemble the background.
-        brightness: (H, W) bool, the brightness differs: clothes, or a cast shadow.
+        tint: (H, W) bool, the colour's direction differs, or without colours the brightness:
+            clothes may resemble the background.
     """
 
     silhouette: NDArray[np.bool_]
     tint: NDArray[np.bool_]
-    brightness: NDArray[np.bool_]
 
     @classmethod
     def of(cls, silhouette: NDArray[np.bool_]) -> "SoftSilhouette":
         """A silhouette (H, W) bool beside which nothing differs."""
-        nowhere = np.zeros_like(silhouette)
-        return cls(silhouette, nowhere, nowhere)
+        return cls(silhouette, np.zeros_like(silhouette))
 
     def __iter__(self) -> Iterator[NDArray[np.bool_]]:
-        """Yields silhouette, tint and brightness."""
-        return iter((self.silhouette, self.tint, self.brightness))
+        """Yields silhouette and tint."""
+        return iter((self.silhouette, self.tint))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,6 @@ def refined_soft_silhouette(
     """Silhouette as `segmented`, and where else the frame differs from the background."""
     looked = _Looked.at(frame, background, region, cut)
     noise, radius = looked.exposure.noise, background.radius
-    brightness = np.abs(looked.bright) / np.float32(noise)
 
     def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
         usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
@@ -116,11 +113,11 @@ def refined_soft_silhouette(
         found = ~grown(difference <= limit, radius, cv2.MORPH_RECT)  # averaging widened it so
         return found if region is None else found & region
 
-    return SoftSilhouette(
-        looked.silhouette,
-        beyond_noise(_chroma(looked.pooled), FOREGROUND.possible),
-        beyond_noise(brightness, FOREGROUND.pooled),
-    )
+    if background.grey:  # where nothing has a tint
+        differs = beyond_noise(np.abs(looked.bright) / np.float32(noise), FOREGROUND.pooled)
+    else:
+        differs = beyond_noise(_chroma(looked.pooled), FOREGROUND.possible)
+    return SoftSilhouette(looked.silhouette, differs)
 
 
 def refined_stages(

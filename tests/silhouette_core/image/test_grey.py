@@ -56,3 +56,12 @@ def test_grey_clothes_as_dark_as_a_shadow_are_found_and_the_shadow_is_not(filmed
     blind = BackgroundModel.from_frames([empty]).with_colours([frame])
     assert blind.by_texture == 0
     assert blind.silhouette(frame)[SHIRT].mean() < 0.5  # by tint, of which there is none
+
+
+def test_without_colours_whatever_is_darker_may_belong_to_a_silhouette(filmed):
+    """Other cameras decide: completion asks for what differs, and nothing grey has a tint."""
+    empty, frame = filmed
+    blind = BackgroundModel.from_frames([empty])
+    told = [model.soft_silhouette(frame).tint for model in (blind, blind.as_grey([frame]))]
+    assert [one[SHIRT].mean() > 0.8 for one in told] == [False, True]
+    assert told[1][SHADOW].mean() > 0.8 and not told[1][:40].any()

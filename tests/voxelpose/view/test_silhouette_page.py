@@ -53,8 +53,7 @@ class Told:
     def soft(self, frames):
         nowhere = np.zeros(SIZE[::-1], bool)
         return {
-            name: SoftSilhouette(self.masks[name], self.tint.get(name, nowhere), nowhere)
-            for name in frames
+            name: SoftSilhouette(self.masks[name], self.tint.get(name, nowhere)) for name in frames
         }
 
 
