@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.monocular.person import find_person, upright_distance
+from silhouette_core.monocular.person import find_person
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
-from silhouette_core.monocular.window import STATURE_PX, look_at
-
-_ROUNDS = 3  # in which the distance of a first frame is corrected
-_RECENT = 12  # frames by which the distance of the next is known
+from silhouette_core.monocular.tracking.pose_modes import (
+    MEMORY_S,
+    FrameModes,
+    ModeFinder,
+    ModeView,
+)
 
 
 class SilhouetteProposer:
@@ -36,12 +37,10 @@ class SilhouetteProposer:
             count, person = t + 1, find_person(mask)
             if person is None:
                 continue
-            first = not views
-            if first:
-                distance_m = upright_distance(camera, person.mask, stature_m)
-            for _ in range(_ROUNDS if first else 1):
-                window = look_at(camera, person.mask, distance_m, STATURE_PX / stature_m)
-                views[t] = finder.view(window, time_s)
-                distance_m = finder.distance([*views.values()][-_RECENT:])
+            recent = [one for one in views.values() if time_s - one.time_s <= MEMORY_S]
+            if not recent:
+                distance_m = finder.first_distance(person.mask, time_s)
+            views[t] = finder.view(finder.window(person.mask, distance_m), time_s)
+            distance_m = finder.distance([*recent, views[t]])
         found = dict(zip(views, finder.find([*views.values()]), strict=True)) if views else {}
         return [found.get(t) for t in range(count)]

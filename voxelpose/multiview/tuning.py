@@ -223,7 +223,8 @@ class Proposals:
 
     stature_sigma: float = 0.04
     """1. Standard deviation of the logarithm of a stature by the distance at which each camera
-    takes a person of the usual one to be."""
+    takes a person of the usual one to be. Seeds 1201 to 1204 have 0.01; silhouettes of real rooms
+    lack more: by eye."""
 
 
 @dataclass(frozen=True)

@@ -14,22 +14,24 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.person import Person, upright_distance
+from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-from silhouette_core.monocular.proposal.silhouette_features import OFFSETS_S
 from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
-from silhouette_core.monocular.tracking.pose_modes import FrameModes, ModeFinder, ModeView
+from silhouette_core.monocular.tracking.pose_modes import (
+    MEMORY_S,
+    FrameModes,
+    ModeFinder,
+    ModeView,
+)
 from silhouette_core.monocular.tuning import BARE
-from silhouette_core.monocular.window import STATURE_PX, Window, look_at
+from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
-_ROUNDS = 3  # in which the distance of a first frame is corrected
-_MEMORY_S = 2 * float(OFFSETS_S[-1])  # the network reads half of it
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
 
@@ -69,10 +71,10 @@ class ModeProposer:
 
     def note(self, time_s: float, person: Person) -> ModeNote:
         """See `observed_frame.Proposer.note`."""
-        self._views = [one for one in self._views if time_s - one.time_s <= _MEMORY_S]
+        self._views = [one for one in self._views if time_s - one.time_s <= MEMORY_S]
         if not self._views:
-            self._distance_m = self._first_distance(time_s, person)
-        window = self._window(person, self._distance_m)
+            self._distance_m = self._finder.first_distance(person.mask, time_s)
+        window = self._finder.window(person.mask, self._distance_m)
         view = self._finder.view(window, time_s)
         if not self._smooth:
             view = self._coloured(view, person)
@@ -108,18 +110,6 @@ class ModeProposer:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
             self._colours.learn([person], [joints_m], BARE.kept)
-
-    def _window(self, person: Person, distance_m: float) -> Window:
-        scale = STATURE_PX / self._finder.stature_m
-        return look_at(self._camera, person.mask, distance_m, scale)
-
-    def _first_distance(self, time_s: float, person: Person) -> float:
-        """Distance of a person who was not seen before: upright, then as the network corrects."""
-        distance_m = upright_distance(self._camera, person.mask, self._finder.stature_m)
-        for _ in range(_ROUNDS):
-            view = self._finder.view(self._window(person, distance_m), time_s)
-            distance_m = self._finder.distance([view])
-        return distance_m
 
     def _over_time(
         self, views: list[ModeView], people: Sequence[Person], first: bool

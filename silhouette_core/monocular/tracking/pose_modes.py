@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
+from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.proposal.mixture_network import Mixture
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.silhouette_features import (
+    OFFSETS_S,
     FrameFeatures,
     InsideGrids,
     SilhouetteCodes,
@@ -37,6 +39,9 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT
 
 _STARTED = 4  # modes of a frame that become hypotheses, at most
+_ROUNDS = 3  # in which the distance of a first frame is corrected
+MEMORY_S = 2 * float(OFFSETS_S[-1])
+"""Time of views by which the newest is understood; the network reads half of it."""
 _FROM_MODE = RefineSettings(MODES.reaches_m)
 
 
@@ -87,6 +92,21 @@ class ModeFinder:
         self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
         self._headings = HeadingFilter()
 
+    def window(self, mask: NDArray[np.bool_], distance_m: float) -> Window:
+        """Window of a silhouette (h, w) bool at a distance of the person."""
+        return look_at(self.camera, mask, distance_m, STATURE_PX / self.stature_m)
+
+    def first_distance(self, mask: NDArray[np.bool_], time_s: float) -> float:
+        """Distance of a person who was not seen before: upright, then as the network corrects, m.
+
+        Args:
+            mask: (h, w) bool, the silhouette.
+        """
+        distance_m = upright_distance(self.camera, mask, self.stature_m)
+        for _ in range(_ROUNDS):
+            distance_m = self.distance([self.view(self.window(mask, distance_m), time_s)])
+        return distance_m
+
     def view(self, window: Window, time_s: float) -> ModeView:
         """What the proposal reads of a frame, seen through a window about the silhouette."""
         # Of the windows only the geometry is kept: their pictures would fill the memory.
@@ -113,9 +133,8 @@ class ModeFinder:
         """
         offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
         distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
-        scale = STATURE_PX / self.stature_m
         return [
-            self.view(look_at(self.camera, mask, own, scale), view.time_s)
+            self.view(self.window(mask, own), view.time_s)
             for mask, own, view in zip(masks, distance, views, strict=True)
         ]
 

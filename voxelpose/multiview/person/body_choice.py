@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
@@ -119,20 +119,19 @@ class Start:
     proposals: Mapping[int, FrameProposals] = field(default_factory=dict)
 
     def cost(self) -> float:
-        """Cost by the anchor frames, see `cost_terms`, and what cameras propose for them."""
+        """Cost by the anchor frames, see `cost_terms`."""
         poses, model = self.poses | self.unclear, self.body.model
         told = [
             float(proposed.cost(joints_of(model, [poses[t]]))[0])
             for t, proposed in self.proposals.items()
             if t in poses
         ]
-        return self.cost_of([*self.errors.values()]) + sum(told)
+        return self.cost_of([*self.errors.values()], told)
 
-    def cost_of(self, errors: list[float]) -> float:
-        """Cost by the silhouette errors of other frames."""
-        body = self.body.model
-        terms = cost_terms(self.candidate, body, self.prior, errors, self.evidence)
-        return sum(terms.values())
+    def cost_of(self, errors: list[float], proposed: Sequence[float] = ()) -> float:
+        """Cost by the silhouette errors of other frames, and the costs of proposed poses."""
+        at = self.candidate, self.body.model, self.prior, errors, self.evidence
+        return sum(cost_terms(*at, proposed).values())
 
 
 def choose_body(
@@ -274,13 +273,11 @@ class _Search:
         """Starts with candidates for an unknown person, a pose search each."""
         for posture in POSTURES:
             for statures_m in self.evidence.statures_m(posture):
-                first = self._refined(posture, statures_m, self.evidence)
+                first = self._refined(posture, statures_m)
                 if first is not None:
                     yield self._settled(first)
 
-    def _refined(
-        self, posture: str, statures_m: tuple[float, ...], evidence: StatureEvidence
-    ) -> Start | None:
+    def _refined(self, posture: str, statures_m: tuple[float, ...]) -> Start | None:
         """The best body about some statures, not adapted, with poses refined from a search."""
         starts: dict[int, list[RefineStart]] = {}
         for metres in statures_m:
@@ -291,6 +288,7 @@ class _Search:
         if not any(starts.values()):
             return None
         step = PERSON_SEARCH.stature_step
+        evidence = self.evidence
         scales = (1.0,) if evidence.told_m is not None else (1 / step, 1.0, step)
         candidates = [
             Candidate(metres * scale, girth, self._templates[0], posture, self.objects)

@@ -175,13 +175,15 @@ def cost_terms(
     prior: ShapePrior,
     errors: Sequence[float],
     evidence: StatureEvidence,
+    proposed: Sequence[float] = (),
 ) -> dict[str, float]:
     """Terms of the negative logarithm of a candidate's posterior by name, by independent silhouette
-    errors; their sum is its cost.
+    errors, and by the costs, nats, of poses where cameras propose some; their sum is its cost.
     """
     metres = stature_of(model)
     return {
         "silhouettes": PERSON_COST.frame_residuals * len(errors) * log_error(errors),
+        "proposed": sum(proposed),
         "noise": 0.5 * sigmas_above_usual(errors) ** 2,
         "shape": _shape(model.shape - prior.expected, prior.covariance),
         "template": -float(np.log(sex_probability(candidate.template, metres))),

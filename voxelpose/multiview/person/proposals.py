@@ -51,9 +51,9 @@ class FrameProposals:
         rays = alone - centers_m
         ranges = np.linalg.norm(rays, axis=1, keepdims=True)
         across = np.eye(3) - np.einsum("ci,cj->cij", rays / ranges, rays / ranges)
-        across += 1e-4 * np.eye(3)  # rays that hardly meet leave the pelvis where it was thought
-        met = np.einsum("cij,cj->i", across, alone)
-        pelvis = np.linalg.solve(across.sum(axis=0), met)
+        middle = alone.mean(axis=0)  # where rays that never meet leave the pelvis
+        met = np.einsum("cij,cj->i", across, centers_m - middle)
+        pelvis = middle + np.linalg.lstsq(across.sum(axis=0), met)[0]
         if stature_m is None:
             factors = np.linalg.norm(pelvis - centers_m, axis=1) / ranges[:, 0]
             metres = MEASURING.usual_m * np.exp(np.log(factors).mean())

@@ -10,6 +10,7 @@ from silhouette_core.monocular.person import Person, upright_distance
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking import mode_proposer
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
+from silhouette_core.monocular.tracking.pose_modes import ModeFinder
 from silhouette_core.progress import StageClock
 from tests.silhouette_core.monocular.filming import (
     STATURE_M,
@@ -27,12 +28,11 @@ PERSON = Person(silhouette(body(), POSE, CAMERA), False)
 TRUE_M = 3.0  # what the network says
 
 
-class Network:
-    """Stands for `ModeFinder`: corrects half of what a distance is off, as a logarithm."""
-
-    stature_m = STATURE_M
+class Network(ModeFinder):
+    """A finder that corrects half of what a distance is off, as a logarithm."""
 
     def __init__(self):
+        self.camera, self.stature_m = CAMERA, STATURE_M
         self.read_m, self.views, self.facing, self.coloured = [], [], [], []
 
     def view(self, window, time_s):
