@@ -1,10 +1,12 @@
 """Rendered recordings as other cameras had filmed them: python -m benchmarks.altered KIND NAME ...
 
 KIND `grey`: without colour, empty view included. `lost`: the second camera lost six frames of the
-middle, which its times tell. NAME is a recording of ../shared/data (or $VOXELPOSE_SHARED), or a
+middle, which its times tell. `shaken`: every camera shakes by up to 5 px and 0.2 degrees, the empty
+view included. NAME is a recording of ../shared/data (or $VOXELPOSE_SHARED), or a
 folder. Prints a row for the recording and one for its copy, encoded alike (H.264): root_mm of `fit`
-with the true stature, frames without a pose, verdict, and intersection over union of the
-silhouettes before completion with the true ones, every 60th frame. Copies and results stay in
+with the true stature where it is known, frames without a pose, intersection over union of the
+silhouettes before completion with the true ones, where these are known, every 60th frame, and
+verdict. Copies and results stay in
 out/altered.
 """
 
@@ -30,7 +32,18 @@ from voxelpose.reliability import verdict_of
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "altered"
 EVERY = 60  # frames
-FILTERS = {"plain": "null", "grey": "format=gray", "lost": "select='not(between(n,36,41))'"}
+_X, _Y = "(3*sin(1.1*on)+2*sin(0.37*on))", "(2*sin(0.9*on+1)+2*sin(0.29*on))"
+_ROLL = "(0.0035*sin(0.61*on))"
+_CORNERS = [
+    f"x{i}='{x}+{_X}-{_ROLL}*({y}-H/2)':y{i}='{y}+{_Y}+{_ROLL}*({x}-W/2)'"
+    for i, (x, y) in enumerate([("0", "0"), ("W", "0"), ("0", "H"), ("W", "H")])
+]
+FILTERS = {
+    "plain": "null",
+    "grey": "format=gray",
+    "lost": "select='not(between(n,36,41))'",
+    "shaken": f"perspective={':'.join(_CORNERS)}:interpolation=cubic:eval=frame",
+}
 
 
 def altered(folder: Path, kind: str) -> Path:
@@ -55,23 +68,25 @@ def altered(folder: Path, kind: str) -> Path:
 def row(folder: Path, frames: tuple[int, int] | None) -> str:
     """Fits a recording and scores it."""
     recording = Recording.open(folder, frames)
-    stature_m = json.loads((folder / "truth.json").read_text())["stature"]
+    stature_m = json.loads((folder / "truth.json").read_text()).get("stature")
     result = OUT / "results" / folder.name
     written = fit(recording, Output(result, True, pictures=False), Settings(stature_m=stature_m))
     truth = read_truth(folder / "truth.json")
     if frames is not None:
         truth[frames[1] :] = np.nan
     score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
-    silhouettes, true, common = Silhouettes(recording), true_masks(folder), []
-    for number, _, seen in recording:
-        if number % EVERY == 0:
-            found = silhouettes.of(seen)
-            common += [overlap(mask, true[name][number]) for name, mask in found.items()]
+    common: list[float] = []
+    if (folder / "masks/masks.npz").exists():
+        silhouettes, true = Silhouettes(recording), true_masks(folder)
+        for number, _, seen in recording:
+            if number % EVERY == 0:
+                found = silhouettes.of(seen)
+                common += [overlap(mask, true[name][number]) for name, mask in found.items()]
     posed = written.summary["frames"]["with_pose"]  # type: ignore[index]
     total = (recording.numbers[-1] + 1) - recording.numbers[0]
     return (
         f"{folder.name:<18}{score.root_mm:>8.1f}{1 - posed / total:>8.3f}"
-        f"{np.mean(common):>7.3f}  {verdict_of(written.summary).level}"
+        f"{np.mean(common) if common else np.nan:>7.3f}  {verdict_of(written.summary).level}"
     )
 
 

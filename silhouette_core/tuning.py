@@ -231,12 +231,12 @@ class CameraMotion:
     """Whether a camera stands still (`image.camera_motion`)."""
 
     still_px: float = 0.5
-    """Pixels of a picture of 640, between moments a tenth of a second apart: of 44 fixed cameras
-    with corners at the rim up to 0.31, of four that pan or are held from 0.65."""
-    corner: float = 3e-4
-    """1. Least eigenvalue of a corner's squared gradients, of grey from 0 to 1. By eye."""
-    over_noise: float = 10.0
-    """1. A corner's eigenvalue over that of half the picture, which is smooth. By eye."""
+    """Pixels of a picture of 640. Of 59 fixed cameras, real and rendered, none is farther than 0.3
+    from where it usually stands in the upper quartile of a take; of four that pan or are held, the
+    first frame is hardly ever found again."""
+    over_noise: float = 4.0
+    """1. An edge's slope over that of half the rim. Slopes of noise alone exceed it once in 70,000
+    (Rayleigh's distribution)."""
 
 
 @dataclass(frozen=True)

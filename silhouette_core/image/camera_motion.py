@@ -1,4 +1,8 @@
-"""Whether a camera stands still, by what is seen at the rim of its picture."""
+"""Whether a camera stands still, by what is seen at the rim of its picture, and frames of one that
+shakes, registered to one of them.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 
@@ -8,65 +12,153 @@ from numpy.typing import NDArray
 
 from silhouette_core.tuning import CAMERA_MOTION
 
-_SIDE_PX = 640  # of the picture in which motion is measured
-_CELLS, _RIM = 10, 2  # of a picture's height and width, and how many of them are the rim
-_WINDOW_PX = 5
-_CORNERS = 8  # at least, for a median of which most are not a person's
+_SIDE_PX = 640  # of the picture whose pixels displacements are measured in
+_SIDES_PX = 80, 320  # of those in which they are looked for
+_RIM = 5  # of a picture's height and width, the part on each side that is the rim
+_PIXELS = 8192  # those of the strongest edges
+_EDGES = 8  # of pixels that stand out of noise, at least; a rim without them is bare
+_EVERY = 7  # of the rim's pixels, by which residuals are judged
+_ROUNDS = 20
 
 
-def moves(rims_px: Sequence[float | None]) -> bool:
-    """Whether a camera moves, by `rim_motion` at several moments: if most of them tell so."""
-    told_px = [moved_px for moved_px in rims_px if moved_px is not None]
-    return 2 * len(told_px) > len(rims_px) and float(np.median(told_px)) > CAMERA_MOTION.still_px
+class CameraMovement:
+    """How a camera moves, by some of its frames; its frames, registered to where it mostly is.
 
+    The rim of the first frame, where people seldom are, is looked for in the others. A similarity
+    is fitted to all its pixels, with weights of Geman and McClure: a person who passes fits nowhere
+    and counts little, and noise moves nothing.
 
-def rim_motion(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float | None:
-    """How far the rim of a camera's picture moves between two frames.
+    Attributes:
+        moves: Whether most frames show another place, or one that is too far away to be found.
+        shakes: Whether the rim is found, but a quarter of the frames or the empty view have it
+            elsewhere.
 
-    Corners at the rim are followed, where people seldom are. Their median displacement is that of
-    the scene: a person who passes moves few of them, and noise moves each another way.
-
-    Source: Shi and Tomasi for corners, Lucas and Kanade for following them, both as in OpenCV.
-
-    Args:
-        one: frame (H, W, 3) uint8, BGR.
-        other: a frame of the same size, a tenth of a second later or earlier.
-
-    Returns:
-        Pixels of a picture of 640 px; None where too few corners can be followed.
+    Source: Lucas and Kanade (1981), coarse to fine.
     """
-    first, second = _small_grey(one), _small_grey(other)
-    points = _corners(first)
-    if len(points) < _CORNERS:
-        return None
-    there, found, _ = cv2.calcOpticalFlowPyrLK(first, second, points, None)  # type: ignore[call-overload]
-    back, again, _ = cv2.calcOpticalFlowPyrLK(second, first, there, None)  # type: ignore[call-overload]
-    strayed_px = np.abs(back - points).max(axis=1)
-    followed = (found & again).ravel().astype(bool) & (strayed_px < CAMERA_MOTION.still_px)
-    if followed.sum() < _CORNERS:
-        return None
-    moved_px = np.median((there - points)[followed], axis=0)
-    return float(np.hypot(*moved_px))
+
+    def __init__(
+        self, frames: Sequence[NDArray[np.uint8]], empty: Sequence[NDArray[np.uint8]] = ()
+    ) -> None:
+        """Looks at frames (H, W, 3) uint8, BGR, of a take, and of its empty view."""
+        self._first, self._size = _Rim(frames[0]), frames[0].shape[1::-1]
+        found = [self._moved_to(frame) for frame in frames]
+        known = [moved for moved in found if moved is not None]
+        self.moves = 2 * len(known) < len(found)
+        self._to_first = np.linalg.inv(np.mean(known, axis=0))
+        away_px = float(np.quantile([self._away_px(moved) for moved in known], 0.75))
+        empty_px = max((self._away_px(self._moved_to(frame)) for frame in empty), default=0.0)
+        self.shakes = not self.moves and max(away_px, empty_px) > CAMERA_MOTION.still_px
+
+    def registered(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A frame of the same size, moved, turned and scaled so that its rim is where it is in the
+        mean; as it is where that cannot be told.
+        """
+        moved = self._moved_to(frame)
+        if moved is None:
+            return frame
+        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        matrix = (moved @ self._to_first)[:2]
+        steady = cv2.warpAffine(frame, matrix, self._size, flags=flags, borderMode=border)
+        return np.asarray(steady, np.uint8)
+
+    def _away_px(self, moved: NDArray[np.float64] | None) -> float:
+        """How far the picture's corners are from where they are in the mean of all frames: pixels
+        of a picture of 640 px.
+        """
+        if moved is None:
+            return np.inf
+        corners = np.array([(x, y, 1) for x in (0, self._size[0]) for y in (0, self._size[1])])
+        away = corners @ (moved @ self._to_first - np.eye(3)).T
+        return float(np.linalg.norm(away, axis=1).mean() * _SIDE_PX / max(self._size))
+
+    def _moved_to(self, frame: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+        """Similarity (3, 3) from the first frame to another, px; None unless that from there to
+        here is its inverse.
+        """
+        one, other = self._first, _Rim(frame)
+        if one.bare or other.bare:
+            return np.eye(3)  # nothing moves that can be seen
+        there, back = one.fitted(other), other.fitted(one)
+        off = np.abs(_matrix(there, 1.0) @ _matrix(back, 1.0) - np.eye(3))
+        if not off.max() * _SIDE_PX < CAMERA_MOTION.still_px:
+            return None
+        about = np.eye(3)
+        about[:2, 2] = (np.array(self._size) - 1) / 2
+        return about @ _matrix(there, max(self._size)) @ np.linalg.inv(about)
 
 
-def _corners(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """The best corner of every cell at the rim that has one: (n, 2) of (x, y), px."""
-    quality = cv2.cornerMinEigenVal(grey, _WINDOW_PX)
-    least = max(CAMERA_MOTION.corner, CAMERA_MOTION.over_noise * float(np.median(quality)))
-    rows, columns = (np.linspace(0, side, _CELLS + 1).astype(int) for side in grey.shape)
-    middle = range(_RIM, _CELLS - _RIM)
-    points = []
-    for i, j in np.ndindex(_CELLS, _CELLS):
-        cell = quality[rows[i] : rows[i + 1], columns[j] : columns[j + 1]]
-        if not (i in middle and j in middle) and cell.max(initial=0) > least:
-            y, x = np.unravel_index(cell.argmax(), cell.shape)
-            points.append((columns[j] + x, rows[i] + y))
-    return np.array(points, np.float32).reshape(-1, 2)
+class _Rim:
+    """The rim of a frame (H, W, 3) uint8, BGR, at several sizes."""
+
+    def __init__(self, frame: NDArray[np.uint8]) -> None:
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        self._levels = [_Level(grey, side_px) for side_px in _SIDES_PX]
+        self.bare = self._levels[-1].bare
+
+    def fitted(self, other: _Rim) -> NDArray[np.float64]:
+        """Similarity to another frame."""
+        similarity = np.zeros(4)
+        for here, there in zip(self._levels, other._levels, strict=True):
+            similarity = here.fitted(there, similarity)
+        return similarity
 
 
-def _small_grey(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-    scale = _SIDE_PX / max(grey.shape)
-    if scale < 1:
-        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return np.asarray(grey, np.uint8)
+def _matrix(similarity: NDArray[np.float64], side: float) -> NDArray[np.float64]:
+    """Matrix (3, 3) of a similarity (shift right and down, turn, growth), whose lengths are in
+    longer sides of a picture, about its middle.
+    """
+    right, down, turn, growth = similarity
+    return np.array([[1 + growth, -turn, right * side], [turn, 1 + growth, down * side], [0, 0, 1]])
+
+
+class _Level:
+    """A picture (h, w) uint8, reduced to a longer side, and the strongest edges of its rim."""
+
+    def __init__(self, grey: NDArray[np.uint8], side_px: int) -> None:
+        scale = side_px / max(grey.shape)
+        if scale < 1:
+            grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
+        height, width = grey.shape
+        self.side = max(grey.shape)
+        rim = np.ones(grey.shape, np.bool_)
+        rim[height // _RIM : -(height // _RIM), width // _RIM : -(width // _RIM)] = False
+        places = np.flatnonzero(rim)
+        self.judged = places[::_EVERY]
+        right, down = (
+            self.side * cv2.Sobel(self.picture, cv2.CV_32F, *order, scale=1 / 8).ravel()[places]
+            for order in ((1, 0), (0, 1))
+        )
+        edge = np.hypot(right, down)
+        kept = np.argpartition(-edge, min(_PIXELS, len(places) - 1))[:_PIXELS]
+        strong = edge > CAMERA_MOTION.over_noise * np.median(edge)
+        self.bare = np.count_nonzero(strong) < _EDGES
+        self.kept, right, down = places[kept], right[kept], down[kept]
+        rows, columns = np.divmod(self.kept, width)
+        x, y = (columns - (width - 1) / 2) / self.side, (rows - (height - 1) / 2) / self.side
+        self.slopes = np.stack([right, down, x * down - y * right, x * right + y * down])
+
+    def fitted(self, other: _Level, similarity: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A similarity from this picture to another, fitted from a first one on."""
+        height, width = self.picture.shape
+        middle = np.array([width - 1, height - 1]) / 2
+        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        here = self.picture.ravel()
+        for _ in range(_ROUNDS):
+            matrix = _matrix(similarity, self.side)[:2]
+            matrix[:, 2] += middle - matrix[:, :2] @ middle
+            seen = cv2.warpAffine(
+                other.picture, matrix, (width, height), flags=flags, borderMode=border
+            )
+            off = seen.ravel() - here
+            brighter = float(np.median(off[self.judged]))  # exposure
+            spread = float(np.median(np.abs(off[self.judged] - brighter)))
+            off = off[self.kept] - brighter
+            weights = 1 / np.square(1 + np.square(off / max(2 * 1.4826 * spread, 1.0)))
+            weighted = self.slopes * weights
+            normal = weighted @ self.slopes.T
+            step = np.linalg.solve(normal + np.eye(4), -weighted @ off)
+            similarity = similarity + step
+            if np.abs(step).max() * _SIDE_PX < 0.05:
+                break
+        return similarity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,7 +19,7 @@ from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import BackgroundKind, Frame, FrameSource
 from silhouette_core.image.background import BackgroundModel, Method
-from silhouette_core.image.camera_motion import moves, rim_motion
+from silhouette_core.image.camera_motion import CameraMovement
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.difference import Exposure
@@ -37,7 +37,6 @@ BodyOdds = Callable[[str, int, tuple[int, int]], NDArray[np.float32]]
 
 _BACKGROUND_FRAMES = 120
 _OCCUPIED, _SEEN = 40, 16  # frames that are looked at beforehand without an empty view, and with
-_COMPARED = 14  # of these, with another one shortly after
 
 
 class Silhouettes:
@@ -95,27 +94,29 @@ class Silhouettes:
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
         self.moving: tuple[str, ...] = ()
+        self._shaking: dict[str, CameraMovement] = {}
         if self._given:
             return
         backgrounds = source.backgrounds()
         without = [name for name in source.rig.names if name not in backgrounds]
+        ahead = ahead and method == "refined"
+        seen = self._samples(source, tuple(backgrounds), _SEEN, backgrounds) if ahead else {}
 
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
             return BackgroundModel.from_frames(
-                (self.scaled(name, frame) for frame in frames), method
+                (self._registered(name, frame) for frame in frames), method
             )
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        for name, (frames, odds) in self._samples(source, without, _OCCUPIED).items():
+        for name, (frames, odds) in self._samples(source, without, _OCCUPIED, {}).items():
             self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
         self.kinds = {
             name: EMPTY_VIEW if name in backgrounds else UNIFORM if known.uniform else ESTIMATED
             for name in source.rig.names
             if (known := self._models.get(name)) is not None
         }
-        if ahead and method == "refined":
-            seen = self._samples(source, tuple(backgrounds), _SEEN)
+        if ahead:
             for name, (frames, _) in seen.items():
                 self._models[name] = self._models[name].as_grey(frames)
             self._measure_shadow({name: frames for name, (frames, _) in seen.items()})
@@ -179,6 +180,11 @@ class Silhouettes:
                 f"{', '.join(self.moving)}: moves while it films, and no background can be told:"
                 " every camera must stand still, as on a tripod"
             )
+        if self._shaking:
+            reporter.note(
+                f"{', '.join(self._shaking)}: shakes, or was touched: its frames are registered to"
+                " where it stands in the mean"
+            )
         if grey := self.by_texture:
             reporter.note(
                 f"without colour: {', '.join(grey)}: texture tells clothes from shadows there"
@@ -213,7 +219,7 @@ class Silhouettes:
         def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
-            frame = self.scaled(name, frames[name])
+            frame = self._registered(name, frames[name])
             told = self._evidence(name, frame)
             soft = self._models[name].soft_silhouette(frame, self._regions.get(name), told)
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
@@ -233,7 +239,7 @@ class Silhouettes:
         """
         if self._given:
             raise InputError("masks/ holds silhouettes: they are used as they are")
-        frame = self.scaled(name, frame)
+        frame = self._registered(name, frame)
         told = self._evidence(name, frame, step)
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
@@ -255,7 +261,7 @@ class Silhouettes:
         """
 
         def coloured(name: str) -> ColouredSilhouette:
-            frame, region = self.scaled(name, frames[name]), self._regions.get(name)
+            frame, region = self._registered(name, frames[name]), self._regions.get(name)
             found = self._models[name].coloured_silhouette(frame, density, region, least_odds)
             return ColouredSilhouette(
                 self._known(name, found.likely), self._known(name, found.alike)
@@ -279,7 +285,7 @@ class Silhouettes:
         return body if odds is None else odds + body
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
-        region, frame = self._regions.get(name), self.scaled(name, frame)
+        region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
             told = self._evidence(name, frame, step)
             return self._models[name].silhouette(frame, region, evidence=told)
@@ -293,7 +299,7 @@ class Silhouettes:
         if model.has_colours:
             return self._silhouette(name, frame)
         if near is None or exposure is None:
-            frame = self.scaled(name, frame)
+            frame = self._registered(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)
             return model.silhouette(frame, region, exposure)
         # The gain changes from frame to frame, the noise slowly.
@@ -323,31 +329,35 @@ class Silhouettes:
             return image
         return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
+    def _registered(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A camera's frame, scaled; of one that shakes, registered where that succeeds."""
+        image = self.scaled(name, image)
+        return self._shaking[name].registered(image) if name in self._shaking else image
+
     def _samples(
-        self, source: FrameSource, names: Sequence[str], count: int
+        self,
+        source: FrameSource,
+        names: Sequence[str],
+        count: int,
+        backgrounds: Mapping[str, Iterable[Frame]],
     ) -> dict[str, tuple[list[Frame], list[NDArray[np.float32]] | None]]:
-        """Frames of some cameras, few enough for memory, and the evidence of each. Frames shortly
-        after some of them tell which cameras move.
+        """Frames of some cameras, few enough for memory, and the evidence of each. They tell which
+        cameras move, and which shake.
         """
         samples: dict[str, list[Frame]] = {name: [] for name in names}
-        told: dict[str, list[NDArray[np.float32]]] = {name: [] for name in names}
-        rims_px: dict[str, list[float | None]] = {name: [] for name in names}
+        told: dict[str, list[NDArray[np.float32]]] = {}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
-        every = -(-count // _COMPARED)
-        later = max(1, round(source.fps / 10))
-        before = {step + later: at for at, step in enumerate(steps) if at % every == 0}
-        asked = [step for step in range(source.frame_count) if step in before or step in steps]
-        for step, frames in zip(asked, source.at(asked), strict=False):
+        for frames in source.at(steps):
             for name in names:
-                frame = self.scaled(name, frames[name])
-                if step in before:
-                    rims_px[name].append(rim_motion(samples[name][before[step]], frame))
-                if step not in steps:
-                    continue
-                samples[name].append(frame)
-                if (odds := self._evidence(name, frame, step)) is not None:
-                    told[name].append(odds)
-        self.moving += tuple(name for name in names if moves(rims_px[name]))
+                samples[name].append(self.scaled(name, frames[name]))
+        for name, seen in samples.items():
+            empty = [self.scaled(name, one) for one in islice(backgrounds.get(name, ()), 1)]
+            motion = CameraMovement(seen, empty)
+            self.moving += (name,) if motion.moves else ()
+            self._shaking |= {name: motion} if motion.shakes else {}
+            samples[name] = [self._registered(name, frame) for frame in seen]
+            odds = [self._evidence(name, *at) for at in zip(samples[name], steps, strict=False)]
+            told[name] = [one for one in odds if one is not None]
         return {name: (frames, told[name] or None) for name, frames in samples.items() if frames}
 
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:

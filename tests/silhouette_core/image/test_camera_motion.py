@@ -1,9 +1,10 @@
-"""Cameras that move are told from those that stand still."""
+"""Cameras that move are told from those that stand still, and those that shake are steadied."""
 
+import cv2
 import numpy as np
 import pytest
 
-from silhouette_core.image.camera_motion import moves, rim_motion
+from silhouette_core.image.camera_motion import CameraMovement
 
 
 def room(rng: np.random.Generator) -> np.ndarray:
@@ -19,31 +20,84 @@ def picture(scene: np.ndarray, left: int, rng: np.random.Generator, person: int)
     return np.clip(seen + rng.normal(0, 2, seen.shape), 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("step_px", "moving"), [(0, False), (3, True)])
-def test_a_camera_that_turns_is_told_from_a_person_who_walks(step_px, moving):
+def test_a_person_who_walks_does_not_move_the_camera():
     rng = np.random.default_rng(0)
     scene = room(rng)
-    rims = [
-        rim_motion(picture(scene, at, rng, 40 + at), picture(scene, at + step_px, rng, 52 + at))
-        for at in (0, 15, 30)
-    ]
-    assert moves(rims) == moving
-    if moving:
-        assert rims == pytest.approx([step_px] * 3, abs=0.5)
+    motion = CameraMovement([picture(scene, 30, rng, 40 + 12 * at) for at in range(12)])
+    assert not motion.moves and not motion.shakes
+
+
+def test_a_camera_that_turns_away_moves():
+    rng = np.random.default_rng(0)
+    scene = np.tile(room(rng), (1, 2, 1))
+    motion = CameraMovement([picture(scene, 40 * at, rng, 100) for at in range(12)])
+    assert motion.moves and not motion.shakes
+
+
+@pytest.mark.parametrize(("to_px", "shakes"), [(0.1, False), (1.0, True)])
+def test_a_camera_that_shakes_is_told_from_one_that_stands_still(to_px, shakes):
+    rng = np.random.default_rng(5)
+    scene = cv2.GaussianBlur(room(rng), (0, 0), 2)
+    frames = []
+    for at in range(12):
+        matrix = np.array([[1, 0, to_px * np.sin(2 * at)], [0, 1, to_px * np.cos(3 * at)]])
+        moved = cv2.warpAffine(scene, matrix, scene.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
+        frames.append(picture(moved, 20, rng, 40 + 10 * at))
+    motion = CameraMovement(frames)
+    assert motion.shakes == shakes and not motion.moves
+
+
+def test_a_camera_that_was_touched_after_its_empty_view_is_told():
+    rng = np.random.default_rng(6)
+    scene = room(rng)
+    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
+    assert not CameraMovement(frames, [np.uint8(scene[10:250, 20:340])]).shakes
+    assert CameraMovement(frames, [np.uint8(scene[10:250, 23:343])]).shakes
 
 
 def test_somebody_who_fills_the_middle_does_not_move_the_camera():
     rng = np.random.default_rng(2)
-    one = room(rng)[:240, :320]
-    other = one.copy()
-    other[48:192, 64:256] = one[48:192, 60:252]
-    rims = [rim_motion(np.uint8(one), np.uint8(other))] * 3
-    assert rims[0] == pytest.approx(0, abs=0.1) and not moves(rims)
+    clothes = room(rng)
+    frames = []
+    for at in range(5):
+        frame = 128 + rng.normal(0, 1, (240, 320, 3))  # a bare wall
+        frame[48:192, 64:256] = clothes[48:192, 64 + 2 * at : 256 + 2 * at]
+        frames.append(np.uint8(frame))
+    motion = CameraMovement(frames)
+    assert not motion.moves and not motion.shakes
 
 
-def test_a_bare_room_does_not_tell():
+def test_noise_before_a_bare_wall_moves_nothing():
     rng = np.random.default_rng(1)
     wall = np.full((240, 320, 3), 128.0)
-    one, other = (np.uint8(wall + rng.normal(0, 4, wall.shape)) for _ in range(2))
-    assert rim_motion(one, other) is None
-    assert not moves([None, None, 9.0]) and not moves([])
+    motion = CameraMovement([np.uint8(wall + rng.normal(0, 4, wall.shape)) for _ in range(12)])
+    assert not motion.moves and not motion.shakes
+
+
+@pytest.mark.parametrize("size", [1, 3])  # the larger one is measured in a smaller picture
+def test_frames_of_a_camera_that_shakes_are_registered(size):
+    rng = np.random.default_rng(3)
+    width, height = 320 * size, 240 * size
+    scene = cv2.resize(room(rng)[10:250, 20:340], (width, height), interpolation=cv2.INTER_NEAREST)
+    scene = cv2.GaussianBlur(scene, (0, 0), 1.5)
+
+    def shaken(sign: int) -> np.ndarray:
+        matrix = cv2.getRotationMatrix2D((width / 2, height / 2), 0.7 * sign, 1 + 0.004 * sign)
+        matrix[:, 2] += sign * np.array([3.4 * size, -2.3 * size])
+        return cv2.warpAffine(scene, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
+
+    frame = shaken(1)
+    frame[60 * size :, 100 * size : 180 * size] = 40  # somebody
+    # The first frame is not where the camera stands in the mean.
+    motion = CameraMovement([np.uint8(one) for one in (frame, shaken(-1), scene)])
+    assert motion.shakes
+    part = slice(12 * size, -12 * size), slice(12 * size, 90 * size)
+    off = np.abs(motion.registered(np.uint8(frame)).astype(float) - scene)[part].mean()
+    assert off < 1.5 < 0.2 * np.abs(frame - scene)[part].mean()
+
+
+def test_a_picture_of_another_place_stays_as_it_is():
+    rng = np.random.default_rng(4)
+    one, other = (np.uint8(room(rng)[:240, :320]) for _ in range(2))
+    motion = CameraMovement([one, other, one])
+    np.testing.assert_array_equal(motion.registered(other), other)

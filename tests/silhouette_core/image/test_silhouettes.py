@@ -1,5 +1,6 @@
 """Views without lens distortion: silhouettes, and parts of the pictures that they come from."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -139,3 +140,50 @@ def test_masks_have_no_background_to_be_named():
 def test_an_unknown_kind_of_background_is_refused():
     with pytest.raises(InputError, match=r"'plain' must be one of auto, uniform, moving, paper"):
         Silhouettes(Room(True), "plain")
+
+
+class ShakenRoom(Room):
+    """A room with pictures on its walls, before a camera that shakes, or was touched."""
+
+    def __init__(self, filmed: bool, shaken_px: float, touched_px: float = 0.0):
+        super().__init__(filmed)
+        self.shaken_px, self.touched_px = shaken_px, touched_px
+
+    def room(self) -> np.ndarray:
+        coarse = np.random.default_rng(1).uniform(60, 190, (12, 16, 3)).astype(np.float32)
+        smooth = cv2.GaussianBlur(np.kron(coarse, np.ones((20, 20, 1), np.float32)), (0, 0), 1.5)
+        noise = np.random.default_rng(0).normal(0, 1.5, smooth.shape)
+        return (smooth + noise).clip(0, 255).astype(np.uint8)
+
+    def backgrounds(self) -> dict:
+        empty = {"cam_1": [moved(self.room(), self.touched_px)]}
+        return empty if self.filmed else {}
+
+    def at(self, steps):
+        for step in steps:
+            (frame,) = (one["cam_1"] for one in super().at([step]))
+            yield {"cam_1": moved(frame, self.shaken_px * (int(step) % 3))}
+
+
+def moved(picture: np.ndarray, right_px: float) -> np.ndarray:
+    """A picture moved to the right, its border continued."""
+    matrix = np.array([[1, 0, right_px], [0, 1, 0]], np.float64)
+    size = picture.shape[1::-1]
+    return cv2.warpAffine(picture, matrix, size, borderMode=cv2.BORDER_REPLICATE)
+
+
+@pytest.mark.parametrize(
+    ("filmed", "shaken_px", "touched_px"), [(True, 2.5, 0), (True, 0, 3.5), (False, 2.5, 0)]
+)
+def test_what_a_camera_that_shakes_sees_is_registered(filmed, shaken_px, touched_px):
+    source = ShakenRoom(filmed, shaken_px, touched_px)
+    silhouettes, reporter = Silhouettes(source), Notes()
+    silhouettes.note(reporter)
+    assert any("cam_1: shakes, or was touched" in words for words in reporter.texts)
+    assert not silhouettes.moving
+    for step in (4, 5):
+        mask = silhouettes.of(next(source.at([step])))["cam_1"]
+        true = np.zeros_like(mask)
+        left = 130 + (0 if filmed else 20 * step - 110)
+        true[BODY[0], left : left + 60] = True
+        assert (mask & true).sum() / (mask | true).sum() > 0.9
