@@ -1,19 +1,20 @@
 """One camera on recordings that nobody tuned on: python -m benchmarks.unseen LIB RECORDING ...
 
-Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, or
-with the proposal that comes with the program if LIB is `program`, the true stature and no
-assumption about the start, and prints a row each, the median and the 90th
-percentile, and how often hypotheses of a probability are right: within 100 mm of the truth,
-relative to the pelvis. "uncovered" is the share of frames in which something of the true silhouette
-lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere. Results
-are kept in out/unseen, by the names of the library, the recording and its parent folder, and are
-not made again.
+Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, with
+the proposal that comes with the program if LIB is `program`, or as `track --method paper` if it is
+`paper`; with the true stature and no assumption about the start. Prints a row each, the median and
+the 90th percentile, and how often hypotheses of a probability are right: within 100 mm of the
+truth, relative to the pelvis. "uncovered" is the share of frames in which something of the true
+silhouette lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere.
+Results are kept in out/unseen, by the names of the library, the recording and its parent folder,
+and are not made again.
 """
 
 import csv
 import json
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -47,14 +48,13 @@ def track(library: Path, folder: Path) -> Path:
     if not (result / "joints.csv").exists():
         stature_m = json.loads((folder / "truth.json").read_text())["stature"]
         options: dict[str, bool | int | float | str] = {"start": "any"}
-        if str(library) != "program":
+        settings, estimator = Settings(stature_m=stature_m, threads=1), "monocular"
+        if str(library) == "paper":
+            settings, estimator = replace(settings, background="paper"), "tree"
+        elif str(library) != "program":
             options["library"] = str(library)
-        fit(
-            Recording.open(folder),
-            Output(result, overwrite=True),
-            Settings(stature_m=stature_m, threads=1, options=options),
-            "monocular",
-        )
+        settings = replace(settings, options=options)
+        fit(Recording.open(folder), Output(result, overwrite=True), settings, estimator)
     return result
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.components import label_components
 from calib.errors import InputError
 from papers.degrade import Degradation, degrade
-from papers.paper_filter import PaperFilter, largest_component
 from papers.swing_library import NEIGHBOURS
 from papers.swings import Verdict, arm_angles, count
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -19,6 +19,7 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.person import find_person, upright_distance
 from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.transitions import transitions
@@ -219,6 +220,14 @@ class Truth:
         return Row(method, str(degradation), counts, angles_deg, mean, lost, paper)
 
 
+def largest_component(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Largest connected component of a foreground image (h, w) bool; empty if it is."""
+    components = label_components(mask)
+    if len(components.sizes) < 2:
+        return np.zeros_like(mask)
+    return components.labels == 1 + int(components.sizes[1:].argmax())
+
+
 def near_side(truth_m: NDArray[np.float64], camera: Camera) -> bool:
     """Whether the right shoulder is nearer to the camera than the left.
 
@@ -268,7 +277,15 @@ def track_arm(
     )
     tracker = ForwardFilter(tree, video.camera, method.weighting, video.distance_m, interval_s)
     paper = PaperFilter(
-        library, matrix, video.camera, video.distance_m, method.weighting, reading.sigma
+        library,
+        matrix,
+        video.camera,
+        video.distance_m,
+        initial_prior(library),
+        method.weighting,
+        reading.sigma,
+        interval_s,
+        in_place=True,
     )
     joints = np.full((len(video), len(LANDMARK_NAMES), 3), np.nan)
     lost = 0
@@ -277,7 +294,8 @@ def track_arm(
         if not reading.additions:
             mask = largest_component(mask)
             if mask.any():
-                joints[frame] = _landmarks(library, paper.step(frame, mask))
+                found = paper.step(frame * interval_s, mask)
+                joints[frame] = _landmarks(library, int(found.samples[0]))
         elif (person := find_person(mask)) is not None:
             filter_frame = tracker.step(frame / video.fps, person.mask)
             lost += filter_frame.lost

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from silhouette_core.motion.motion import Motion
 
 GROUP = "silhouette_core.estimators"
+ONE_CAMERA = "monocular", "tree"
+"""Estimators of `voxelpose track`."""
 
 Frame = NDArray[np.uint8]
 """(H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included)."""
@@ -178,7 +180,10 @@ class Estimate:
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Estimates the motion of a person from frames."""
+    """Estimates the motion of a person from frames.
+
+    One with the option `body` may say so by an attribute `takes_body`: then the subject's is given.
+    """
 
     name: str
 

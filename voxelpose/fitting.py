@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.estimator import Estimate, Settings, load_estimator
+from silhouette_core.estimator import Estimate, Estimator, Settings, load_estimator
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import describe_conditioning, filter_warning
@@ -33,8 +33,6 @@ from voxelpose.reliability import verdict_of
 from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
 from voxelpose.version import __version__
 from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
-
-_TAKE_BODIES = "multiview", "monocular"  # estimators with the option `body`
 
 
 @dataclass(frozen=True)
@@ -77,10 +75,10 @@ def fit(
     """
     reporter = reporter or SilentReporter()
     started = time.perf_counter()
-    settings = _with_subject(settings or Settings(), recording, estimator)
+    implementation = load_estimator(estimator)
+    settings = _with_subject(settings or Settings(), recording, implementation)
     check_threads(settings.threads)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
-    implementation = load_estimator(estimator)
     load_backend(settings.backend)  # refuses an unknown name before the work begins
     if settings.segmenter is not None:
         load_segmenter(settings.segmenter)
@@ -110,7 +108,7 @@ def write_estimate(
         InputError: it holds no pose, or the output cannot be used.
     """
     started = time.perf_counter() - spent_s
-    settings = _with_subject(settings, recording, estimator)
+    settings = _with_subject(settings, recording, load_estimator(estimator))
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     with writer as folder:
         inputs = input_digests(recording, estimator)
@@ -190,10 +188,10 @@ def track(
     return fit(recording, output, settings, "monocular", reporter)
 
 
-def _with_subject(settings: Settings, recording: Recording, estimator: str) -> Settings:
+def _with_subject(settings: Settings, recording: Recording, estimator: Estimator) -> Settings:
     subject = recording.subject
     options = dict(settings.options)
-    if subject.body is not None and estimator in _TAKE_BODIES:
+    if subject.body is not None and getattr(estimator, "takes_body", False):
         options.setdefault("body", subject.body)
     return replace(
         settings,

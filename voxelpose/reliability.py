@@ -11,6 +11,8 @@ from voxelpose.tuning import RELIABILITY
 
 Level = Literal["failed", "doubtful", "reliable"]
 _Table = Mapping[str, Any]
+_STATED = {"pose_error_mm", "right_probability", "landmark_confidence"}
+"""Of the quality, what says how far off poses are; overlap with the silhouettes does not."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator
         yield (
             f"at frame {frame} the body turns faster than people do, by {turn_deg_s:.0f} degrees a"
             " second: before or after it, front and back are exchanged; look at the overlay"
+        )
+    if not quality.keys() & _STATED:
+        yield (
+            "its estimator states no errors to be expected, so that nobody knows: look at the"
+            " contact sheet"
         )
 
 

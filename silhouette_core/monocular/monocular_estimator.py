@@ -59,6 +59,7 @@ class MonocularEstimator:
     """
 
     name = "monocular"
+    takes_body = True
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
@@ -76,7 +77,7 @@ class MonocularEstimator:
         camera = frame.rig(source.rig).cameras[0]
         silhouettes = _silhouettes(source, settings, reporter)
         if settings.smooth or source.silhouettes_given:
-            _check_plausible(source, silhouettes, isinstance(known, TrackedPerson))
+            check_person(source, silhouettes, isinstance(known, TrackedPerson))
         tracked, root = (
             (known, None)
             if isinstance(known, TrackedPerson)
@@ -179,8 +180,8 @@ def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) ->
     return silhouettes
 
 
-def _check_plausible(source: FrameSource, silhouettes: Silhouettes, person: bool) -> None:
-    """Refuses silhouettes of the only camera that cannot be those of a person."""
+def check_person(source: FrameSource, silhouettes: Silhouettes, person: bool) -> None:
+    """Refuses silhouettes of the only camera that cannot be a person's, or another body's."""
     steps, name = telling_frames(source.frame_count), source.rig.names[0]
     masks = [silhouettes.of(frames)[name] for frames in source.at(steps)]
     given = source.silhouettes_given

@@ -38,7 +38,7 @@ from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 
 LONG_SIDE_PX = 960
-_STARTS = "facing", "any"
+STARTS = "facing", "any"
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class MonocularOptions:
         ):
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
-        if self.start not in _STARTS:
-            raise InputError(f"start {self.start!r} is not known: use {' or '.join(_STARTS)}")
+        if self.start not in STARTS:
+            raise InputError(f"start {self.start!r} is not known: use {' or '.join(STARTS)}")
 
 
 class PersonFinder:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _MAX_SQUARE_M = 2
 GROUPS = {
-    "basic": "recording folder out overwrite stature frames camera source library record",
+    "basic": "recording folder out overwrite stature frames camera source method library record",
     "person": "chest body sex start outline_only",
     "camera": "cameras unit fps label up background segmenter loop",
     "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"

@@ -38,6 +38,18 @@ _SHARES = {
         "files": 1,
         "pictures": 3,
     },
+    "tree": {
+        "opening": 2,
+        "background": 3,
+        "pose library": 2,
+        "taking pictures": 25,
+        "tree, level 1": 15,
+        "tree, level 2": 4,
+        "tree, level 3": 6,
+        "motion models": 6,
+        "tracking": 30,
+        "pictures": 7,
+    },
 }
 
 

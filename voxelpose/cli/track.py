@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from calib.errors import InputError
 from voxelpose.cli.arguments import OptionalName, monocular_options
 from voxelpose.cli.fit import EstimationArguments
 
@@ -28,10 +29,14 @@ class Track(EstimationArguments):
       voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
       voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
       voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
+      voxelpose track walk --camera cam_1 --method paper --stature 1.75 --out walk_tree
     """
 
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
+    method: Literal["learned", "paper"] = "learned"
+    """What poses come from: the network's proposals, refined over the take, or the filter over a
+    tree of silhouettes of Okada and Stenger, alone, with the nearest of their 24 bodies."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
     that comes with the program."""
@@ -46,4 +51,11 @@ class Track(EstimationArguments):
 
         options = monocular_options(self.start, self.outline_only, self.library)
         folder, camera = one_camera(self.recording, self.camera)
-        replace(self, recording=folder).estimate((camera,), options, "monocular")
+        command, estimator = replace(self, recording=folder), "monocular"
+        if self.method == "paper":
+            if options.pop("outline_only"):
+                raise InputError("--outline-only: --method paper sees nothing but outlines anyway")
+            estimator = "tree"
+            if self.background == "auto":
+                command = replace(command, background="paper")
+        command.estimate((camera,), options, estimator)

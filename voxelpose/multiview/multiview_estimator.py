@@ -71,6 +71,7 @@ class MultiViewEstimator:
     """
 
     name = "multiview"
+    takes_body = True
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.documents import load_text, parse_toml
+from silhouette_core.estimator import ONE_CAMERA
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import settings_files
 from voxelpose.recording.timestamps import TIMESTAMPS
@@ -33,7 +34,7 @@ def input_digests(recording: Recording, estimator: str) -> dict[str, str]:
         "timestamps": _digest(path.read_bytes() for path in recording.folder.glob(TIMESTAMPS)),
         "regions": _of_masks(recording.regions()),
         "unknown places": _of_masks(recording.unknown()),
-        "settings": _of_settings(recording.folder, "track" if estimator == "monocular" else "fit"),
+        "settings": _of_settings(recording.folder, "track" if estimator in ONE_CAMERA else "fit"),
     }
 
 

@@ -176,3 +176,20 @@ def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
         desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
     )
     assert set(rows["frame"]) == {0, 1, 2} and rows["rank"].max() <= 5
+
+
+def test_the_paper_s_method_tracks_and_claims_nothing(desk, library_bytes, capsys):
+    (desk / "lib.vplib").write_bytes(library_bytes)
+    write_staged(desk / "take", waving(3), ring(2, (320, 240)))
+    words = "track take --out x --camera cam_2 --library lib.vplib --method paper".split()
+    assert run([*words, "--no-pictures", "--stature", "1.70"]) == 0
+    assert "3 of 3 frames have a pose" in capsys.readouterr().out
+    summary = json.loads((desk / "x" / "summary.json").read_text())
+    assert summary["estimator"] == "tree" and summary["verdict"]["level"] == "doubtful"
+    assert 'background = "paper"' in (desk / "x" / "settings.toml").read_text()
+    assert (desk / "x" / "hypotheses.csv").exists()
+
+
+def test_the_paper_s_method_has_no_colours_to_leave_out(room, capsys):
+    line = refused(room, capsys, *TRACK, "--method", "paper", "--outline-only")
+    assert "sees nothing but outlines" in line

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from silhouette_core.estimator import Frame
+from silhouette_core.estimator import ONE_CAMERA, Frame
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes, as_recorded
@@ -150,7 +150,7 @@ class FitSilhouettes:
                 self._completed(frames, plain, alone),
                 ("added: other cameras show it", ""),
             )
-        elif self._scenes.estimator == "monocular":
+        elif self._scenes.estimator in ONE_CAMERA:
             used = {name: self._person(name, mask, bodies[name]) for name, mask in alone.items()}
             reasons = "", "taken out: no piece of the person"
         return {

@@ -1,0 +1,234 @@
+"""The filter of paper A, without this program's additions.
+
+Its state is a pose of the library and the person's position in the picture: a cell of a grid of
+shifts that follows the silhouette. The distance is followed beside it, since with (9) the larger
+body always fits better. What the paper does not state is chosen here: the deviations of (10), of
+the first pose and of the position, and the threshold of the surviving nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
+from scipy.special import logsumexp
+
+from calib.camera import Camera
+from silhouette_core.image.cleanup import reduce_silhouette
+from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.monocular.tree.evidence import SHIFTS_PX
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, yaw_rotations
+from silhouette_core.monocular.tree.tree_filter import concatenated_ranges
+from silhouette_core.monocular.tuning import DISTANCES, FILTER
+from silhouette_core.monocular.window import Window, look_at
+from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M
+from silhouette_core.motion.keyposes.notation import STANDING, Movement
+from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.kinematics import rotation_matrices
+from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.target import Target
+
+INITIAL_SIGMA_RAD = np.pi / 4
+"""Standard deviation of every angle in the prior of a first frame; the paper does not state it."""
+_COARSEST = 4  # pixels of the window in one of the first level
+_MOST_STEPS = 30  # frame intervals without a silhouette that are predicted one by one
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFrame:
+    """Posterior of a frame over M samples of the surviving leaves and C positions.
+
+    Attributes:
+        time_s: of the frame.
+        window: the silhouette as the library's camera would see it.
+        samples: (M,) int64, likeliest first.
+        probability: (M, C) float64, summing to 1.
+        places_m: (C, 3) float64, world, where the middle of the silhouette would be.
+    """
+
+    time_s: float
+    window: Window
+    samples: NDArray[np.int64]
+    probability: NDArray[np.float64]
+    places_m: NDArray[np.float64]
+
+
+class PaperFilter:
+    """Recursive filter over the frames of one camera.
+
+    Args:
+        library: poses and their tree; N samples.
+        transitions: (N, N) sparse, for one frame interval.
+        camera: pinhole camera without distortion.
+        distance_m: distance of the person in the first frame.
+        first: (N,) prior of a first frame, see `initial_prior`.
+        weighting: pixel weights of the silhouette distance.
+        sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, so that one
+            number suits all weightings; constant from then on.
+        interval_s: time between two frames.
+        in_place: the person stays where it is, as in the paper's experiments: one position, and one
+            distance.
+
+    Source: Okada and Stenger, section 6; the grid, and the distance followed beside it, are ours.
+    """
+
+    def __init__(
+        self,
+        library: PoseLibrary,
+        transitions: csr_matrix,
+        camera: Camera,
+        distance_m: float,
+        first: NDArray[np.float64],
+        weighting: Weighting = "nwxor",
+        sigma: float = FILTER.sigma,
+        interval_s: float = 1 / FPS,
+        in_place: bool = False,
+        backend: Backend = CPU,
+    ):
+        """Starts without a posterior."""
+        self.library, self._transitions, self._camera = library, transitions, camera
+        self._distance_m, self._first, self._in_place = distance_m, first, in_place
+        self._weighting: Weighting = weighting
+        self._share, self._interval_s, self._backend = sigma, interval_s, backend
+        self._shifts_px = _COARSEST * SHIFTS_PX * (0 if in_place else 1)
+        self._shifts_px = np.unique(self._shifts_px, axis=0)
+        self._sigma: float | None = None
+        self._last: PaperFrame | None = None
+
+    def step(self, time_s: float, mask: NDArray[np.bool_]) -> PaperFrame:
+        """Posterior of the next frame given all frames up to it, of which the mask (h, w) bool, not
+        empty, is the silhouette. Frames that are left out are predicted across.
+        """
+        window = self._window(mask, 1.0)
+        if self._sigma is None:
+            weights = pixel_weights(window.mask, self._weighting, self.library.bounds_px)
+            self._sigma = self._share * float(weights[window.mask].sum()) / weights.size
+        middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
+        places_m = window.unproject(middle, window.distance_m)
+        if self._last is None:
+            prior = np.outer(self._first, np.full(len(places_m), 1 / len(places_m)))
+        else:
+            prior = self._predict(self._last, time_s, places_m)
+        leaf, samples, probability = self._update(prior, window)
+        self._last = PaperFrame(time_s, window, samples, probability, places_m)
+        if not self._in_place:
+            self._follow_distance(mask, leaf, int(probability[0].argmax()))
+        return self._last
+
+    def poses(self, frame: PaperFrame, rows: Sequence[int]) -> PoseArrays:
+        """Samples of some rows of a posterior as poses in the world, where each is likeliest."""
+        library, window = self.library, frame.window
+        sample = frame.samples[rows]
+        base, view = library.sample_base[sample], library.sample_view[sample]
+        heading = window.heading_rad + library.views[view, 0]
+        rotation = yaw_rotations(heading) @ rotation_matrices(library.base_quaternion[base])
+        shift = self._shifts_px[frame.probability[rows].argmax(axis=1)]
+        root = window.unproject(library.pelvis_px[sample] + shift, window.distance_m)
+        return PoseArrays(root, rotation, library.base_angles[base].astype(float))
+
+    def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
+        """The silhouette as the library's camera would see it at a multiple of the distance."""
+        metre_px = STATURE_PX / self.library.model.length_m
+        return look_at(self._camera, mask, factor * self._distance_m, metre_px)
+
+    def _predict(
+        self, last: PaperFrame, time_s: float, places_m: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Prior (N, C), eq. (14): the pose moves as the library's transitions, the position at
+        random.
+        """
+        steps = int(np.clip(round((time_s - last.time_s) / self._interval_s), 1, _MOST_STEPS))
+        sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
+        moved = -0.5 * cdist(last.places_m, places_m, "sqeuclidean") / sigma_m**2
+        moved = np.exp(moved - logsumexp(moved, axis=1, keepdims=True))
+        prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (14)
+        for _ in range(steps - 1):
+            prior = self._transitions.T @ prior
+        return prior
+
+    def _update(
+        self, prior: NDArray[np.float64], window: Window
+    ) -> tuple[int, NDArray[np.int64], NDArray[np.float64]]:
+        """The likeliest leaf, samples (M,) of the surviving leaves and their posterior (M, C), eq.
+        (12) and (13), by a prior (N, C).
+        """
+        library, of_nodes = self.library, self._of_nodes(prior)
+        nodes = kept = np.arange(len(library.levels[0]))
+        log_likelihood = np.empty((0, 0))
+        for depth, level in enumerate(library.levels):
+            if depth:
+                first = library.child_offsets[depth - 1]
+                nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
+            target = self._target(window, WINDOW_PX[0] // level.size_px[0])
+            distance = self._backend.span_distances(target, level.spans, nodes)
+            log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
+            with np.errstate(divide="ignore"):
+                each = logsumexp(log_likelihood + np.log(of_nodes[depth][nodes]), axis=1)
+            kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
+        leaf = nodes[kept]
+        ends = library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1]
+        samples = library.leaf_samples[concatenated_ranges(*ends)].astype(np.int64)
+        of_leaf = np.repeat(kept, ends[1] - ends[0])
+        with np.errstate(divide="ignore"):
+            posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+        probability = np.exp(posterior - posterior.max())
+        probability /= probability.sum()  # eq. (1): c_t
+        order = np.argsort(-probability.max(axis=1), kind="stable")
+        return int(nodes[of_leaf[order[0]]]), samples[order], probability[order]
+
+    def _target(self, window: Window, reduction: int) -> Target:
+        """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
+        mask, seen = window.mask, window.seen
+        for _ in range(int(np.log2(reduction))):
+            mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
+        weights = pixel_weights(mask, self._weighting, self.library.bounds_px)
+        weights = np.where(seen, weights, np.float32(0))  # what is not seen tells nothing
+        return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
+
+    def _follow_distance(self, mask: NDArray[np.bool_], leaf: int, cell: int) -> None:
+        """Follows the distance by the size in which the likeliest leaf's silhouette fits best, by
+        XOR, eq. (6), which prefers no size.
+        """
+        factors = np.exp(DISTANCES.step * np.arange(-1, 2))
+        masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
+        weights = tuple(np.full(one.shape, 1 / max(one.sum(), 1)) for one in masks)
+        target = Target(masks, weights, self._shifts_px[cell : cell + 1])
+        finest = self.library.levels[-1].spans
+        apart = self._backend.span_distances(target, finest, np.array([leaf]))[0]
+        self._distance_m *= float(factors[int(apart.argmin())] ** DISTANCES.gain)
+
+    def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Prior (K, C) of the nodes of every level: the sums over their samples."""
+        library = self.library
+        sums = [np.add.reduceat(prior[library.leaf_samples], library.leaf_offsets[:-1])]
+        for offsets in library.child_offsets[-2::-1]:
+            sums.insert(0, np.add.reduceat(sums[0], offsets[:-1]))
+        return sums
+
+
+def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:
+    """Prior of a first frame: a Gaussian about the upright pose that faces the camera.
+
+    Args:
+        library: poses, N samples.
+
+    Returns:
+        (N,) float64, summing to 1; every joint angle and the orientation deviates by 45 degrees.
+
+    Source: Okada and Stenger, section 6; the deviation is ours.
+    """
+    standing = Movement(np.array([0.0, 1.0]), np.stack([STANDING, STANDING]), (0.0, 0.0))
+    upright = perform(standing, library.model).angles_rad[0]
+    turn, angles = library.pose(np.arange(len(library)))
+    facing = Rotation.from_quat(turn, scalar_first=True).magnitude()
+    square = ((angles - upright) ** 2).sum(axis=1) + facing**2
+    prior = np.exp(-0.5 * (square - square.min()) / INITIAL_SIGMA_RAD**2)
+    return prior / prior.sum()

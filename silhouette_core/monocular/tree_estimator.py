@@ -1,0 +1,253 @@
+"""Estimator of paper A, whole: silhouettes, tree, filter, likeliest sample."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_path
+
+from calib.camera import Camera, Rig
+from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
+from silhouette_core.body.presets import nearest_preset
+from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.jit import set_threads
+from silhouette_core.monocular.body_library import some_silhouettes
+from silhouette_core.monocular.making.base_poses import base_poses
+from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.monocular_estimator import (
+    HypothesisStore,
+    check_person,
+    upright_frame,
+)
+from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX, STARTS, PersonFinder
+from silhouette_core.monocular.person import upright_distance
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.tree.store import read_library, write_library
+from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.window import look_at
+from silhouette_core.motion.body_source import load_body
+from silhouette_core.motion.conditioning import conditioned
+from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.motion.kinematics import landmarks, place, quaternions
+from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.backend import Backend, load_backend
+from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.tuning import MEASURING
+
+_SAMPLES = 24_000  # of a dictionary of the program's own movements
+_PITCH_STEP_DEG = 5
+_KEPT = 8  # dictionaries in the user's cache, 60 MB each
+_HYPOTHESES = 5  # samples that are stored of a frame, at most
+
+
+@dataclass(frozen=True)
+class TreeOptions:
+    """Options of this estimator only, checked.
+
+    Attributes:
+        library: path of a pose library, which is used as it is; empty: one of the program's own
+            movements is built for the body, and kept.
+        start: "facing" (a Gaussian about the upright pose that faces the camera) or "any".
+        body: the person's body, as `load_body` names it; empty: of the paper's 24 the one nearest
+            in stature and chest girth.
+    """
+
+    library: str = ""
+    start: str = "facing"
+    body: str = ""
+
+    def __post_init__(self) -> None:
+        if self.start not in STARTS:
+            raise InputError(f"start {self.start!r} is not known: use {' or '.join(STARTS)}")
+
+
+class TreeEstimator:
+    """Estimates motion from one camera as paper A does: no refinement, no later frames.
+
+    Source: Okada and Stenger.
+    """
+
+    name = "tree"
+    takes_body = True
+
+    def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
+        """See `silhouette_core.estimator.Estimator.estimate`."""
+        options = read_options(TreeOptions, settings.options, self.name)
+        if len(source.rig) != 1:
+            raise InputError(
+                f"{len(source.rig)} cameras are too many for the estimator of one camera: choose"
+                " one with --camera NAME"
+            )
+        set_threads(settings.threads)
+        model = _body(options, settings, reporter)
+        frame, name = upright_frame(source.rig, settings, reporter), source.rig.names[0]
+        camera = frame.rig(source.rig).cameras[0]
+        reporter.stage("background")
+        silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
+        silhouettes.note(reporter)
+        check_person(source, silhouettes, True)
+        pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
+        library = (
+            read_library(Path(options.library))
+            if options.library
+            else dictionary(model, _pitch_deg(pinhole, masks), reporter)
+        )
+        clock, hypotheses = StageClock(), HypothesisStore(frame)
+        views, backend = PinholeViews.from_rig(Rig((pinhole,))), load_backend(settings.backend)
+        reporter.stage("motion model")
+        follower = TreeFollower(library, pinhole, options.start, 1 / source.fps, backend)
+        finder, poses, noted = PersonFinder(camera, False), [], []
+        reporter.stage("tracking", source.frame_count)
+        for number, time_s, frames in source:
+            with clock("silhouettes"):
+                mask = silhouettes.of(frames)[name]
+                person = finder.find(frames[name], mask)
+            if person is not None:
+                with clock("filter"):
+                    likeliest, probability = follower.step(time_s, person.mask)
+                joints = landmarks(library.model, *place(library.model, *likeliest.arrays))
+                hypotheses.put(number, probability, joints)
+                poses.append(likeliest.poses()[0])
+                errors = mask_errors(library.model, poses[-1:], views, [person.mask], backend)
+                noted.append((number, time_s, 1 - float(errors[0])))
+            reporter.advance()
+        stacked, (numbers, times, agreement) = PoseArrays.from_poses(poses), np.array(noted).T
+        motion = Motion(
+            source.fps,
+            library.model,
+            stacked.root_m,
+            quaternions(stacked.root_rotation),
+            stacked.angles_rad,
+            numbers.astype(int),
+            times,
+            {"outline_agreement": np.clip(agreement, 0.0, 1.0)},
+        )
+        facts = {
+            "stature_given": settings.stature_m is not None,
+            "library": {"file": options.library or "the program's movements"}
+            | {"samples": len(library), "nodes": [len(level) for level in library.levels]},
+            "moving_cameras": silhouettes.moving,
+        }
+        stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
+        motion = conditioned(motion, settings.applied_conditioning).in_world(frame)
+        return Estimate(motion, stages, facts, hypotheses)
+
+
+class TreeFollower:
+    """Follows somebody from frame to frame by paper A's filter.
+
+    Args:
+        pinhole: camera without distortion, z up.
+        start: see `TreeOptions`.
+        interval_s: time between two frames.
+    """
+
+    def __init__(
+        self,
+        library: PoseLibrary,
+        pinhole: Camera,
+        start: str,
+        interval_s: float,
+        backend: Backend,
+    ):
+        self._library, self._pinhole, self._facing = library, pinhole, start == "facing"
+        self._transitions = transitions(library, True, interval_s=interval_s)
+        self._interval_s, self._backend = interval_s, backend
+        self._filter: PaperFilter | None = None
+
+    def step(
+        self, time_s: float, mask: NDArray[np.bool_]
+    ) -> tuple[PoseArrays, NDArray[np.float64]]:
+        """The likeliest poses in the next frame, of which the mask (h, w), not empty, is the
+        silhouette, and their probabilities (n,), likeliest first.
+        """
+        if self._filter is None:
+            even = np.full(len(self._library), 1 / len(self._library))
+            self._filter = PaperFilter(
+                self._library,
+                self._transitions,
+                self._pinhole,
+                upright_distance(self._pinhole, mask, self._library.model.length_m),
+                initial_prior(self._library) if self._facing else even,
+                interval_s=self._interval_s,
+                backend=self._backend,
+            )
+        found = self._filter.step(time_s, mask)
+        probability = found.probability.max(axis=1)[:_HYPOTHESES]
+        likeliest = self._filter.poses(found, range(len(probability)))
+        return likeliest, probability / probability.sum()
+
+
+def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLibrary:
+    """Library of a body in the program's own movements, seen from a camera's height; it is built
+    once and kept in the user's cache.
+    """
+    settings = LibrarySettings(_SAMPLES, pitches_deg=(min(max(pitch_deg, -60.0), 75.0),))
+    digest = hashlib.sha256(json.dumps(asdict(settings)).encode())
+    digest.update(np.ascontiguousarray(model.vertices_m).tobytes())
+    reporter.stage("pose library")
+    motions = keypose_motions(model)
+    for motion in motions.values():
+        digest.update(np.ascontiguousarray(motion.angles_rad).tobytes())
+    file = user_cache_path("voxelpose") / "libraries" / f"{digest.hexdigest()[:16]}.vplib"
+    if file.exists():
+        return read_library(file)
+    library = build_library(base_poses(motions, settings), model, settings, reporter)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_library(library, file)
+        for old in sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)[
+            :-_KEPT
+        ]:
+            old.unlink()
+    except (OSError, InputError) as error:
+        reporter.note(f"the pose library is not kept, since {file} cannot be written: {error}")
+    return library
+
+
+def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyModel:
+    """The person's body.
+
+    Raises:
+        InputError: there is no such body or library, or it is no person's.
+    """
+    if options.library or options.body:
+        model = (
+            read_library(Path(options.library)).model
+            if options.library
+            else load_body(options.body)
+        )
+        if model.person is None:
+            raise InputError(
+                f"{options.library or options.body} is no person's body: leave --method paper out,"
+                " samples of the tree lead the search of other bodies anyway"
+            )
+        return model
+    stature_m = settings.stature_m
+    if stature_m is None:
+        stature_m = MEASURING.usual_m
+        reporter.note(
+            f"nobody said how tall the person is: {stature_m:.2f} m is assumed, and all lengths"
+            " with it"
+        )
+    preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
+    reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24")
+    return preset.body()
+
+
+def _pitch_deg(pinhole: Camera, masks: list[NDArray[np.bool_]]) -> float:
+    """Angle at which a camera looks down on somebody, rounded so that libraries serve again."""
+    pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
+    return float(_PITCH_STEP_DEG * np.rint(np.degrees(np.median(pitches)) / _PITCH_STEP_DEG))

@@ -1,0 +1,98 @@
+"""Paper A's own estimator, from silhouettes to a motion."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.silhouette_source import SilhouetteSource
+from calib.errors import InputError
+from silhouette_core.estimator import Settings, load_estimator
+from silhouette_core.monocular import tree_estimator
+from silhouette_core.monocular.tree.store import write_library
+from silhouette_core.monocular.tree_estimator import TreeEstimator, dictionary
+from silhouette_core.progress import SilentReporter
+from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
+
+CAMERA = camera_at((1.0, -3.9, 1.4))
+ROWS = range(0, 30, 3)
+FPS = 10.0
+ROBOT = Path(__file__).parents[3] / "examples/bodies/robot_arm.urdf"
+
+
+@pytest.fixture(scope="module")
+def library_file(library, tmp_path_factory):
+    path = tmp_path_factory.mktemp("tree") / "own.vplib"
+    write_library(library, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def filmed():
+    motion = performed("wave", body())
+    return motion.landmarks()[ROWS], films(motion, CAMERA, ROWS)
+
+
+def tracked(masks, **options):
+    source = SilhouetteSource(CAMERA, masks, FPS)
+    return TreeEstimator().estimate(source, Settings(STATURE_M, options=options), SilentReporter())
+
+
+def relative(joints):
+    return joints - joints[:, :1]
+
+
+def test_a_wave_is_followed(library_file, filmed):
+    truth, masks = filmed
+    found = tracked(masks, library=str(library_file), start="any")
+    joints = found.motion.landmarks()
+    off = np.linalg.norm(relative(joints) - relative(truth), axis=2)
+    assert off.mean() < 0.12 and np.linalg.norm(joints[:, 0] - truth[:, 0], axis=1).mean() < 0.4
+    assert set(found.motion.quality) == {"outline_agreement"}
+    assert found.motion.quality["outline_agreement"].mean() > 0.6
+    frames = list(found.hypotheses)
+    assert len(frames) == len(masks)
+    for _, probability, _ in frames:
+        assert probability.sum() == pytest.approx(1, abs=1e-5)
+        assert (np.diff(probability) <= 0).all()
+
+
+def test_frames_without_anybody_have_no_pose(library_file, filmed):
+    _, masks = filmed
+    empty = np.zeros_like(masks[0])
+    found = tracked([*masks[:4], empty, *masks[5:]], library=str(library_file))
+    assert 4 not in found.motion.frames[~found.motion.filled]
+
+
+def test_it_is_registered():
+    assert isinstance(load_estimator("tree"), TreeEstimator)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"start": "up"}, "start 'up'"), ({"interference": False}, "no option 'interference'")],
+)
+def test_wrong_options_are_refused(filmed, options, words):
+    with pytest.raises(InputError, match=words):
+        tracked(filmed[1], **options)
+
+
+def test_other_bodies_are_refused(filmed):
+    with pytest.raises(InputError, match="no person's body: leave --method paper out"):
+        tracked(filmed[1], body=str(ROBOT))
+
+
+def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setattr(tree_estimator, "_SAMPLES", 480)
+    built = []
+    build = tree_estimator.build_library
+    monkeypatch.setattr(
+        tree_estimator, "build_library", lambda *given: built.append(given) or build(*given)
+    )
+    first, again = (dictionary(body(), 10.0, SilentReporter()) for _ in range(2))
+    assert len(built) == 1 and len(first) == len(again) <= 480
+    np.testing.assert_array_equal(first.leaf_samples, again.leaf_samples)
+    assert np.degrees(first.views[:, 1]) == pytest.approx(10.0)
+    dictionary(body(), 20.0, SilentReporter())
+    assert len(built) == 2
