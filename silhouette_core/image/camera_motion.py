@@ -91,7 +91,7 @@ class _Rim:
     """The rim of a frame (H, W, 3) uint8, BGR, at several sizes."""
 
     def __init__(self, frame: NDArray[np.uint8]) -> None:
-        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        grey = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8)
         self._levels = [_Level(grey, side_px) for side_px in _SIDES_PX]
         self.bare = self._levels[-1].bare
 
@@ -117,7 +117,8 @@ class _Level:
     def __init__(self, grey: NDArray[np.uint8], side_px: int) -> None:
         scale = side_px / max(grey.shape)
         if scale < 1:
-            grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            grey = np.asarray(small, np.uint8)
         self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
         height, width = grey.shape
         self.side = max(grey.shape)

@@ -60,7 +60,7 @@ class Window:
         toward_x, toward_y = -self.world_from_virtual[0, 2], -self.world_from_virtual[1, 2]
         return float(np.arctan2(toward_x, -toward_y))
 
-    def unproject(self, pixel: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
+    def unproject(self, pixel: NDArray[np.floating], distance_m: float) -> NDArray[np.float64]:
         """World points (N, 3), m, at pixels (N, 2) and a distance along the optical axis."""
         offset = (np.atleast_2d(pixel) - self.axis_px) / self.focal_px
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)

@@ -135,6 +135,8 @@ def test_the_body_of_the_subject_is_taken_where_no_other_is_given(
         """What an estimator was told."""
 
     class Spy:
+        takes_body = True
+
         def estimate(self, source, settings, reporter):
             raise Seen(settings.options)
 

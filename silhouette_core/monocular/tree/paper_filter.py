@@ -100,7 +100,7 @@ class PaperFilter:
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
         self._shifts_px = _COARSEST * SHIFTS_PX * (0 if in_place else 1)
         self._shifts_px = np.unique(self._shifts_px, axis=0)
-        self._sigma: float | None = None
+        self._sigma = 0.0  # until the first frame
         self._last: PaperFrame | None = None
 
     def step(self, time_s: float, mask: NDArray[np.bool_]) -> PaperFrame:
@@ -108,7 +108,7 @@ class PaperFilter:
         empty, is the silhouette. Frames that are left out are predicted across.
         """
         window = self._window(mask, 1.0)
-        if self._sigma is None:
+        if self._last is None:
             weights = pixel_weights(window.mask, self._weighting, self.library.bounds_px)
             self._sigma = self._share * float(weights[window.mask].sum()) / weights.size
         middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
@@ -171,7 +171,9 @@ class PaperFilter:
             distance = self._backend.span_distances(target, level.spans, nodes)
             log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
             with np.errstate(divide="ignore"):
-                each = logsumexp(log_likelihood + np.log(of_nodes[depth][nodes]), axis=1)
+                each = np.asarray(
+                    logsumexp(log_likelihood + np.log(of_nodes[depth][nodes]), axis=1)
+                )
             kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
         leaf = nodes[kept]
         ends = library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1]
