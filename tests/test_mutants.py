@@ -74,6 +74,7 @@ def test_every_listed_mutation_can_be_made(mutants):
     assert len({str(mutant) for mutant in listed}) == len(listed)
     assert {mutant.file.split("/")[0] for mutant in listed} == {
         "calib",
+        "papers",
         "silhouette_core",
         "voxelpose",
     }

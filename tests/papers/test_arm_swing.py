@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from papers.arm_swing import METHODS, near_side
+from papers import arm_swing
+from papers.arm_swing import METHODS, Reading, SilhouetteVideo, Truth, near_side, run_methods
+from papers.degrade import Degradation
 from papers.swing_library import ProfileSettings, swing_library
 from papers.swing_study import Study, run_study
 from papers.swings import arm_angles, split_swings
@@ -62,6 +64,29 @@ def test_two_swings(tmp_path):
     assert "| as found | nwXOR+DM2 | 0 | 0 | 2 | 0 / 10 / 14 |" in table
     about = json.loads((tmp_path / "summary.json").read_text())
     assert about["right_arm"] == "near" and about["rows"][3]["success"] == 2
+
+
+def test_each_row_has_its_own_distance_and_motion_model(tmp_path, monkeypatch):
+    recording = Recording.open(make_recording(tmp_path / "film", 3, performance="arm_swing"))
+    model = BodyModel.from_sizes(BodySizes(1.7))
+    library = swing_library(model, near=True, pitch_deg=5.0, samples=60)
+    made, steps = [], []
+    filtered, moved = arm_swing.PaperFilter, arm_swing.transitions
+    monkeypatch.setattr(
+        arm_swing,
+        "PaperFilter",
+        lambda *a, **k: made.append(a) or filtered(*a, **k),
+    )
+    monkeypatch.setattr(
+        arm_swing, "transitions", lambda *given: steps.append(given[1]) or moved(*given)
+    )
+    video = SilhouetteVideo.from_recording(recording, 1.7, SilentReporter())
+    truth = Truth(np.linspace(-50, 50, 3), [slice(0, 3)])
+    given = [Degradation()], Reading(sigma=0.04), SilentReporter()
+    rows = run_methods(video, truth, library, *given)
+    assert [given[5] for given in made] == ["wxor", "wxor", "nwxor", "nwxor"]
+    assert [given[6] for given in made] == [0.04] * 4 and steps == [False, True, False, True]
+    assert [row.paper for row in rows] == [method.paper for method in METHODS]
 
 
 def test_truth_of_another_recording_is_refused(tmp_path):

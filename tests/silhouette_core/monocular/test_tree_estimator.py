@@ -57,6 +57,15 @@ def test_a_wave_is_followed(library_file, filmed):
         assert (np.diff(probability) <= 0).all()
 
 
+def test_the_motion_is_that_of_the_likeliest_samples(library_file, filmed):
+    source = SilhouetteSource(CAMERA, filmed[1], FPS)
+    options = {"library": str(library_file)}
+    settings = Settings(STATURE_M, smooth=False, options=options)
+    found = TreeEstimator().estimate(source, settings, SilentReporter())
+    likeliest = np.stack([joints[0] for _, _, joints in found.hypotheses])
+    np.testing.assert_allclose(found.motion.landmarks(), likeliest, atol=1e-5)
+
+
 def test_frames_without_anybody_have_no_pose(library_file, filmed):
     _, masks = filmed
     empty = np.zeros_like(masks[0])

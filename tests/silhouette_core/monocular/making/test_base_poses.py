@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from silhouette_core.monocular.making.base_poses import pose_features, thin_poses
+from silhouette_core.monocular.making.base_poses import motion_sigmas, pose_features, thin_poses
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.heading import split_heading
 from tests.clips import waving
 
@@ -94,3 +96,16 @@ def test_leaning_is_a_feature():
         pose_features(motion)[:, -2:], np.tile([lean, 0], (3, 1)), atol=1e-12
     )
     np.testing.assert_allclose(split_heading(motion.root_quaternion)[0], heading)
+
+
+def test_step_sizes_hold_the_spacing_of_the_library():
+    """A step is between the nearest samples, of which each is off by the quantisation."""
+    motion = waving(40, fps=30.0)
+    spacing = np.linspace(0.0, 0.02, motion.angles_rad.shape[1])
+    settings = LibrarySettings(2400)
+    sigma, root = motion_sigmas([motion], (spacing, 0.03), settings)
+    change = np.square(np.diff(motion.angles_rad, axis=0)).mean(axis=0)
+    least = np.radians(MOTION_MODEL.least_sigma_deg)
+    expected = np.maximum(np.sqrt(change + 2 * spacing), least)
+    np.testing.assert_allclose(sigma, expected, rtol=1e-5)
+    assert root > np.sqrt(2 * 0.03 / 3)

@@ -1,9 +1,14 @@
 """The forward pass: distance, lost tracks, the first frame."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.tuning import DISTANCES
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
 CAMERA = camera_at((0, -4.0, 1.3))
@@ -65,3 +70,27 @@ def test_candidates_stand_where_the_silhouette_is(tree, walk):
     assert np.linalg.norm(pixels - true, axis=1).max() < 15
     np.testing.assert_allclose(np.linalg.det(result.root_rotation), 1.0, atol=1e-6)
     assert result.angles_rad.shape == (5, tree.library.model.dof_count)
+
+
+def test_views_of_another_pitch_are_unlikely(library):
+    """By the camera's own; the library's only pitch says nothing."""
+    pitches = np.radians(np.where(np.arange(len(library.views)) % 2, 8.0, 24.0))
+    views = np.column_stack([library.views[:, 0], pitches])
+    forward = ForwardFilter(TreeFilter(replace(library, views=views), None), CAMERA)
+    prior = forward._prior(SimpleNamespace(pitch_rad=np.radians(8.0)), None, 0.0, True)
+    own = np.bincount(library.sample_view % 2, prior)
+    away = 16.0 / DISTANCES.pitch_sigma_deg
+    assert prior.sum() == pytest.approx(1)
+    assert own[0] / own[1] == pytest.approx(np.exp(-0.5 * away**2))
+
+
+def test_half_of_a_lost_track_is_anywhere(tree):
+    count = len(tree.library)
+    sure = Posterior(*(np.array(one) for one in ([5], [1.0], [0.1], [0], [[0, 0]])), (1, 1, 1))
+    window = SimpleNamespace(pitch_rad=tree.library.views[0, 1])
+    forward = ForwardFilter(tree, CAMERA)
+    prior = {}
+    for lost in (True, False):
+        last = FilterFrame(0.0, (), sure, 4.0, lost)
+        prior[lost] = forward._prior(window, last, 1 / 30, lost)
+    np.testing.assert_allclose(prior[True], 0.5 * prior[False] + 0.5 / count, rtol=1e-9)

@@ -15,6 +15,9 @@ from silhouette_core.monocular.tree.paper_filter import (
     initial_prior,
 )
 from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.motion.dynamics import ROOT_STEP_M
+from silhouette_core.motion.keyposes.notation import STANDING, Movement
+from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
@@ -47,10 +50,10 @@ class Watched(PaperFilter):
         return super()._update(prior, window)
 
 
-def follow(library, camera, matrix, masks, numbers=None, **options):
+def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, **options):
     """The filter after some frames, and its posteriors."""
     first = initial_prior(library)
-    tracker = Watched(library, matrix, camera, DISTANCE_M, first, "nwxor", 0.05, **options)
+    tracker = Watched(library, matrix, camera, DISTANCE_M, first, "nwxor", sigma, **options)
     numbers = range(len(masks)) if numbers is None else numbers
     frames = [tracker.step(k * INTERVAL_S, mask) for k, mask in zip(numbers, masks, strict=True)]
     return tracker, frames
@@ -81,28 +84,66 @@ def test_distance_is_the_density_of_weighted_disagreement(library, camera):
 def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     prior = initial_prior(library)
     assert prior.sum() == pytest.approx(1)
-    base = library.sample_base == library.sample_base[prior.argmax()]
-    by_view = [prior[base & (library.sample_view == k)][0] for k in range(len(library.views))]
-    assert np.argmax(by_view) == np.argmax(np.cos(library.views[:, 0]))
-    assert pytest.approx(np.radians(45)) == INITIAL_SIGMA_RAD
+    standing = Movement(np.array([0.0, 1.0]), np.stack([STANDING, STANDING]), (0.0, 0.0))
+    upright = perform(standing, library.model).angles_rad[0]
+    turn, angles = library.pose(np.arange(len(library)))
+    facing = 2 * np.arccos(np.clip(np.abs(turn[:, 0]), 0, 1))
+    apart = np.square(angles - upright).sum(axis=1) + facing**2
+    assert np.ptp(facing) > 3 and np.ptp(apart - facing**2) > 0.1  # both tell
+    sigma = np.radians(45)
+    expected = -0.5 * (apart - apart.min()) / sigma**2
+    np.testing.assert_allclose(np.log(prior / prior.max()), expected, atol=1e-6)
+    assert pytest.approx(sigma) == INITIAL_SIGMA_RAD
 
 
 def test_posterior_is_likelihood_times_prior(library, camera):
-    """Eq. (1), (10), (12), (13), over the leaves that survive."""
+    """Eq. (1), (10), (12), (13), over the leaves that survive; sigma is that of the first frame."""
     stay = identity(len(library), format="csr")
-    mask = seen(library, 7)
-    _, (frame,) = follow(library, camera, stay, [mask], in_place=True)
-    weights = pixel_weights(frame.window.mask, "nwxor", library.bounds_px).astype(float)
-    sigma = 0.05 * weights[frame.window.mask].sum()
+    masks = [seen(library, 7), seen(library, 150)]
+    tracker, frames = follow(library, camera, stay, masks, sigma=0.6, in_place=True)
+    weights = [pixel_weights(one.window.mask, "nwxor", library.bounds_px) for one in frames]
+    weights = [np.where(one.window.seen, w, 0.0) for one, w in zip(frames, weights, strict=True)]
+    first = pixel_weights(frames[0].window.mask, "nwxor", library.bounds_px)
+    sigma = 0.6 * first.astype(float)[frames[0].window.mask].sum()
     leaves = library.levels[-1]
     leaf_of = np.empty(len(library), int)
     leaf_of[library.leaf_samples] = np.repeat(np.arange(len(leaves)), np.diff(library.leaf_offsets))
-    leaf = leaves.representative[leaf_of[frame.samples]]
-    shown = library.render(leaf).windows > 0
-    apart = np.array([weights[frame.window.mask ^ one].sum() for one in shown])
-    expected = np.exp(-0.5 * (apart / sigma) ** 2) * initial_prior(library)[frame.samples]
-    np.testing.assert_allclose(frame.probability[:, 0], expected / expected.sum(), rtol=1e-6)
-    assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
+    for frame, weight, prior in zip(frames, weights, tracker.priors, strict=True):
+        assert len(frame.samples) > 20
+        leaf = leaves.representative[leaf_of[frame.samples]]
+        shown = library.render(leaf).windows > 0
+        apart = np.array([weight[frame.window.mask ^ one].sum() for one in shown])
+        expected = np.exp(-0.5 * (apart / sigma) ** 2) * prior[frame.samples, 0]
+        np.testing.assert_allclose(frame.probability[:, 0], expected / expected.sum(), rtol=1e-5)
+        assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
+
+
+def test_the_position_is_a_random_walk(library, camera):
+    """The joint prior of pose and position, summed over both as they were."""
+    stay = identity(len(library), format="csr")
+    tracker, (frame,) = follow(library, camera, stay, [seen(library, 5)], sigma=0.3)
+    places = frame.places_m + np.array([0.02, 0.0, 0.01])
+    prior = tracker._predict(frame, 2 * INTERVAL_S, places)
+    assert prior.sum() == pytest.approx(1)
+    for row in (0, 1):
+        expected = np.zeros(len(places))
+        for before, share in zip(frame.places_m, frame.probability[row], strict=True):
+            square = np.square(places - before).sum(axis=1) / (2 * ROOT_STEP_M**2)
+            expected += share * np.exp(-0.5 * square) / np.exp(-0.5 * square).sum()
+        np.testing.assert_allclose(prior[frame.samples[row]], expected, rtol=1e-6)
+
+
+def test_a_pose_is_where_its_silhouette_was_moved_to(library, camera):
+    stay = identity(len(library), format="csr")
+    tracker, (frame,) = follow(library, camera, stay, [seen(library, 5)])
+    roots = []
+    for cell in range(9):
+        probability = np.zeros((1, 9))
+        probability[0, cell] = 1.0
+        moved = replace(frame, samples=frame.samples[:1], probability=probability)
+        roots.append(tracker.poses(moved, [0]).root_m[0])
+    np.testing.assert_allclose(roots - roots[4], frame.places_m - frame.places_m[4], atol=1e-9)
+    assert np.ptp(np.array(roots)[:, 0]) > 0.05
 
 
 def test_prior_is_the_motion_model_alone(library, camera):

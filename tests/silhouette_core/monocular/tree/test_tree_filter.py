@@ -128,3 +128,19 @@ def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
     assert differs[some].mean() > 0.98
     # (5): the source stays less likely where it hides something.
     assert dm2.diagonal()[some].mean() < dm1.diagonal()[some].mean()
+
+
+def test_a_node_survives_by_likelihood_and_prior(library, evidence, prior):
+    """Eq. (10) and (11), with a sigma that grows with every level above the last."""
+    settings = FilterSettings(survivors=0.05, most=10**9, moved=10**9)
+    tree = TreeFilter(library, None, settings)
+    for depth, level in enumerate(library.levels):
+        nodes = np.arange(len(level))
+        share = np.random.default_rng(depth).dirichlet(np.full(len(level), 0.2))
+        alignment, log_likelihood, kept = tree.score_level(depth, nodes, share, evidence)
+        sigma = settings.sigma * settings.coarse ** (2 - depth)
+        np.testing.assert_allclose(log_likelihood, -0.5 * (alignment.distance / sigma) ** 2)
+        posterior = np.exp(log_likelihood) * share
+        np.testing.assert_array_equal(kept, np.flatnonzero(posterior >= 0.05 * posterior.max()))
+        likely = np.exp(log_likelihood)
+        assert set(kept) != set(np.flatnonzero(likely >= 0.05 * likely.max()))
