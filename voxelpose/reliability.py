@@ -122,7 +122,12 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
             " look at the contact sheet, above all at hands and feet, and record the empty view"
         )
     shares = list(facts.get("by_texture", {}).values())
-    share = sum(shares) / max(len(shares), 1)
+    if None in shares:
+        yield (
+            "cameras without colour: how much of the person is as dark as a shadow was not looked"
+            " at beforehand: leave --no-smooth out, or look at the contact sheet"
+        )
+    share = sum(share or 0.0 for share in shares) / max(len(shares), 1)
     if share > 0.25:  # walk4 turned grey has 0.31, and 1.9 times the error of its colours
         yield (
             f"cameras without colour: {100 * share:.0f} % of the person is as dark as a shadow,"

@@ -98,9 +98,9 @@ class BackgroundModel:
         return self._background.grey
 
     @property
-    def by_texture(self) -> float:
-        """See `SceneColours.by_texture`."""
-        return 0.0 if self._colours is None else self._colours.by_texture
+    def by_texture(self) -> float | None:
+        """See `SceneColours.by_texture`; None where no frame was looked at beforehand."""
+        return None if self._colours is None else round(self._colours.by_texture, 4)
 
     @classmethod
     def from_frames(

@@ -39,6 +39,7 @@ from silhouette_core.image.difference import (
     noise_scale,
     pooled_brightness,
 )
+from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
 
@@ -206,6 +207,9 @@ def segmented(
     if first is None:
         scale = noise_scale(view) if exposure is None else exposure.noise
         first, pooled = detect(view, scale)
+        if background.grey:
+            dark = only_darker(pooled, pooled_brightness(view), scale)
+            first |= dark & (texture_evidence(view, min(everywhere.shape)) > 0)
         decide = pooled, scale
     mask = _clean(first, region, everywhere.size)
     if not mask.any():

@@ -104,9 +104,9 @@ class Silhouettes:
 
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
-            return BackgroundModel.from_frames(
-                (self._registered(name, frame) for frame in frames), method
-            )
+            empty = (self._registered(name, frame) for frame in frames)
+            taken, _ = seen.get(name, ((), None))
+            return BackgroundModel.from_frames(empty, method).as_grey(taken)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         for name, (frames, odds) in self._samples(source, without, _OCCUPIED, {}).items():
@@ -117,8 +117,6 @@ class Silhouettes:
             if (known := self._models.get(name)) is not None
         }
         if ahead:
-            for name, (frames, _) in seen.items():
-                self._models[name] = self._models[name].as_grey(frames)
             self._measure_shadow({name: frames for name, (frames, _) in seen.items()})
 
             def coloured(name: str) -> BackgroundModel:
@@ -161,11 +159,9 @@ class Silhouettes:
         return tuple(name for name, kind in self.kinds.items() if kind == ESTIMATED)
 
     @property
-    def by_texture(self) -> dict[str, float]:
-        """By name of each camera without colour, see `SceneColours.by_texture`."""
-        return {
-            name: round(model.by_texture, 4) for name, model in self._models.items() if model.grey
-        }
+    def by_texture(self) -> dict[str, float | None]:
+        """By name of each camera without colour, see `BackgroundModel.by_texture`."""
+        return {name: model.by_texture for name, model in self._models.items() if model.grey}
 
     def note(self, reporter: Reporter) -> None:
         """Tells the kind of each camera's background, and which film without colour."""
@@ -351,6 +347,8 @@ class Silhouettes:
             for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
         for name, seen in samples.items():
+            if not seen:  # before a live session's first frame
+                continue
             empty = [self.scaled(name, one) for one in islice(backgrounds.get(name, ()), 1)]
             motion = CameraMovement(seen, empty)
             self.moving += (name,) if motion.moves else ()
@@ -358,7 +356,7 @@ class Silhouettes:
             samples[name] = [self._registered(name, frame) for frame in seen]
             odds = [self._evidence(name, *at) for at in zip(samples[name], steps, strict=False)]
             told[name] = [one for one in odds if one is not None]
-        return {name: (frames, told[name] or None) for name, frames in samples.items() if frames}
+        return {name: (samples[name], told[name] or None) for name in told}
 
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:
         """Measures the darkest cast shadow of cameras together: they see the same light."""

@@ -99,11 +99,8 @@ class TreeEstimator:
         silhouettes.note(reporter)
         check_person(source, silhouettes, True)
         pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
-        library = (
-            read_library(Path(options.library))
-            if options.library
-            else dictionary(model, _pitch_deg(pinhole, masks), reporter)
-        )
+        pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
+        library = _library(options, model, float(np.median(pitches)), reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)
         views, backend = PinholeViews.from_rig(Rig((pinhole,))), load_backend(settings.backend)
         reporter.stage("motion model")
@@ -139,6 +136,7 @@ class TreeEstimator:
             "library": {"file": options.library or "the program's movements"}
             | {"samples": len(library), "nodes": [len(level) for level in library.levels]},
             "moving_cameras": silhouettes.moving,
+            "by_texture": silhouettes.by_texture,
         }
         stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         motion = conditioned(motion, settings.applied_conditioning).in_world(frame)
@@ -188,6 +186,30 @@ class TreeFollower:
         probability = found.probability.max(axis=1)[:_HYPOTHESES]
         likeliest = self._filter.poses(found, range(len(probability)))
         return likeliest, probability / probability.sum()
+
+
+def library_of(
+    camera: Camera, settings: Settings, options: TreeOptions, reporter: Reporter
+) -> PoseLibrary:
+    """Library of a person before a camera, z up, of which no picture is known.
+
+    Raises:
+        InputError: there is no such body or library, or it is no person's.
+    """
+    model = _body(options, settings, reporter)
+    return _library(options, model, -np.arcsin(camera.rotation[2, 2]), reporter)
+
+
+def _library(
+    options: TreeOptions, model: BodyModel, pitch_rad: float, reporter: Reporter
+) -> PoseLibrary:
+    """The library that the options name, else one of the body seen at an angle, rounded so that it
+    serves again.
+    """
+    if options.library:
+        return read_library(Path(options.library))
+    pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
+    return dictionary(model, float(pitch_deg), reporter)
 
 
 def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLibrary:
@@ -245,9 +267,3 @@ def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyM
     preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
     reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24")
     return preset.body()
-
-
-def _pitch_deg(pinhole: Camera, masks: list[NDArray[np.bool_]]) -> float:
-    """Angle at which a camera looks down on somebody, rounded so that libraries serve again."""
-    pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
-    return float(_PITCH_STEP_DEG * np.rint(np.degrees(np.median(pitches)) / _PITCH_STEP_DEG))

@@ -118,3 +118,10 @@ def test_silhouettes_that_the_body_made_are_no_witness_for_it():
     assert verdict.level == "doubtful" and "cut anew where it was found" in verdict.reason
     numbers["facts"]["cut_by_body"] = {}
     assert verdict_of(numbers).level == "reliable"
+
+
+def test_grey_cameras_leave_a_doubt_where_nobody_looked_beforehand():
+    numbers = summary(error=60.0)
+    numbers["facts"]["by_texture"] = {"cam_1": None}
+    assert verdict_of(numbers).level == "doubtful"
+    assert "leave --no-smooth out" in verdict_of(numbers).reason

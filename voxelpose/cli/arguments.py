@@ -182,12 +182,30 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
-def monocular_options(
-    start: str, outline_only: bool, library: Path | None
-) -> dict[str, bool | int | float | str]:
-    """Options of the estimator of one camera."""
+Method = Annotated[
+    Literal["learned", "paper"],
+    arg(
+        help="What the poses of one camera come from: the network's proposals, refined over the"
+        " take, or the filter over a tree of silhouettes of Okada and Stenger, alone, with the"
+        " nearest of their 24 bodies."
+    ),
+]
+
+
+def method_options(
+    method: str, start: str, outline_only: bool, library: Path | None
+) -> tuple[str, dict[str, bool | int | float | str]]:
+    """The estimator of one camera, and its options.
+
+    Raises:
+        InputError: the method has no such option.
+    """
     named = {} if library is None else {"library": str(library)}
-    return {"start": start, "outline_only": outline_only, **named}
+    if method == "learned":
+        return "monocular", {"start": start, "outline_only": outline_only, **named}
+    if outline_only:
+        raise InputError("--outline-only: --method paper sees nothing but outlines anyway")
+    return "tree", {"start": start, **named}
 
 
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:

@@ -69,6 +69,7 @@ class Live(arguments.PageArguments):
       voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
       voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
       voxelpose live walk --loop --record rehearsal --private
+      voxelpose live walk --camera cam_1 --method paper --stature 1.75
     """
 
     groups: ClassVar = arguments.GROUPS
@@ -84,6 +85,7 @@ class Live(arguments.PageArguments):
     chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
     sex: arguments.Sex = "unknown"
+    method: arguments.Method = "learned"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
     start: Literal["facing", "any"] = "any"
@@ -138,7 +140,9 @@ class Live(arguments.PageArguments):
                 chest_girth_m=self.chest or known.chest_girth_m,
                 sex=self.sex if self.sex != "unknown" else known.sex,
             )
-            options = arguments.monocular_options(self.start, self.outline_only, self.library)
+            method, options = arguments.method_options(
+                self.method, self.start, self.outline_only, self.library
+            )
             settings = Settings(
                 stature_m=subject.stature_m,
                 chest_m=subject.chest_girth_m,
@@ -154,7 +158,7 @@ class Live(arguments.PageArguments):
                 private=self.private,
             )
             progress.stage("preparing the estimation")
-            estimator = make_estimator(live, settings, progress)
+            estimator = make_estimator(live, settings, progress, method)
             session = LiveSession(session_settings, estimator)
         with ExitStack() as parts:
             parts.callback(session.close)

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from calib.errors import InputError
-from voxelpose.cli.arguments import OptionalName, monocular_options
+from voxelpose.cli.arguments import Method, OptionalName, method_options
 from voxelpose.cli.fit import EstimationArguments
 
 
@@ -34,9 +33,7 @@ class Track(EstimationArguments):
 
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
-    method: Literal["learned", "paper"] = "learned"
-    """What poses come from: the network's proposals, refined over the take, or the filter over a
-    tree of silhouettes of Okada and Stenger, alone, with the nearest of their 24 bodies."""
+    method: Method = "learned"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
     that comes with the program."""
@@ -49,13 +46,11 @@ class Track(EstimationArguments):
         """Estimates the motion."""
         from voxelpose.recording.folder import one_camera
 
-        options = monocular_options(self.start, self.outline_only, self.library)
+        estimator, options = method_options(
+            self.method, self.start, self.outline_only, self.library
+        )
         folder, camera = one_camera(self.recording, self.camera)
-        command, estimator = replace(self, recording=folder), "monocular"
-        if self.method == "paper":
-            if options.pop("outline_only"):
-                raise InputError("--outline-only: --method paper sees nothing but outlines anyway")
-            estimator = "tree"
-            if self.background == "auto":
-                command = replace(command, background="paper")
+        command = replace(self, recording=folder)
+        if self.method == "paper" and self.background == "auto":
+            command = replace(command, background="paper")
         command.estimate((camera,), options, estimator)

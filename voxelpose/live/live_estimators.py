@@ -18,16 +18,21 @@ from silhouette_core.estimator import Settings
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.monocular_stages import (
+    LONG_SIDE_PX,
     MonocularOptions,
     PersonFinder,
     PoseStages,
     person_for,
 )
 from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.tree_estimator import TreeFollower, TreeOptions, library_of
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING
 from silhouette_core.workers import SPAWN
 from voxelpose.live.live_frame import Hypotheses, PosedBody
@@ -223,6 +228,46 @@ class MonocularPoses:
         likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
         hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
         return posed_body(model, found.pose, confidence, shown, hypotheses)
+
+    def close(self) -> None:
+        """Nothing was begun."""
+
+
+class LiveTree(LiveMonocular):
+    """One camera, by paper A's filter: see `TreeEstimator`."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        settings: Settings,
+        options: TreeOptions,
+        fps: float,
+        reporter: Reporter,
+    ):
+        """Builds the library where there is none, and begins the process."""
+        library_of(camera, settings, options, reporter)  # here, where it is reported
+        self._finder, self._name = PersonFinder(camera, False), camera.name
+        LiveEstimator.__init__(self, TreePoses, camera, settings, options, fps)
+
+
+class TreePoses:
+    """Likeliest samples of the person whom one camera sees."""
+
+    def __init__(self, camera: Camera, settings: Settings, options: TreeOptions, fps: float):
+        self._library = library_of(camera, settings, options, SilentReporter())
+        pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
+        self._views, self._backend = PinholeViews.from_rig(Rig((pinhole,))), CPU
+        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, CPU)
+
+    def step(self, seen: SeenPerson) -> PosedBody:
+        """The likeliest sample and others."""
+        _, time_s, person = seen
+        poses, probability = self._follower.step(time_s, person.mask)
+        model, best = self._library.model, poses.poses()[0]
+        joints = landmarks(model, *place(model, *poses.arrays))
+        (error,) = mask_errors(model, [best], self._views, [person.mask], self._backend)
+        hypotheses = tuple(zip(probability.tolist(), joints, strict=True))
+        return posed_body(model, best, float(np.clip(1 - error, 0, 1)), np.ones(15), hypotheses)
 
     def close(self) -> None:
         """Nothing was begun."""

@@ -14,12 +14,14 @@ from calib.errors import InputError
 from calib.upright import axis_name
 from silhouette_core.estimator import Settings, read_options
 from silhouette_core.monocular.monocular_stages import MonocularOptions
+from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import Reporter
 from voxelpose.live.camera_source import CameraSource
 from voxelpose.live.live_estimators import (
     LiveEstimator,
     LiveMonocular,
     LiveMultiView,
+    LiveTree,
 )
 from voxelpose.live.session import SessionSettings
 from voxelpose.recording.folder import Recording, default_camera
@@ -113,13 +115,19 @@ def open_input(
     return LiveInput(recording, named, fps or _USUAL_FPS)
 
 
-def make_estimator(live: LiveInput, settings: Settings, reporter: Reporter) -> LiveEstimator:
+def make_estimator(
+    live: LiveInput, settings: Settings, reporter: Reporter, method: str = "monocular"
+) -> LiveEstimator:
     """Estimator for one camera or for several, with what is known about the person, and options of
-    the monocular estimator; InputError where these or the library cannot be used.
+    the estimator of one camera, `monocular` or `tree`; InputError where these or the library cannot
+    be used.
     """
     recording = live.recording
     if len(recording.rig) > 1:
         return LiveMultiView(recording.rig, settings)
+    if method == "tree":
+        chosen = read_options(TreeOptions, settings.options, method)
+        return LiveTree(recording.rig.cameras[0], settings, chosen, live.fps, reporter)
     options = read_options(MonocularOptions, settings.options, "monocular")
     coloured = not recording.silhouettes_given
     return LiveMonocular(recording.rig.cameras[0], settings, options, live.fps, coloured, reporter)

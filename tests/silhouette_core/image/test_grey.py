@@ -12,13 +12,13 @@ SIZE = (240, 320)
 SHIRT, SHADOW = (slice(60, 150), slice(120, 170)), (slice(180, 215), slice(150, 250))
 
 
-def film(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def film(rng: np.random.Generator, deep: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
     """An empty room and one with a shirt and a shadow of the same brightness, (H, W, 3) uint8."""
     texture = cv2.GaussianBlur(rng.normal(0, 150, SIZE), (0, 0), 6)
     folds = cv2.GaussianBlur(rng.normal(0, 90, SIZE), (0, 0), 5)
     room = 160 + texture
     taken = room.copy()
-    taken[SHIRT] = (105 + 3 * folds)[SHIRT]
+    taken[SHIRT] = (105 + deep * folds)[SHIRT]
     taken[SHADOW] *= 0.66
     noisy = (np.rint(image + rng.normal(0, 1.5, SIZE)).clip(0, 255) for image in (room, taken))
     empty, frame = (cv2.merge([image.astype(np.uint8)] * 3) for image in noisy)
@@ -65,3 +65,16 @@ def test_without_colours_whatever_is_darker_may_belong_to_a_silhouette(filmed):
     told = [model.soft_silhouette(frame).tint for model in (blind, blind.as_grey([frame]))]
     assert [one[SHIRT].mean() > 0.8 for one in told] == [False, True]
     assert told[1][SHADOW].mean() > 0.8 and not told[1][:40].any()
+
+
+def test_texture_tells_where_no_frame_was_looked_at_beforehand():
+    """Live, and with --no-smooth: there are no colours of the person to cut by."""
+    empty, frame = film(np.random.default_rng(5), deep=12.0)
+    model = BackgroundModel.from_frames([empty]).as_grey(())
+    assert model.grey and model.by_texture is None
+    near = model.silhouette_near(
+        frame[40:230, 90:260], (slice(40, 230), slice(90, 260)), model.exposure(frame)
+    )
+    for found in (model.silhouette(frame), near):
+        assert found[SHIRT].mean() > 0.8 and found[SHADOW].mean() < 0.1
+    assert BackgroundModel.from_frames([empty]).silhouette(frame)[SHIRT].mean() < 0.7

@@ -11,11 +11,12 @@ from silhouette_core.estimator import Settings
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.monocular_stages import MonocularOptions
 from silhouette_core.monocular.tree.store import write_library
+from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
-from voxelpose.live.live_estimators import LiveMoment, LiveMonocular
+from voxelpose.live.live_estimators import LiveMoment, LiveMonocular, LiveTree
 from voxelpose.multiview.tracking.body_track import Moment
 
 RIG = ring(1, (320, 240))
@@ -74,3 +75,24 @@ def test_a_person_is_found_frame_by_frame(live):
 def test_a_library_without_a_proposal_is_refused(live):
     with pytest.raises(InputError, match=r"lib\.vplib: the library has no proposal"):
         live(None)
+
+
+def test_paper_a_s_filter_follows_too(library, tmp_path):
+    write_library(library, tmp_path / "lib.vplib")
+    options = TreeOptions(str(tmp_path / "lib.vplib"), "any")
+    settings, camera = Settings(smooth=False), RIG.cameras[0]
+    estimator = LiveTree(camera, settings, options, 25.0, SilentReporter())
+    try:
+        frame = staged_frame(RIG, STANDING)
+        whole = {NAME: frame.silhouettes[NAME].repeat(2, axis=0).repeat(2, axis=1)}
+        for number in range(2):
+            found = estimator.step(estimator.prepare(moment(number, whole, frame.pictures)))
+            assert found.confidence > 0.5
+            odds = [probability for probability, _ in found.hypotheses]
+            assert sum(odds) == pytest.approx(1) and odds == sorted(odds, reverse=True)
+            likeliest = found.hypotheses[0][1]
+            np.testing.assert_allclose(found.joints_m, likeliest, atol=1e-9)
+        empty = {NAME: np.zeros_like(whole[NAME])}
+        assert estimator.prepare(moment(3, empty, frame.pictures)) is None
+    finally:
+        estimator.close()
