@@ -113,6 +113,8 @@ class Live(arguments.PageArguments):
     fps: arguments.Fps = None
     label: arguments.Label = None
     up: arguments.Up = None
+    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
+    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
 
     def run(self) -> None:
         """Runs the session."""
@@ -148,6 +150,7 @@ class Live(arguments.PageArguments):
                 chest_m=subject.chest_girth_m,
                 sex=subject.sex,  # type: ignore[arg-type]
                 smooth=False,
+                backend=self.backend,
                 options=options if len(live.recording.rig) == 1 else {},
             )
             session_settings = replace(

@@ -31,7 +31,7 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING
 from silhouette_core.workers import SPAWN
@@ -256,8 +256,9 @@ class TreePoses:
     def __init__(self, camera: Camera, settings: Settings, options: TreeOptions, fps: float):
         self._library = library_of(camera, settings, options, SilentReporter())
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
-        self._views, self._backend = PinholeViews.from_rig(Rig((pinhole,))), CPU
-        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, CPU)
+        self._views = PinholeViews.from_rig(Rig((pinhole,)))
+        self._backend = load_backend(settings.backend)
+        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, self._backend)
 
     def step(self, seen: SeenPerson) -> PosedBody:
         """The likeliest sample and others."""

@@ -16,6 +16,7 @@ from silhouette_core.estimator import Settings, read_options
 from silhouette_core.monocular.monocular_stages import MonocularOptions
 from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import Reporter
+from silhouette_core.scoring.backend import load_backend
 from voxelpose.live.camera_source import CameraSource
 from voxelpose.live.live_estimators import (
     LiveEstimator,
@@ -123,6 +124,7 @@ def make_estimator(
     be used.
     """
     recording = live.recording
+    load_backend(settings.backend)  # refuses an unknown name before a process is begun
     if len(recording.rig) > 1:
         return LiveMultiView(recording.rig, settings)
     if method == "tree":

@@ -203,6 +203,8 @@ print([name for name in ("cv2", "numba", "scipy") if name in sys.modules])
         (["walk", "--host", "0.0.0.0"], "--token"),
         (["walk", "--duration", "0"], "--duration"),
         (["walk", "--countdown", "-1"], "--countdown"),
+        (["walk", "--backend", "nope"], "no backend is called 'nope'"),
+        (["walk", "--method", "paper", "--outline-only"], "nothing but outlines"),
     ],
 )
 def test_mistakes_are_one_line(room, capsys, arguments, said):
