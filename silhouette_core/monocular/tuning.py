@@ -29,6 +29,9 @@ class FilterSettings:
     moved: int = 500
     """Nodes per level that are moved to where they fit best, if there are more than twice
     as many: those that are likely where they are. Source as of `survivors`."""
+    first_deg: float = 45.0
+    """Degrees. Deviation of every angle from the upright pose that faces the camera, in the paper's
+    first frame. By eye: the paper does not state it."""
     floor: float = 0.10
     """1. Fraction of the prior that is spread evenly over the library, so that the filter recovers
     from a wrong pose. By eye."""

@@ -36,8 +36,6 @@ from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
-INITIAL_SIGMA_RAD = np.pi / 4
-"""Standard deviation of every angle in the prior of a first frame; the paper does not state it."""
 _COARSEST = 4  # pixels of the window in one of the first level
 _MOST_STEPS = 30  # frame intervals without a silhouette that are predicted one by one
 
@@ -232,5 +230,5 @@ def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:
     turn, angles = library.pose(np.arange(len(library)))
     facing = Rotation.from_quat(turn, scalar_first=True).magnitude()
     square = ((angles - upright) ** 2).sum(axis=1) + facing**2
-    prior = np.exp(-0.5 * (square - square.min()) / INITIAL_SIGMA_RAD**2)
+    prior = np.exp(-0.5 * (square - square.min()) / np.radians(FILTER.first_deg) ** 2)
     return prior / prior.sum()

@@ -9,11 +9,7 @@ from scipy.sparse import identity
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.making.build import build_library
-from silhouette_core.monocular.tree.paper_filter import (
-    INITIAL_SIGMA_RAD,
-    PaperFilter,
-    initial_prior,
-)
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.motion.dynamics import ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
@@ -93,7 +89,6 @@ def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     sigma = np.radians(45)
     expected = -0.5 * (apart - apart.min()) / sigma**2
     np.testing.assert_allclose(np.log(prior / prior.max()), expected, atol=1e-6)
-    assert pytest.approx(sigma) == INITIAL_SIGMA_RAD
 
 
 def test_posterior_is_likelihood_times_prior(library, camera):
