@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX
-from silhouette_core.monocular.tree.store import read_library, write_library
+from silhouette_core.monocular.tree.store import VERSION, read_library, write_library
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
@@ -217,22 +218,21 @@ def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLi
     once and kept in the user's cache.
     """
     settings = LibrarySettings(_SAMPLES, pitches_deg=(min(max(pitch_deg, -60.0), 75.0),))
-    digest = hashlib.sha256(json.dumps(asdict(settings)).encode())
+    digest = hashlib.sha256(json.dumps([VERSION, asdict(settings)]).encode())
     digest.update(np.ascontiguousarray(model.vertices_m).tobytes())
     reporter.stage("pose library")
     motions = keypose_motions(model)
     for motion in motions.values():
         digest.update(np.ascontiguousarray(motion.angles_rad).tobytes())
     file = user_cache_path("voxelpose") / "libraries" / f"{digest.hexdigest()[:16]}.vplib"
-    if file.exists():
+    with suppress(InputError):  # it is not there, or damaged
         return read_library(file)
     library = build_library(base_poses(motions, settings), model, settings, reporter)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_library(library, file)
-        for old in sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)[
-            :-_KEPT
-        ]:
+        kept = sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)
+        for old in kept[:-_KEPT]:
             old.unlink()
     except (OSError, InputError) as error:
         reporter.note(f"the pose library is not kept, since {file} cannot be written: {error}")

@@ -105,3 +105,20 @@ def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
     assert np.degrees(first.views[:, 1]) == pytest.approx(10.0)
     dictionary(body(), 20.0, SilentReporter())
     assert len(built) == 2
+    for file in (tmp_path / "voxelpose" / "libraries").iterdir():
+        file.write_bytes(file.read_bytes()[:1000])
+    assert len(dictionary(body(), 10.0, SilentReporter())) == len(first) and len(built) == 3
+
+
+def test_a_dictionary_that_cannot_be_kept_is_used(tmp_path, monkeypatch):
+    (tmp_path / "voxelpose").touch()  # where its folder would be
+    monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setattr(tree_estimator, "_SAMPLES", 480)
+    notes = []
+
+    class Noting(SilentReporter):
+        def note(self, text):
+            notes.append(text)
+
+    assert len(dictionary(body(), 10.0, Noting())) <= 480
+    assert "is not kept" in notes[0]
