@@ -11,7 +11,7 @@ from voxelpose.tuning import RELIABILITY
 
 Level = Literal["failed", "doubtful", "reliable"]
 _Table = Mapping[str, Any]
-_STATED = {"pose_error_mm", "right_probability", "landmark_confidence"}
+_STATED = {"pose_error_mm", "joint_sigma_mm", "right_probability", "landmark_confidence"}
 """Of the quality, what says how far off poses are; overlap with the silhouettes does not."""
 
 

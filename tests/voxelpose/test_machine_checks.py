@@ -33,7 +33,7 @@ def test_colliding_opencv_wheels_are_named(monkeypatch):
 
 
 def test_estimators_and_backends_are_listed():
-    assert found("estimators").found == "monocular, multiview"
+    assert found("estimators").found == "monocular, multiview, tree"
     assert found("backends").found == "cpu"
 
 

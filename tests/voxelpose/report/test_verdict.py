@@ -21,7 +21,10 @@ def result(tmp_path, lost=(), outline_agreement=0.9, **overlaps):
         "outline_agreement": np.broadcast_to(np.asarray(outline_agreement, float), 20),
         "part_overlap": overlap,
     }
-    summary = {"frames": {"with_pose": 20 - len(lost), "lost": list(lost)}, "quality": {}}
+    summary = {
+        "frames": {"with_pose": 20 - len(lost), "lost": list(lost)},
+        "quality": {"joint_sigma_mm": {}},
+    }
     return Result(tmp_path, replace(motion, quality=quality), ring(2), summary, {})
 
 
