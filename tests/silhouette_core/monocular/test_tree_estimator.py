@@ -93,14 +93,14 @@ def test_other_bodies_are_refused(filmed):
 
 def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
-    monkeypatch.setattr(tree_estimator, "_SAMPLES", 480)
+    monkeypatch.setattr(tree_estimator, "_SAMPLES", 240)
     built = []
     build = tree_estimator.build_library
     monkeypatch.setattr(
         tree_estimator, "build_library", lambda *given: built.append(given) or build(*given)
     )
     first, again = (dictionary(body(), 10.0, SilentReporter()) for _ in range(2))
-    assert len(built) == 1 and len(first) == len(again) <= 480
+    assert len(built) == 1 and len(first) == len(again) <= 240
     np.testing.assert_array_equal(first.leaf_samples, again.leaf_samples)
     assert np.degrees(first.views[:, 1]) == pytest.approx(10.0)
     dictionary(body(), 20.0, SilentReporter())
@@ -113,12 +113,12 @@ def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
 def test_a_dictionary_that_cannot_be_kept_is_used(tmp_path, monkeypatch):
     (tmp_path / "voxelpose").touch()  # where its folder would be
     monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
-    monkeypatch.setattr(tree_estimator, "_SAMPLES", 480)
+    monkeypatch.setattr(tree_estimator, "_SAMPLES", 240)
     notes = []
 
     class Noting(SilentReporter):
         def note(self, text):
             notes.append(text)
 
-    assert len(dictionary(body(), 10.0, Noting())) <= 480
+    assert len(dictionary(body(), 10.0, Noting())) <= 240
     assert "is not kept" in notes[0]
