@@ -24,8 +24,8 @@ _ROUNDS = 20
 class CameraMovement:
     """How a camera moves, by some of its frames; its frames, registered to where it mostly is.
 
-    The rim of the first frame, where people seldom are, is looked for in the others. A similarity
-    is fitted to all its pixels, with weights of Geman and McClure: a person who passes fits nowhere
+    The rim of their median picture, where people seldom are, is looked for in each. A similarity is
+    fitted to all its pixels, with weights of Geman and McClure: a person who passes fits nowhere
     and counts little, and noise moves nothing.
 
     Attributes:
@@ -40,14 +40,17 @@ class CameraMovement:
         self, frames: Sequence[NDArray[np.uint8]], empty: Sequence[NDArray[np.uint8]] = ()
     ) -> None:
         """Looks at frames (H, W, 3) uint8, BGR, of a take, and of its empty view."""
-        self._first, self._size = _Rim(frames[0]), frames[0].shape[1::-1]
+        self._size = frames[0].shape[1::-1]
+        self._median = _Rim(np.median([_reduced(one) for one in frames], axis=0).astype(np.uint8))
         found = [self._moved_to(frame) for frame in frames]
         known = [moved for moved in found if moved is not None]
-        self.moves = 2 * len(known) < len(found)
-        self._to_first = np.linalg.inv(np.mean(known, axis=0))
+        self.moves, self.shakes = 2 * len(known) < len(found), False
+        if self.moves:
+            return
+        self._to_median = np.linalg.inv(np.mean(known, axis=0))
         away_px = float(np.quantile([self._away_px(moved) for moved in known], 0.75))
         empty_px = max((self._away_px(self._moved_to(frame)) for frame in empty), default=0.0)
-        self.shakes = not self.moves and max(away_px, empty_px) > CAMERA_MOTION.still_px
+        self.shakes = max(away_px, empty_px) > CAMERA_MOTION.still_px
 
     def registered(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """A frame of the same size, moved, turned and scaled so that its rim is where it is in the
@@ -57,7 +60,7 @@ class CameraMovement:
         if moved is None:
             return frame
         flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
-        matrix = (moved @ self._to_first)[:2]
+        matrix = (moved @ self._to_median)[:2]
         steady = cv2.warpAffine(frame, matrix, self._size, flags=flags, borderMode=border)
         return np.asarray(steady, np.uint8)
 
@@ -68,14 +71,14 @@ class CameraMovement:
         if moved is None:
             return np.inf
         corners = np.array([(x, y, 1) for x in (0, self._size[0]) for y in (0, self._size[1])])
-        away = corners @ (moved @ self._to_first - np.eye(3)).T
+        away = corners @ (moved @ self._to_median - np.eye(3)).T
         return float(np.linalg.norm(away, axis=1).mean() * _SIDE_PX / max(self._size))
 
     def _moved_to(self, frame: NDArray[np.uint8]) -> NDArray[np.float64] | None:
-        """Similarity (3, 3) from the first frame to another, px; None unless that from there to
+        """Similarity (3, 3) from the median picture to a frame, px; None unless that from there to
         here is its inverse.
         """
-        one, other = self._first, _Rim(frame)
+        one, other = self._median, _Rim(_reduced(frame))
         if one.bare or other.bare:
             return np.eye(3)  # nothing moves that can be seen
         there, back = one.fitted(other), other.fitted(one)
@@ -87,12 +90,22 @@ class CameraMovement:
         return about @ _matrix(there, max(self._size)) @ np.linalg.inv(about)
 
 
-class _Rim:
-    """The rim of a frame (H, W, 3) uint8, BGR, at several sizes."""
+def _reduced(picture: NDArray[np.uint8], side_px: int = _SIDES_PX[-1]) -> NDArray[np.uint8]:
+    """A picture (H, W) or (H, W, 3) uint8 in grey, its longer side at most so long."""
+    if picture.ndim == 3:
+        picture = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+    scale = side_px / max(picture.shape)
+    if scale < 1:
+        small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        picture = np.asarray(small, np.uint8)
+    return picture
 
-    def __init__(self, frame: NDArray[np.uint8]) -> None:
-        grey = np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8)
-        self._levels = [_Level(grey, side_px) for side_px in _SIDES_PX]
+
+class _Rim:
+    """The rim of a reduced picture (h, w) uint8, at several sizes."""
+
+    def __init__(self, grey: NDArray[np.uint8]) -> None:
+        self._levels = [_Level(_reduced(grey, side_px)) for side_px in _SIDES_PX]
         self.bare = self._levels[-1].bare
 
     def fitted(self, other: _Rim) -> NDArray[np.float64]:
@@ -112,13 +125,9 @@ def _matrix(similarity: NDArray[np.float64], side: float) -> NDArray[np.float64]
 
 
 class _Level:
-    """A picture (h, w) uint8, reduced to a longer side, and the strongest edges of its rim."""
+    """A picture (h, w) uint8, and the strongest edges of its rim."""
 
-    def __init__(self, grey: NDArray[np.uint8], side_px: int) -> None:
-        scale = side_px / max(grey.shape)
-        if scale < 1:
-            small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-            grey = np.asarray(small, np.uint8)
+    def __init__(self, grey: NDArray[np.uint8]) -> None:
         self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
         height, width = grey.shape
         self.side = max(grey.shape)

@@ -27,6 +27,16 @@ def test_a_person_who_walks_does_not_move_the_camera():
     assert not motion.moves and not motion.shakes
 
 
+@pytest.mark.parametrize("near", [0, 11])
+def test_somebody_who_hides_the_rim_at_first_or_last_does_not_move_the_camera(near):
+    rng = np.random.default_rng(7)
+    scene = room(rng)
+    frames = [picture(scene, 30, rng, 40 + 12 * at) for at in range(12)]
+    frames[near][:, 30:] = np.uint8(room(rng)[:240, :290])  # before the lens
+    motion = CameraMovement(frames)
+    assert not motion.moves and not motion.shakes
+
+
 def test_a_camera_that_turns_away_moves():
     rng = np.random.default_rng(0)
     scene = np.tile(room(rng), (1, 2, 1))
@@ -75,25 +85,27 @@ def test_noise_before_a_bare_wall_moves_nothing():
 
 
 @pytest.mark.parametrize("size", [1, 3])  # the larger one is measured in a smaller picture
-def test_frames_of_a_camera_that_shakes_are_registered(size):
+@pytest.mark.parametrize("places", [(1, -1, 0), (1, 1, 0)])  # the latter is not where the median is
+def test_frames_of_a_camera_that_shakes_are_registered_to_their_mean(size, places):
     rng = np.random.default_rng(3)
     width, height = 320 * size, 240 * size
     scene = cv2.resize(room(rng)[10:250, 20:340], (width, height), interpolation=cv2.INTER_NEAREST)
     scene = cv2.GaussianBlur(scene, (0, 0), 1.5)
 
-    def shaken(sign: int) -> np.ndarray:
-        matrix = cv2.getRotationMatrix2D((width / 2, height / 2), 0.7 * sign, 1 + 0.004 * sign)
-        matrix[:, 2] += sign * np.array([3.4 * size, -2.3 * size])
+    def shaken(by: float) -> np.ndarray:
+        matrix = cv2.getRotationMatrix2D((width / 2, height / 2), 0.7 * by, 1 + 0.004 * by)
+        matrix[:, 2] += by * np.array([3.4 * size, -2.3 * size])
         return cv2.warpAffine(scene, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
 
-    frame = shaken(1)
-    frame[60 * size :, 100 * size : 180 * size] = 40  # somebody
-    # The first frame is not where the camera stands in the mean.
-    motion = CameraMovement([np.uint8(one) for one in (frame, shaken(-1), scene)])
+    frames = [np.uint8(shaken(place)) for place in places]
+    frames[0][60 * size :, 100 * size : 180 * size] = 40  # somebody
+    motion = CameraMovement(frames)
     assert motion.shakes
     part = slice(12 * size, -12 * size), slice(12 * size, 90 * size)
-    off = np.abs(motion.registered(np.uint8(frame)).astype(float) - scene)[part].mean()
-    assert off < 1.5 < 0.2 * np.abs(frame - scene)[part].mean()
+    mean = shaken(sum(places) / len(places))
+    for frame in frames:
+        off = np.abs(motion.registered(frame).astype(float) - mean)[part].mean()
+        assert off < 1.5 < 0.2 * np.abs(shaken(1) - shaken(0))[part].mean()
 
 
 def test_a_picture_of_another_place_stays_as_it_is():
