@@ -109,7 +109,7 @@ class Silhouettes:
             return BackgroundModel.from_frames(empty, method).as_grey(taken)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        for name, (frames, odds) in self._samples(source, without, _OCCUPIED, {}).items():
+        for name, (frames, odds) in self._samples(source, without, _OCCUPIED, backgrounds).items():
             self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
         self.kinds = {
             name: EMPTY_VIEW if name in backgrounds else UNIFORM if known.uniform else ESTIMATED

@@ -21,6 +21,23 @@ from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
 
+def reduced_weights(
+    window: Window,
+    weighting: Weighting,
+    reduction: int,
+    bounds_px: Rectangle | None = None,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """The silhouette (h, w) bool of a window at a resolution, and d_P (h, w) float64; 0 where the
+    camera does not reach: what it does not show speaks neither for nor against a pose. Arguments as
+    of `relative_weights`.
+    """
+    mask, seen = window.mask, window.seen
+    for _ in range(int(np.log2(reduction))):
+        mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
+    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
+    return mask, weights.astype(np.float64)
+
+
 def relative_weights(
     window: Window,
     weighting: Weighting,
@@ -40,16 +57,11 @@ def relative_weights(
 
     Returns:
         The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
-        the silhouette; 0 where the camera does not reach: what it does not show speaks neither for
-        nor against a pose.
+        the silhouette, see `reduced_weights`.
 
     Source: Okada and Stenger, eq. (6)-(9).
     """
-    mask, seen = window.mask, window.seen
-    for _ in range(int(np.log2(reduction))):
-        mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
-    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
-    weights = weights.astype(np.float64)
+    mask, weights = reduced_weights(window, weighting, reduction, bounds_px)
     return mask, weights / max(float(weights[mask].sum()), 1e-6)
 
 

@@ -19,12 +19,16 @@ from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from calib.camera import Camera
-from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import Weighting, pixel_weights
+from silhouette_core.monocular.silhouette_weights import reduced_weights
 from silhouette_core.monocular.tree.evidence import SHIFTS_PX
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, yaw_rotations
-from silhouette_core.monocular.tree.tree_filter import concatenated_ranges
+from silhouette_core.monocular.tree.tree_filter import (
+    concatenated_ranges,
+    node_sums,
+    samples_of,
+)
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M
@@ -96,8 +100,7 @@ class PaperFilter:
         self._distance_m, self._first, self._in_place = distance_m, first, in_place
         self._weighting: Weighting = weighting
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
-        self._shifts_px = _COARSEST * SHIFTS_PX * (0 if in_place else 1)
-        self._shifts_px = np.unique(self._shifts_px, axis=0)
+        self._shifts_px = np.zeros((1, 2), np.int64) if in_place else _COARSEST * SHIFTS_PX
         self._sigma = 0.0  # until the first frame
         self._last: PaperFrame | None = None
 
@@ -158,7 +161,8 @@ class PaperFilter:
         """The likeliest leaf, samples (M,) of the surviving leaves and their posterior (M, C), eq.
         (12) and (13), by a prior (N, C).
         """
-        library, of_nodes = self.library, self._of_nodes(prior)
+        library = self.library
+        of_nodes = node_sums(library, prior)
         nodes = kept = np.arange(len(library.levels[0]))
         log_likelihood = np.empty((0, 0))
         for depth, level in enumerate(library.levels):
@@ -173,10 +177,8 @@ class PaperFilter:
                     logsumexp(log_likelihood + np.log(of_nodes[depth][nodes]), axis=1)
                 )
             kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
-        leaf = nodes[kept]
-        ends = library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1]
-        samples = library.leaf_samples[concatenated_ranges(*ends)].astype(np.int64)
-        of_leaf = np.repeat(kept, ends[1] - ends[0])
+        samples, number = samples_of(library, nodes[kept])
+        of_leaf = kept[number]
         with np.errstate(divide="ignore"):
             posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
         probability = np.exp(posterior - posterior.max())
@@ -186,11 +188,8 @@ class PaperFilter:
 
     def _target(self, window: Window, reduction: int) -> Target:
         """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
-        mask, seen = window.mask, window.seen
-        for _ in range(int(np.log2(reduction))):
-            mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
-        weights = pixel_weights(mask, self._weighting, self.library.bounds_px)
-        weights = np.where(seen, weights, np.float32(0))  # what is not seen tells nothing
+        bounds_px = self.library.bounds_px
+        mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
     def _follow_distance(self, mask: NDArray[np.bool_], leaf: int, cell: int) -> None:
@@ -204,14 +203,6 @@ class PaperFilter:
         finest = self.library.levels[-1].spans
         apart = self._backend.span_distances(target, finest, np.array([leaf]))[0]
         self._distance_m *= float(factors[int(apart.argmin())] ** DISTANCES.gain)
-
-    def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Prior (K, C) of the nodes of every level: the sums over their samples."""
-        library = self.library
-        sums = [np.add.reduceat(prior[library.leaf_samples], library.leaf_offsets[:-1])]
-        for offsets in library.child_offsets[-2::-1]:
-            sums.insert(0, np.add.reduceat(sums[0], offsets[:-1]))
-        return sums
 
 
 def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:

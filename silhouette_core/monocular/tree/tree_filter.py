@@ -140,7 +140,7 @@ class TreeFilter:
         Source: Okada and Stenger, eq. (1), (12), (13).
         """
         library = self.library
-        node_prior = self._of_nodes(prior)
+        node_prior = node_sums(library, prior)
         nodes = np.arange(len(library.levels[0]))
         scored = [len(nodes)]
         alignment, log_likelihood, kept = self.score_level(0, nodes, node_prior[0][nodes], evidence)
@@ -150,12 +150,8 @@ class TreeFilter:
             alignment, log_likelihood, kept = self.score_level(
                 depth, nodes, node_prior[depth][nodes], evidence
             )
-        leaf = nodes[kept]
-        counts = library.leaf_offsets[leaf + 1] - library.leaf_offsets[leaf]
-        samples = library.leaf_samples[
-            concatenated_ranges(library.leaf_offsets[leaf], library.leaf_offsets[leaf + 1])
-        ]
-        of_leaf = np.repeat(kept, counts)
+        samples, number = samples_of(library, nodes[kept])
+        of_leaf = kept[number]
         with np.errstate(divide="ignore"):
             log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
         probability = np.exp(log_posterior - log_posterior.max())
@@ -231,16 +227,22 @@ class TreeFilter:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])
         return alignment, log_likelihood, kept
 
-    def _of_nodes(self, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Prior of the nodes of every level: the sums over their samples."""
-        library = self.library
-        sums = np.concatenate([[0.0], np.cumsum(prior[library.leaf_samples])])
-        of_level = [sums[library.leaf_offsets[1:]] - sums[library.leaf_offsets[:-1]]]
-        for level, above in zip(library.levels[:0:-1], library.levels[-2::-1], strict=True):
-            of_level.insert(
-                0, np.bincount(level.parent, of_level[0], minlength=len(above.representative))
-            )
-        return of_level
+
+def node_sums(library: PoseLibrary, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Prior (K, …) of the nodes of every level: the sums over their samples, of a prior (N, …)."""
+    sums = [np.add.reduceat(prior[library.leaf_samples], library.leaf_offsets[:-1])]
+    for offsets in library.child_offsets[-2::-1]:
+        sums.insert(0, np.add.reduceat(sums[0], offsets[:-1]))
+    return sums
+
+
+def samples_of(
+    library: PoseLibrary, leaves: NDArray[np.integer]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples (M,) of some leaves (n,), leaf by leaf, and the number of each in that order (M,)."""
+    ends = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
+    samples = library.leaf_samples[concatenated_ranges(*ends)].astype(np.int64)
+    return samples, np.repeat(np.arange(len(leaves)), ends[1] - ends[0])
 
 
 def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -163,14 +163,24 @@ def test_results_are_not_overwritten_unasked(room, capsys):
     assert [path.name for path in (room / "x").iterdir()] == ["diary.txt"]
 
 
+@pytest.fixture
+def tracked(desk, library_bytes, capsys):
+    """Tracks three frames of the second of two cameras; returns summary.json."""
+
+    def by(*words):
+        (desk / "lib.vplib").write_bytes(library_bytes)
+        write_staged(desk / "take", waving(3), ring(2, (320, 240)))
+        plain = "--camera cam_2 --library lib.vplib --no-pictures --stature 1.70".split()
+        assert run(["track", "take", "--out", "x", *plain, *words]) == 0
+        assert "3 of 3 frames have a pose" in capsys.readouterr().out
+        return json.loads((desk / "x" / "summary.json").read_text())
+
+    return by
+
+
 @pytest.mark.slow
-def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
-    (desk / "lib.vplib").write_bytes(library_bytes)
-    write_staged(desk / "take", waving(3), ring(2, (320, 240)))
-    words = "track take --out x --camera cam_2 --library lib.vplib --start any".split()
-    assert run([*words, "--no-pictures", "--stature", "1.70"]) == 0
-    assert "3 of 3 frames have a pose" in capsys.readouterr().out
-    summary = json.loads((desk / "x" / "summary.json").read_text())
+def test_one_camera_of_two_is_tracked(desk, tracked):
+    summary = tracked("--start", "any")
     assert summary["cameras"] == ["cam_2"] and summary["estimator"] == "monocular"
     rows = np.genfromtxt(
         desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
@@ -178,13 +188,8 @@ def test_one_camera_of_two_is_tracked(desk, library_bytes, capsys):
     assert set(rows["frame"]) == {0, 1, 2} and rows["rank"].max() <= 5
 
 
-def test_the_paper_s_method_tracks_and_claims_nothing(desk, library_bytes, capsys):
-    (desk / "lib.vplib").write_bytes(library_bytes)
-    write_staged(desk / "take", waving(3), ring(2, (320, 240)))
-    words = "track take --out x --camera cam_2 --library lib.vplib --method paper".split()
-    assert run([*words, "--no-pictures", "--stature", "1.70"]) == 0
-    assert "3 of 3 frames have a pose" in capsys.readouterr().out
-    summary = json.loads((desk / "x" / "summary.json").read_text())
+def test_the_paper_s_method_tracks_and_claims_nothing(desk, tracked):
+    summary = tracked("--method", "paper")
     assert summary["estimator"] == "tree" and summary["verdict"]["level"] == "doubtful"
     assert 'background = "paper"' in (desk / "x" / "settings.toml").read_text()
     assert (desk / "x" / "hypotheses.csv").exists()
