@@ -1,13 +1,15 @@
-"""One camera on recordings that nobody tuned on: python -m benchmarks.unseen LIB RECORDING ...
+"""One camera on recordings that nobody tuned on.
+
+    python -m benchmarks.unseen LIB RECORDING ... [--facing]
 
 Tracks the only camera of every RECORDING (a folder with truth.json) with the pose library LIB, with
 the proposal that comes with the program if LIB is `program`, or as `track --method paper` if it is
-`paper`; with the true stature and no assumption about the start. Prints a row each, the median and
-the 90th percentile, and how often hypotheses of a probability are right: within 100 mm of the
-truth, relative to the pelvis. "uncovered" is the share of frames in which something of the true
-silhouette lies 100 mm or more from the drawn body, such as a hand that the pose has elsewhere.
-Results are kept in out/unseen, by the names of the library, the recording and its parent folder,
-and are not made again.
+`paper`; with the true stature and no assumption about the start, or with --facing as `track` begins
+unless told. Prints a row each, the median and the 90th percentile, and how often hypotheses of a
+probability are right: within 100 mm of the truth, relative to the pelvis. "uncovered" is the share
+of frames in which something of the true silhouette lies 100 mm or more from the drawn body, such as
+a hand that the pose has elsewhere. Results are kept in out/unseen, by the names of the library, the
+recording and its parent folder, and are not made again.
 """
 
 import csv
@@ -42,12 +44,13 @@ EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0001)
 RIGHT_M = 0.10
 
 
-def track(library: Path, folder: Path) -> Path:
+def track(library: Path, folder: Path, start: str) -> Path:
     """Result of a recording, made if it is not there."""
-    result = OUT / library.stem / f"{folder.parent.name}_{folder.name}"
+    kept = library.stem if start == "any" else f"{library.stem}_{start}"
+    result = OUT / kept / f"{folder.parent.name}_{folder.name}"
     if not (result / "joints.csv").exists():
         stature_m = json.loads((folder / "truth.json").read_text())["stature"]
-        options: dict[str, bool | int | float | str] = {"start": "any"}
+        options: dict[str, bool | int | float | str] = {"start": start}
         settings, estimator = Settings(stature_m=stature_m, threads=1), "monocular"
         if str(library) == "paper":
             settings, estimator = replace(settings, background="paper"), "tree"
@@ -102,7 +105,8 @@ def main(arguments: list[str]) -> int:
     if len(arguments) < 2:
         print(__doc__, file=sys.stderr)
         return 2
-    library, folders = Path(arguments[0]), [Path(name) for name in arguments[1:]]
+    start = "facing" if "--facing" in arguments else "any"
+    library, *folders = (Path(name) for name in arguments if name != "--facing")
     print(
         f"{'recording':<14}"
         + "".join(f"{column:>10}" for column in COLUMNS)
@@ -111,7 +115,7 @@ def main(arguments: list[str]) -> int:
     rows: list[list[float]] = []
     answers: list[tuple[float, bool]] = []
     for folder in folders:
-        result, truth = track(library, folder), read_truth(folder / "truth.json")
+        result, truth = track(library, folder, start), read_truth(folder / "truth.json")
         score = score_motion(truth, read_joints(result / "joints.csv", len(truth)))
         quality = json.loads((result / "summary.json").read_text())["quality"]
         error = 1 - quality["outline_agreement"]["median"]
