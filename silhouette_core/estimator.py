@@ -203,6 +203,28 @@ class Estimator(Protocol):
         ...
 
 
+@runtime_checkable
+class PeopleEstimator(Estimator, Protocol):
+    """An estimator that estimates several people, too."""
+
+    def estimate_people(
+        self, source: FrameSource, settings: Settings, reporter: Reporter, people: int | None
+    ) -> list[Estimate]:
+        """Estimates the motion of everybody.
+
+        Args:
+            source: the frames, as of `estimate`.
+            people: how many there are; None: as many as are seen.
+
+        Returns:
+            An estimate of each.
+
+        Raises:
+            InputError: as `estimate`; fewer people are there.
+        """
+        ...
+
+
 def load_estimator(name: str) -> Estimator:
     """New instance of a registered estimator.
 

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from voxelpose.demo.room import make_recording
     from voxelpose.evaluation import Score, evaluate
     from voxelpose.export.formats import export_motion
-    from voxelpose.fitting import Output, fit, track
+    from voxelpose.fitting import Output, fit, fit_people, track
     from voxelpose.hull import CarveSettings, Hull, carve_recording
     from voxelpose.recording.folder import Recording
-    from voxelpose.results import Result
+    from voxelpose.results import Result, open_people
 
 
 __all__ = [
@@ -40,7 +40,9 @@ __all__ = [
     "evaluate",
     "export_motion",
     "fit",
+    "fit_people",
     "make_recording",
+    "open_people",
     "track",
 ]
 
@@ -53,10 +55,10 @@ _NAMES = {
     "voxelpose.demo.room": "make_recording",
     "voxelpose.evaluation": "Score evaluate",
     "voxelpose.export.formats": "export_motion",
-    "voxelpose.fitting": "Output fit track",
+    "voxelpose.fitting": "Output fit fit_people track",
     "voxelpose.hull": "CarveSettings Hull carve_recording",
     "voxelpose.recording.folder": "Recording",
-    "voxelpose.results": "Result",
+    "voxelpose.results": "Result open_people",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

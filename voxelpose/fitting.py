@@ -2,36 +2,56 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.estimator import Estimate, Estimator, Settings, load_estimator
+from silhouette_core.estimator import (
+    Estimate,
+    Estimator,
+    PeopleEstimator,
+    Settings,
+    load_estimator,
+)
 from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.jit import check_threads
-from silhouette_core.motion.conditioning import describe_conditioning, filter_warning
-from silhouette_core.motion.dynamics import is_person_tree
-from silhouette_core.motion.heading import fastest_turn
-from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.conditioning import filter_warning
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.export.bvh import write_bvh
-from voxelpose.export.tables import HYPOTHESES, JOINTS, write_hypotheses, write_joints
+from voxelpose.export.tables import (
+    HYPOTHESES,
+    JOINTS,
+    write_hypotheses,
+    write_joints,
+    write_people_joints,
+)
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.input_digests import input_digests
-from voxelpose.reliability import verdict_of
-from voxelpose.results import CALIBRATION, MOTION, SETTINGS, SUMMARY, Result, ResultWriter, as_json
-from voxelpose.version import __version__
+from voxelpose.result_documents import (
+    path_from,
+    people_document,
+    settings_document,
+    summary_document,
+)
+from voxelpose.results import (
+    CALIBRATION,
+    MOTION,
+    SETTINGS,
+    SUMMARY,
+    Result,
+    ResultWriter,
+    as_json,
+    load_summary,
+    open_people,
+)
 from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
 
 
@@ -73,6 +93,28 @@ def fit(
         InputError: the recording, the settings or the output cannot be used. Silhouettes that
             cannot be a person's are shown in `OUT.silhouettes.png`.
     """
+    return fit_people(recording, output, settings, estimator, reporter, 1)[0]
+
+
+def fit_people(
+    recording: Recording,
+    output: Output,
+    settings: Settings | None = None,
+    estimator: str = "multiview",
+    reporter: Reporter | None = None,
+    people: int | None = None,
+) -> list[Result]:
+    """As `fit`, of everybody in a recording; returns a result each.
+
+    Of one person the output's folder is the result. Of several it has a result in `person_1`,
+    `person_2` and so on, with joints.csv and pictures of all of them and an index, summary.json.
+
+    Args:
+        people: how many there are; None: as many as are seen.
+
+    Raises:
+        InputError: as `fit`; fewer people are there; the estimator can estimate but one.
+    """
     reporter = reporter or SilentReporter()
     started = time.perf_counter()
     implementation = load_estimator(estimator)
@@ -87,10 +129,22 @@ def fit(
     with writer as folder:
         inputs = input_digests(recording, estimator)  # before they can change
         with refusal_drawn(recording, output.folder):
-            estimate = implementation.estimate(recording, settings, reporter)
-        estimation = _Estimation(recording, estimate, settings, estimator, started, inputs)
-        _write_files(folder, output, estimation, reporter)
-    return Result.open(output.folder)
+            if isinstance(implementation, PeopleEstimator):
+                given = recording, settings, reporter, people
+                estimates = implementation.estimate_people(*given)
+            elif people in (None, 1):
+                estimates = [implementation.estimate(recording, settings, reporter)]
+            else:
+                raise InputError(f"estimator {estimator!r} estimates one person, not {people}")
+        estimations = [
+            _Estimation(recording, estimate, settings, estimator, started, inputs)
+            for estimate in estimates
+        ]
+        if len(estimations) > 1:
+            _write_people(folder, output, estimations, reporter)
+        else:
+            _write_files(folder, output, estimations[0], reporter)
+    return open_people(output.folder)
 
 
 def write_estimate(
@@ -150,20 +204,43 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     if estimate.hypotheses is not None:
         write_hypotheses(estimate.hypotheses, folder / HYPOTHESES, motion.model.tree)
     write_rig(recording.rig, folder / CALIBRATION)
-    document = _settings_toml(recording, output, estimation.settings, estimation.estimator)
-    (folder / SETTINGS).write_text(document, encoding="utf-8")
+    how = estimation.settings, estimation.estimator
+    document = settings_document(recording, Path(output.folder), *how)
+    (folder / SETTINGS).write_text(tomlkit.dumps(document), encoding="utf-8")
     estimated = time.perf_counter()
     if output.pictures:
-        draw_pictures(recording, motion, folder, _title(recording, estimate), reporter)
+        draw_pictures(recording, [motion], folder, _title(recording, estimate), reporter)
     finished = time.perf_counter()
     seconds = {"pictures": finished - estimated, "total": finished - estimation.started}
-    summary = _summary(recording, estimate, estimation.estimator, seconds)
+    summary = summary_document(recording, estimate, estimation.estimator, seconds)
     summary["inputs"] = estimation.inputs
     if output.sources:
         start = Path(output.folder).resolve()
-        files = {name: _path_from(start, Path(file)) for name, file in output.sources.items()}
+        files = {name: path_from(start, Path(file)) for name, file in output.sources.items()}
         summary["settings_from"] = files
     (folder / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+
+
+def _write_people(
+    folder: Path, output: Output, estimations: Sequence[_Estimation], reporter: Reporter
+) -> None:
+    """Writes a result for each of several people, and what shows them all."""
+    names = [f"person_{k + 1}" for k in range(len(estimations))]
+    for name, estimation in zip(names, estimations, strict=True):
+        own = replace(output, folder=Path(output.folder) / name, pictures=False)
+        (folder / name).mkdir()
+        _write_files(folder / name, own, estimation, reporter)
+    first, motions = estimations[0], [one.estimate.motion for one in estimations]
+    write_people_joints(motions, folder / JOINTS)
+    if output.pictures:
+        recording, rig = first.recording, first.estimate.rig
+        filmed = recording if rig is None else replace(recording, rig=rig)
+        title = f"{recording.folder.resolve().name} · {len(motions)} people"
+        draw_pictures(filmed, motions, folder, title, reporter)
+    summaries = {name: load_summary(folder / name / SUMMARY) for name in names}
+    total_s = time.perf_counter() - first.started
+    index = people_document(first.recording, first.estimator, summaries, total_s)
+    (folder / SUMMARY).write_text(as_json(index), encoding="utf-8")
 
 
 def track(
@@ -228,114 +305,3 @@ def _describe(model: BodyModel) -> str:
     if person is not None:
         return f"stature {person.stature_m:.2f} m"
     return f"a given body of {len(model.names)} parts"
-
-
-def _body_table(model: BodyModel) -> dict[str, object]:
-    """The body's entry of the summary."""
-    person = model.person
-    if person is None:
-        return {"parts": len(model.names), "extent_m": round(model.extent_m, 4)}
-    return {
-        "stature_m": round(person.stature_m, 4),
-        "chest_girth_m": person.chest_girth_m,
-        "sex": person.sex,
-    }
-
-
-def _settings_toml(recording: Recording, output: Output, settings: Settings, estimator: str) -> str:
-    document = tomlkit.document()
-    document.add(
-        tomlkit.comment("Settings of this result; the program chose those that are not listed.")
-    )
-    document["recording"] = _path_from(Path(output.folder).resolve(), recording.folder.resolve())
-    document["frames"] = [int(recording.numbers[0]), int(recording.numbers[-1]) + 1]
-    document["cameras"] = list(recording.rig.names)
-    document["estimator"] = estimator
-    if recording.label is not None:
-        document["label"] = recording.label
-    given = asdict(settings)
-    options, conditioning = given.pop("options"), given.pop("conditioning")
-    if recording.silhouettes_given:
-        given.pop("background")
-    for name, value in given.items():
-        if value is not None:
-            document[name] = value
-    document["conditioning"] = {name: v for name, v in conditioning.items() if v is not None}
-    document["options"] = dict(options)
-    return tomlkit.dumps(document)
-
-
-def _path_from(start: Path, target: Path) -> str:
-    """Returns a relative path, so that recording and result can be moved together."""
-    try:
-        return Path(os.path.relpath(target, start)).as_posix()
-    except ValueError:  # another Windows drive
-        return str(target)
-
-
-def _summary(
-    recording: Recording, estimate: Estimate, estimator: str, seconds: Mapping[str, float]
-) -> dict[str, object]:
-    motion = estimate.motion
-    posed, filmed = set(motion.frames[~motion.filled].tolist()), recording.numbers.tolist()
-    first, last = filmed[0], filmed[-1]
-    summary: dict[str, object] = {
-        "voxelpose": __version__,
-        "estimator": estimator,
-        "recording": recording.folder.resolve().name,
-        "fps": recording.fps,
-        "cameras": list(recording.rig.names),
-        "up": motion.up.round(6) + 0.0,
-        "floor_m": round(motion.floor_m, 4),
-        "frames": {
-            "first": first,
-            "last": last,
-            "with_pose": len(posed),
-            "lost": [frame for frame in filmed if frame not in posed],
-            "not_filmed": sorted({*range(first, last + 1)} - {*filmed}),
-        },
-        "body": _body_table(motion.model),
-        "quality": _quality(motion, recording.rig.names),
-        "seconds": {
-            **{name: round(value, 3) for name, value in seconds.items()},
-            "stages": {
-                name: _range_of(values) | {"sum": round(float(np.sum(values)), 3)}
-                for name, values in estimate.stage_s.items()
-            },
-        },
-        "conditioning": describe_conditioning(motion),
-        "facts": dict(estimate.facts),
-    }
-    if is_person_tree(motion.model.tree):
-        speed, frame = fastest_turn(motion)
-        summary["facts"] = {**estimate.facts, "fastest_turn": [round(speed, 1), frame]}
-    summary["verdict"] = asdict(verdict_of(summary))
-    return summary
-
-
-def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, float]]:
-    """Ranges of the quality arrays over frames, and means of those per part, joint or camera."""
-    summary: dict[str, dict[str, float]] = {}
-    for name, array in motion.quality.items():
-        values = np.asarray(array, float)
-        if values.ndim == 1:
-            summary[name] = _range_of(values)
-            if name == "right_probability":
-                summary[name] |= {"lower_quarter": round(float(np.nanquantile(values, 0.25)), 4)}
-        columns = cameras if name == "camera_agreement" else motion.model.names
-        if name.startswith(("joint_", "landmark_")):
-            columns = motion.model.tree.landmark_names
-        if values.ndim == 2 and values.shape[1] == len(columns):
-            summary[name] = {
-                column: round(float(np.nanmean(values[:, k])), 4)
-                for k, column in enumerate(columns)
-                if np.isfinite(values[:, k]).any()
-            }
-    return summary
-
-
-def _range_of(values: NDArray) -> dict[str, float]:
-    if not np.isfinite(values).any():
-        return {}
-    numbers = {"min": np.nanmin(values), "median": np.nanmedian(values), "max": np.nanmax(values)}
-    return {name: round(float(value), 4) for name, value in numbers.items()}

@@ -32,6 +32,7 @@ _Positive = Annotated[float, Meta(gt=0, le=10**6)]
 _Seconds = Annotated[float, Meta(ge=0, le=10**9)]
 _Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
 _Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
+_PersonName = Annotated[str, Meta(pattern="^person_[0-9]{1,4}$")]
 _Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
 _Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
 _Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
@@ -233,10 +234,35 @@ class Result:
                 f"{folder} is not a result of voxelpose (it has no {SUMMARY} of ours): give the"
                 " folder of a fit"
             )
+        if names := _people_of(folder):
+            raise InputError(
+                f"{folder} holds the results of {len(names)} people: give one of them, as"
+                f" {folder / names[0]}"
+            )
         summary, settings = load_summary(folder / SUMMARY), load_settings(folder / SETTINGS)
         return cls(
             folder, read_motion(folder / MOTION), read_rig(folder / CALIBRATION), summary, settings
         )
+
+
+def open_people(folder: Path | str) -> list[Result]:
+    """Results of everybody in a folder of `fit`: of one person, or of several.
+
+    Raises:
+        InputError: as `Result.open`.
+    """
+    folder = Path(folder)
+    return [Result.open(folder / name) for name in _people_of(folder) or [""]]
+
+
+def _people_of(folder: Path) -> list[str]:
+    """Names of the folders in which the results of several people are; none of one person's."""
+    try:
+        people = parse_json(load_text(folder / SUMMARY, _LARGEST_BYTES), folder / SUMMARY)["people"]
+        names = msgspec.convert(people, dict[_PersonName, Any])
+    except (InputError, KeyError, TypeError, msgspec.ValidationError):
+        return []
+    return [*names]
 
 
 def is_result(folder: Path) -> bool:

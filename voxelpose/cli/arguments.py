@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.multiview.people import MOST_PEOPLE
 
 if TYPE_CHECKING:
     from calib.board import Board
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 _MAX_SQUARE_M = 2
 GROUPS = {
-    "basic": "recording folder out overwrite stature frames camera source method library record",
+    "basic": "recording folder out overwrite stature people frames camera source method library"
+    " record",
     "person": "chest body sex start outline_only",
     "camera": "cameras unit fps label up background segmenter loop",
     "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"
@@ -88,6 +90,14 @@ GapLimit = Annotated[
     arg(
         metavar="N|SECONDSs",
         help="Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s.",
+    ),
+]
+People = Annotated[
+    str,
+    arg(
+        metavar="N|auto",
+        help="Number of people: each is followed. auto: as many as are seen. 1: one, whoever else"
+        " passes by.",
     ),
 ]
 GapMethod = Annotated[
@@ -259,3 +269,19 @@ class BoardArguments:
 def corner_counts(text: str) -> tuple[int, int]:
     """Reads the value of --board, such as 8x5."""
     return two_numbers(text, "--board", "inner corners along and down, as in 8x5")
+
+
+def people(text: str) -> int | None:
+    """Number of people as an option tells it; None: as many as are seen.
+
+    Raises:
+        InputError: it is no number of people.
+    """
+    if text == "auto":
+        return None
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_PEOPLE:
+        raise InputError(
+            f"--people {text} is no number of people that are followed: give 1 to {MOST_PEOPLE}, or"
+            " auto"
+        )
+    return int(text)

@@ -19,6 +19,7 @@ _SHARES = {
         "background": 8,
         "silhouettes": 17,
         "completion": 10,
+        "people": 1,
         "hulls": 2,
         "first poses": 25,
         "tracking": 7,
@@ -102,6 +103,7 @@ class EstimationArguments:
         cameras: tuple[str, ...] | None,
         options: Mapping[str, bool | int | float | str],
         estimator: str,
+        people: int | None = 1,
     ) -> None:
         """Estimates the motion, writes the result, prints a summary."""
         with Progress(_SHARES.get(estimator)) as progress:
@@ -111,7 +113,7 @@ class EstimationArguments:
             from silhouette_core.image.segmenter import resolved_segmenter
             from silhouette_core.motion.body_source import resolved_body
             from silhouette_core.motion.conditioning import Conditioning
-            from voxelpose.fitting import Output, fit
+            from voxelpose.fitting import Output, fit_people
             from voxelpose.recording.folder import Recording, frame_range
 
             settings = Settings(
@@ -140,28 +142,34 @@ class EstimationArguments:
                     " 53 degrees is assumed, and distances are only rough"
                 )
             output = Output(self.out, self.overwrite, self.pictures, self.sources)
-            result = fit(recording, output, settings, estimator, progress)
-        from voxelpose.cli.summary import print_result
+            results = fit_people(recording, output, settings, estimator, progress, people)
+        from voxelpose.cli.summary import print_people, print_result
 
-        print_result(result, self.verbose)
+        if len(results) > 1:
+            print_people(self.out, results)
+        else:
+            print_result(results[0], self.verbose)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(EstimationArguments):
-    """Estimates the motion of a person from several cameras.
+    """Estimates the motion of a person, or of several, from several cameras.
 
     RECORDING holds a video per camera, calibration.toml and, if possible, background/ with videos
     or images of the empty view. OUT receives joints.csv, motion.bvh, motion.safetensors,
-    summary.json, overlay videos and contact_sheet.png.
+    summary.json, overlay videos and contact_sheet.png. Of several people OUT/person_1 and so on
+    receive them, and OUT joints.csv and pictures of all.
 
       voxelpose fit walk --out walk_fit --stature 1.75
       voxelpose fit walk --out walk_fit --frames 0:100 --overwrite
       voxelpose fit walk --out walk_fit --filter savgol --cutoff 10 --gap-limit 0.2s
       voxelpose fit run --out run_fit --body walk_fit
       voxelpose fit run --out run_fit --body 92A5
+      voxelpose fit dance --out dance_fit --people 2
       voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
     """
 
+    people: arguments.People = "auto"
     cameras: arguments.Cameras = None
     interference: bool = True
     """Match body parts jointly where their movable areas overlap; else one after the other."""
@@ -185,4 +193,5 @@ class Fit(EstimationArguments):
         }
         usual = {"interference": True, "voxel_size_m": None, "tolerance": 0, "repair": "auto"}
         options = {name: value for name, value in given.items() if value != usual[name]}
-        self.estimate(arguments.camera_names(self.cameras), options, self.estimator)
+        cameras, people = arguments.camera_names(self.cameras), arguments.people(self.people)
+        self.estimate(cameras, options, self.estimator, people)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +16,13 @@ if TYPE_CHECKING:
     from voxelpose.evaluation import Score
     from voxelpose.results import Result
 
-_FILES = (
+_OF_ALL = (
     ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
     ("overlay_*.webm", "the fitted body over the videos"),
     ("joints.csv", "positions of the joints, metres"),
+)
+_FILES = (
+    *_OF_ALL,
     ("motion.bvh", "the skeleton for Blender, Maya, ..."),
     ("motion.safetensors", "joint angles, root and quality, for programs"),
     ("summary.json", "quality and timings"),
@@ -52,6 +56,27 @@ def print_result(result: Result, verbose: bool = False) -> None:
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
     console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
     console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
+
+
+def print_people(folder: Path, results: Sequence[Result]) -> None:
+    """Prints the verdict and the number of poses of each of several people, and the files."""
+    console = rich_console()
+    for result in results:
+        summary: Any = result.summary
+        verdict, frames = verdict_of(summary), summary["frames"]
+        colour = "green" if verdict.level == "reliable" else "yellow"
+        words = plain(str(verdict).removeprefix(verdict.level))
+        console.print(
+            f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames:"
+            f" [bold {colour}]{verdict.level}[/]{words}",
+            soft_wrap=True,
+        )
+    console.print(f"[bold]{plain(folder)}[/bold]", soft_wrap=True)
+    for pattern, meaning in (*_OF_ALL, ("person_N/", "joints.csv, motion.bvh, … of each")):
+        if any(folder.glob(pattern.replace("N/", "*"))):
+            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
+    first = plain(results[0].folder)
+    console.print(f"to see one in three dimensions: voxelpose view {first}", soft_wrap=True)
 
 
 def _print_numbers(summary: Mapping[str, Any]) -> None:

@@ -5,7 +5,7 @@ landmarks; one row per frame and joint. hypotheses.csv has the most probable pos
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,17 +37,30 @@ def write_joints(motion: Motion, path: Path) -> None:
     a pose have no rows; where some were filled, they have the confidence 0, and the last column,
     `filled`, is 1 for them.
     """
-    positions, confidence = motion.landmarks(), motion.landmark_confidence()
-    names = column_names(motion.model.tree.landmark_names)
-    heading, marks = filled_column(motion)
+    heading, _ = filled_column(motion)
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + heading + "\n")
-        for row, frame in enumerate(motion.frames):
-            start = f"{frame},{motion.time_s[row]:.6f}"
-            for joint, name in enumerate(names):
-                x, y, z = positions[row, joint]
-                sure = f"{confidence[row, joint]:.3f}{marks[row]}"
-                file.write(f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{sure}\n")
+        file.writelines(_joint_rows(motion))
+
+
+def write_people_joints(motions: Sequence[Motion], path: Path) -> None:
+    """Writes the joints of several people as `write_joints`, one person after the other, without
+    the column `filled`; the first column, `person`, has their numbers, from 1 on.
+    """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"person,{_HEADER}\n")
+        for person, motion in enumerate(motions, 1):
+            file.writelines(f"{person},{row}" for row in _joint_rows(motion, marked=False))
+
+
+def _joint_rows(motion: Motion, marked: bool = True) -> Iterator[str]:
+    positions, confidence = motion.landmarks(), motion.landmark_confidence()
+    names, (_, marks) = column_names(motion.model.tree.landmark_names), filled_column(motion)
+    for row, frame in enumerate(motion.frames):
+        start, mark = f"{frame},{motion.time_s[row]:.6f}", marks[row] if marked else ""
+        for joint, name in enumerate(names):
+            x, y, z = positions[row, joint]
+            yield f"{start},{name},{x:.6f},{y:.6f},{z:.6f},{confidence[row, joint]:.3f}{mark}\n"
 
 
 def filled_column(motion: Motion) -> tuple[str, list[str]]:

@@ -20,6 +20,7 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.people.people_track import PeopleTrack, people_places
 from voxelpose.multiview.quality.quality import motion_quality
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
@@ -75,6 +76,19 @@ class MultiViewEstimator:
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
+        return self.estimate_people(source, settings, reporter, 1)[0]
+
+    def estimate_people(
+        self, source: FrameSource, settings: Settings, reporter: Reporter, people: int | None
+    ) -> list[Estimate]:
+        """Estimates the motion of several people; the cameras as they were found are the same.
+
+        Args:
+            people: their number; None: as many as there are, one if nobody is found to be beside.
+
+        Raises:
+            InputError: as `estimate`; fewer people are there.
+        """
         options = read_options(_Options, settings.options, "multi-view")
         if len(source.rig) < 2:
             raise InputError(
@@ -103,16 +117,22 @@ class MultiViewEstimator:
         ):
             told = clock, reporter, prepared.numbers
             work = TrackWork(settings, source.fps, matching, known, *told)
-            tracker, facts = work.track(prepared, kept)
+            places_m = np.empty((0, 0, 3))
+            if people != 1 and given is None:
+                places_m = people_places(prepared, people, clock, reporter)
+            if len(places_m) > 1:
+                found = PeopleTrack(work.of_anybody(), prepared, places_m).track(kept)
+            else:
+                found = [work.track(prepared, kept)]
             at = prepared.numbers, prepared.times_s
-            motion, ratio = _motion(tracker, settings, *at, clock, reporter)
-        motion = replace(motion, floor_m=floor_height(motion)).in_world(prepared.upright)
-        return Estimate(
-            motion,
-            {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
-            facts | {"half_turn_ratio": round(ratio, 3)} | prepared.facts,
-            rig=_posed_as(source.rig, prepared.rig),
-        )
+            motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
+        stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
+        rig, estimates = _posed_as(source.rig, prepared.rig), []
+        for (motion, ratio), (_, facts) in zip(motions, found, strict=True):
+            motion = replace(motion, floor_m=floor_height(motion)).in_world(prepared.upright)
+            facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
+            estimates.append(Estimate(motion, stage_s, facts, rig=rig))
+        return estimates
 
 
 def _posed_as(rig: Rig, pinholes: Rig) -> Rig:

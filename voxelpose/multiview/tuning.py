@@ -175,7 +175,28 @@ REFINING = Refining()
 TRACKING = Tracking()
 OFF_LINE = OffLine()
 LIVE = Live()
+
+
+@dataclass(frozen=True)
+class People:
+    """How many people there are, and where (`people.presence`)."""
+
+    reach_m: float = 0.45
+    """m. How far from somebody's axis the hull is that person's: arms and legs in most poses."""
+    upright_m: float = 1.0
+    """m. Height above the floor that the hull of somebody reaches who sits or stands."""
+    seen_m2: float = 0.5
+    """m². Of a person, as seen from a side: by it the pixels that nobody explains are counted."""
+    needed: float = 0.15
+    """1. Share of a person's silhouette, in the mean camera, that nobody else explains."""
+    appearing: float = 1.0
+    """1. Cost of somebody who appears or vanishes: a whole person not explained in one frame."""
+    speed_m_s: float = 1.0
+    """m/s. Standard deviation of people's speed."""
+
+
 CARVING = Carving()
+PEOPLE = People()
 MATCHING = Matching()
 QUALITY = Evidence()
 

@@ -24,7 +24,7 @@ def test_a_video_per_camera_and_a_sheet(tmp_path):
     motion = waving(8)
     draw_pictures(
         GreySource(ring(3), 8),
-        motion.select(np.r_[0:5, 6:8]),
+        [motion.select(np.r_[0:5, 6:8])],
         tmp_path,
         "a title",
         SilentReporter(),
@@ -49,7 +49,7 @@ def test_a_video_per_camera_and_a_sheet(tmp_path):
 def test_every_tile_of_the_sheet_shows_the_figure(tmp_path):
     motion = waving(3)
     source = GreySource(ring(2), 3)
-    sheet = overlay.ContactSheet(motion, list(source.rig), {})
+    sheet = overlay.ContactSheet([motion], list(source.rig), {})
     for frame, _, images in source:
         sheet.add(frame, images)
     assert len(sheet.tiles) == 2 * 3
@@ -65,7 +65,7 @@ def test_what_is_unknown_is_hatched(tmp_path):
             mask[90:, :40] = True
             return {"cam_1": mask}
 
-    draw_pictures(Marked(ring(2), 2), waving(2), tmp_path, "a title", SilentReporter())
+    draw_pictures(Marked(ring(2), 2), [waving(2)], tmp_path, "a title", SilentReporter())
     corners = {
         name: frames_of(tmp_path / f"overlay_{name}.webm")[0][0, 368:453, 11:139].astype(float)
         for name in ("cam_1", "cam_2")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -135,6 +137,18 @@ class HullObserver:
         self._coarse = VoxelGrid.from_bounds(
             low, low + volume.size_m, max(CARVING.coarse_m, voxel_size_m)
         )
+
+    def with_unknown(self, unknown: Sequence[np.ndarray]) -> HullObserver:
+        """The same for a frame in which more is unknown: C arrays (h, w) bool."""
+        marked = self.views.unknown or [np.False_] * len(unknown)
+        views = replace(
+            self.views, unknown=tuple(a | b for a, b in zip(unknown, marked, strict=True))
+        )
+        usual = max(2, 3 * len(unknown) // 4) - self.rule.tolerance
+        observer = copy(self)
+        observer.views = views
+        observer.rule = replace(self.rule, least_agreeing=_least(usual, views.partly_unknown))
+        return observer
 
     def observe(
         self, masks: list[np.ndarray], near_m: np.ndarray | None = None

@@ -6,8 +6,10 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
@@ -27,7 +29,11 @@ _BOX = struct.Struct("3d3q")  # origin and shape of a grid
 
 @contextmanager
 def carved_observations(
-    observer: HullObserver, masks: MaskStore, clock: StageClock, reporter: Reporter
+    observer: HullObserver,
+    masks: MaskStore,
+    clock: StageClock,
+    reporter: Reporter,
+    other_people: OtherPeople | None = None,
 ) -> Iterator[ObservationStore]:
     """Observations of all frames, whose hulls are carved, for a `with` block.
 
@@ -36,8 +42,9 @@ def carved_observations(
         masks: the raw silhouettes.
         clock: told the durations.
         reporter: told the progress.
+        other_people: what is known of others beside the body; None: there are none.
     """
-    with closing(ObservationStore(observer, masks)) as observations:
+    with closing(ObservationStore(observer, masks, other_people)) as observations:
         reporter.stage("hulls", len(masks))
         for first in range(0, len(masks), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(masks)))
@@ -45,6 +52,19 @@ def carved_observations(
                 observations.carve(together)
             reporter.advance(len(together))
         yield observations
+
+
+@dataclass(frozen=True, eq=False)
+class OtherPeople:
+    """What the silhouettes of one person's T frames leave open, since there are others.
+
+    Attributes:
+        unknown: where others are, or may be.
+        places_m: (T, 3) float64, about where the person is; NaN: not there.
+    """
+
+    unknown: MaskStore
+    places_m: NDArray[np.float64]
 
 
 class ObservationStore:
@@ -56,12 +76,13 @@ class ObservationStore:
     Args:
         observer: finds the body in a frame.
         masks: the raw silhouettes.
+        others: what is known of other people; None: there are none.
     """
 
-    def __init__(self, observer: HullObserver, masks: MaskStore):
+    def __init__(self, observer: HullObserver, masks: MaskStore, others: OtherPeople | None = None):
         """Creates the scratch file; `close` or the end of the process removes it."""
         self.observer = observer
-        self._masks = masks
+        self._masks, self._others = masks, others
         self._components = np.full((len(masks), 2), _NOWHERE)  # begin and number
         self._hulls = np.full((len(masks), 3), _NOWHERE)  # component, begin and bytes
         self._other_hulls: dict[tuple[int, int], tuple[int, int]] = {}  # rarely any
@@ -76,7 +97,7 @@ class ObservationStore:
 
         def carved(t: int) -> None:
             components = self._components_of(t)
-            body = self.observer.body(components, None)
+            body = self.observer.body(components, self._near(t, None))
             if body is not None:
                 self._keep_hull(t, body, components)
 
@@ -85,7 +106,7 @@ class ObservationStore:
 
     def observe(self, t: int, near_m: np.ndarray | None = None) -> FrameObservation | None:
         """One body of frame `t`, as `HullObserver.observe` of its raw silhouettes."""
-        components = self._components_of(t)
+        components, near_m = self._components_of(t), self._near(t, near_m)
         body = self.observer.body(components, near_m)
         if body is None:
             return None
@@ -101,7 +122,7 @@ class ObservationStore:
         ends = np.cumsum([np.prod(shape) for shape in shapes])
         arrays = np.split(np.unpackbits(bits, count=ends[-1]).view(bool), ends[:-1])
         *masks, occupancy = (a.reshape(shape) for a, shape in zip(arrays, shapes, strict=True))
-        return self.observer.select(masks, occupancy, grid, near_m)
+        return self._observer(t).select(masks, occupancy, grid, near_m)
 
     def masks(self, t: int) -> list[np.ndarray]:
         """Raw silhouettes (h, w) bool of frame `t`, one per camera."""
@@ -111,18 +132,30 @@ class ObservationStore:
         """Removes the scratch file."""
         self._file.close()
 
+    def _near(self, t: int, near_m: np.ndarray | None) -> np.ndarray | None:
+        """Where the person is in a frame: as told, or else as is known of people."""
+        return near_m if near_m is not None or self._others is None else self._others.places_m[t]
+
+    def _observer(self, t: int) -> HullObserver:
+        """Of the hull of a frame."""
+        if self._others is None:
+            return self.observer
+        return self.observer.with_unknown(self._others.unknown[t])
+
     def _components_of(self, t: int) -> np.ndarray:
-        """Components of a frame's hull, found once."""
+        """Components of a frame's hull, found once; none where the person is not there."""
         start, count = self._components[t].tolist()
         if start == _NOWHERE:
-            components = self.observer.components(self._masks[t])
+            components = self._observer(t).components(self._masks[t])
+            if self._others is not None and np.isnan(self._others.places_m[t]).any():
+                components = components[:0]
             self._components[t] = self._file.append(components.tobytes()), len(components)
             return components
         return np.frombuffer(self._file.read_at(start, count * COMPONENT.itemsize), COMPONENT)
 
     def _keep_hull(self, t: int, body: int, components: np.ndarray) -> None:
         grid = self.observer.window(components, body)
-        masks, occupancy = self.observer.carve(self._masks[t], grid)
+        masks, occupancy = self._observer(t).carve(self._masks[t], grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
         record = _BOX.pack(*grid.origin_m, *grid.shape) + zlib.compress(bits.tobytes(), 1)
         where = self._file.append(record), len(record)

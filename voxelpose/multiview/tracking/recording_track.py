@@ -122,6 +122,21 @@ class TrackWork:
             return self._given(self._observations(prepared, kept), self.known)
         tracker, start, objects, shown = self._person(prepared, kept)
         (tracker, start), changed = self._cut_by_body((tracker, start), shown, kept)
+        facts = self.finished(tracker, start)
+        facts["cut_by_body"] = changed
+        if objects is not None:
+            pairs = zip(prepared.rig.names, objects.pixels, strict=True)
+            shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
+            facts |= {"objects_share": shares, "objects_apart": objects.apart}
+        return tracker, facts
+
+    def of_anybody(self) -> TrackWork:
+        """The same of somebody of whom nothing was told: what was, is one person's of several."""
+        settings = replace(self.settings, stature_m=None, chest_m=None, sex="unknown")
+        return replace(self, settings=settings, known=None)
+
+    def finished(self, tracker: PoseTracker, start: Start) -> dict[str, object]:
+        """Adapts the body a last time and refines every pose; facts for the summary."""
         self.reporter.stage("proportions")
         with self.clock("proportions"):
             refit(tracker, start, self.known is None and self.settings.sex == "unknown")
@@ -133,13 +148,9 @@ class TrackWork:
             "sex_template": tracker.body.model.sizes.sex,
             "shape": dict(zip(names, tracker.body.model.shape.round(4).tolist(), strict=True)),
             "objects_share": {},
-            "cut_by_body": changed,
+            "cut_by_body": {},
         }
-        if objects is not None:
-            pairs = zip(prepared.rig.names, objects.pixels, strict=True)
-            shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
-            facts |= {"objects_share": shares, "objects_apart": objects.apart}
-        return tracker, facts | _found(tracker, start.poses)
+        return facts | _found(tracker, start.poses)
 
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
@@ -147,7 +158,7 @@ class TrackWork:
         """Tracks a person; while improbable, again without what stands beside; keeps the best, and
         its silhouettes.
         """
-        tracker, start = self._tracked(self._observations(prepared, kept))
+        tracker, start = self.tracked(self._observations(prepared, kept))
         objects, shown = None, prepared
         for _ in range(_ROUNDS):
             wrong = is_improbable(spread_errors(tracker))
@@ -159,7 +170,7 @@ class TrackWork:
             if found is None:
                 break
             without = kept.enter_context(prepared.without(found.pixels))
-            again = self._tracked(self._observations(without, kept), objects=True)
+            again = self.tracked(self._observations(without, kept), objects=True)
             if _cost(*again) >= _cost(tracker, start):
                 break
             objects, shown, (tracker, start) = found, without, again
@@ -188,7 +199,7 @@ class TrackWork:
                 break
             at = tracker.body.model, tracker.poses, self.clock, self.reporter
             cut = kept.enter_context(cut_by_body(prepared, *at))
-            again = self._tracked(self._observations(cut, kept), objects=start.candidate.objects)
+            again = self.tracked(self._observations(cut, kept), objects=start.candidate.objects)
             # Where both agree the first stands: a body is no witness for silhouettes that it made.
             agree = _apart_mm(tracker, again[0]) < NEAR_MM
             if agree or _cost(*again) >= _cost(*found):
@@ -200,7 +211,7 @@ class TrackWork:
             )
         return found, changed
 
-    def _tracked(
+    def tracked(
         self, observations: ObservationStore, *, objects: bool = False
     ) -> tuple[PoseTracker, Start]:
         """Tracks the most probable person."""
@@ -241,6 +252,15 @@ class TrackWork:
         count = len(tracker.observations)
         self.reporter.stage("tracking", count)
         tracker.begin(poses, errors)
+        self._mend(tracker)
+
+    def again(self, tracker: PoseTracker) -> None:
+        """Follows somebody again whose silhouettes have changed."""
+        self._polish(tracker)
+        self._mend(tracker)
+
+    def _mend(self, tracker: PoseTracker) -> None:
+        count = len(tracker.observations)
         self.reporter.stage("repair")
         with self.clock("repair"):
             begin_again(tracker)

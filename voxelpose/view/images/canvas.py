@@ -13,6 +13,11 @@ Colour = tuple[int, int, int]
 LEFT: Colour = (255, 158, 58)
 RIGHT: Colour = (38, 130, 255)
 MIDDLE: Colour = (196, 214, 110)
+PEOPLE: tuple[Colour, ...] = (
+    *((66, 200, 255), (230, 120, 220), (120, 210, 90)),
+    *((255, 200, 90), (110, 110, 250), (200, 200, 200)),
+)
+"""Of several people, one after the other."""
 PAPER: Colour = (30, 25, 22)
 INK: Colour = (240, 236, 232)
 FAINT: Colour = (165, 155, 148)

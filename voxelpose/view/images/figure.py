@@ -1,5 +1,6 @@
 """The fitted body over a camera's picture: tinted sides, outline, skeleton."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import cv2
@@ -14,6 +15,8 @@ from silhouette_core.motion import kinematics
 from voxelpose.view.images import canvas
 
 _SIDES: tuple[canvas.Colour, ...] = (canvas.MIDDLE, canvas.LEFT, canvas.RIGHT)
+PartPoses = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Rotations (P, 3, 3), world from part, and joints (P, 3) m in the world."""
 _LIMBS = "neck upper_arm forearm hand fingers", "pelvis thigh shin foot toes"
 
 
@@ -78,13 +81,19 @@ class FigurePainter:
         camera: Camera,
         scale: float = 1.0,
         unknown: NDArray[np.bool_] | None = None,
+        colour: canvas.Colour | None = None,
     ) -> None:
-        """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched."""
+        """Prepares for a body and a camera; `unknown`, (H, W) bool, is hatched. `colour` is the
+        body's; None: its sides differ.
+        """
         self.model, self.camera, self.scale = model, camera, scale
         self._unknown = unknown
         self.ideal = camera.pinhole(scale)  # of the working picture, `scale` times the recorded
         self.size = self.ideal.size  # width and height
         self._side = np.array([-1] + [_SIDES.index(canvas.colour_of(name)) for name in model.names])
+        self._colours = _SIDES
+        if colour is not None:
+            self._side, self._colours = np.minimum(self._side, 0), (colour,)
         self._bones = skeleton_bones(model)
         self._ends = bone_ends(self._bones)
 
@@ -109,7 +118,7 @@ class FigurePainter:
             return image
         parts = parts[top : top + height, left : left + width]
         line = max(1, round((height - 1) / 300))
-        for side, colour in enumerate(_SIDES):
+        for side, colour in enumerate(self._colours):
             outlines = self._outlines(self._side[parts] == side, (left, top))
             canvas.tint(image, outlines, colour, 0.33)
             for outline in outlines:
@@ -156,3 +165,34 @@ class FigurePainter:
             return outlines
         rays = (self.ideal.rays(outline) for outline in outlines)
         return [self.pixels(origin + directions) for origin, directions in rays]
+
+
+class PeoplePainter:
+    """Draws several people's bodies into the pictures of one camera, each in a colour of its own;
+    one person's as `FigurePainter` does.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[BodyModel],
+        camera: Camera,
+        scale: float = 1.0,
+        unknown: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Prepares for some bodies and a camera; `unknown`, (H, W) bool, is hatched."""
+        colours = [None] if len(models) == 1 else canvas.PEOPLE
+        self.camera = camera
+        self._painters = [
+            FigurePainter(model, camera, scale, unknown, colours[k % len(colours)])
+            for k, model in enumerate(models)
+        ]
+        self.size = self._painters[0].size
+        self.resized = self._painters[0].resized
+
+    def paint(self, image: canvas.Image, poses: Sequence[PartPoses | None]) -> None:
+        """Draws everybody's pose, as of `FigurePainter.paint`, in place, the farthest first."""
+        there = [(k, pose) for k, pose in enumerate(poses) if pose is not None]
+        away = self.camera.center_m
+        there.sort(key=lambda one: -float(np.linalg.norm(one[1][1][0] - away)))
+        for k, pose in there:
+            self._painters[k].paint(image, *pose)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, cycle
 from pathlib import Path
 
 import cv2
@@ -18,6 +18,7 @@ from calib.atomic import write_whole
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
+from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.plausibility import ImplausibleSilhouettesError, telling_frames
 from silhouette_core.image.silhouettes import UndistortedView
@@ -28,7 +29,7 @@ from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images import canvas
 from voxelpose.view.images.canvas import FAINT, INK, MIDDLE, PAPER, Image, png, write_text
-from voxelpose.view.images.figure import FigurePainter
+from voxelpose.view.images.figure import PartPoses, PeoplePainter
 from voxelpose.view.images.webm import WebmWriter
 
 _GAP, _MARGIN, _HEAD, _LABEL = 6, 28, 96, 92
@@ -38,39 +39,67 @@ _LEAST_PX, _MOST_PX = 640, 960  # longer side of a video
 _PAINTED_AHEAD = 2  # time steps
 
 
-_Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Rotations (P, 3, 3), world from part, and joints (P, 3) m in the world."""
+_Poses = Sequence[PartPoses | None]
+"""Of one moment, of everybody; None: not there."""
+
+
+class _Motions:
+    """Poses of one person, or of several, by frame number."""
+
+    def __init__(self, motions: Sequence[Motion]) -> None:
+        self.models = [motion.model for motion in motions]
+        self._parts = [motion.parts() for motion in motions]
+        self._rows = [{int(f): row for row, f in enumerate(motion.frames)} for motion in motions]
+        times = [zip(one.frames.tolist(), one.time_s.tolist(), strict=True) for one in motions]
+        #: time, s, of every frame in which somebody has a pose
+        self.time_s = dict(sorted({frame: at for own in times for frame, at in own}.items()))
+
+    def poses(self, frame: int) -> list[PartPoses | None]:
+        """Everybody's pose in a frame."""
+        return [
+            (rotation[rows[frame]], origin[rows[frame]]) if frame in rows else None
+            for rows, (rotation, origin) in zip(self._rows, self._parts, strict=True)
+        ]
 
 
 class ContactSheet:
     """Collects tiles while frames are read; each camera is cropped to where the body moves."""
 
     def __init__(
-        self, motion: Motion, cameras: Sequence[Camera], unknown: Mapping[str, NDArray[np.bool_]]
+        self,
+        motions: Sequence[Motion],
+        cameras: Sequence[Camera],
+        unknown: Mapping[str, NDArray[np.bool_]],
     ) -> None:
         """Chooses at most six moments, and the crops, of cameras, a row each; `unknown`, (H, W)
         bool by camera name, tells where nothing is known.
         """
-        self.motion = motion
-        self.rows = even_moments(len(motion), 6, margin=0).tolist()
-        self.poses = list(zip(*(part[self.rows] for part in motion.parts()), strict=True))
-        skins = np.array([kinematics.skin(motion.model, *pose) for pose in self.poses])
-        boxes = [_box(skins.reshape(-1, 3), camera) for camera in cameras]
+        people = _Motions(motions)
+        self.models, self.time_s, filmed = people.models, people.time_s, [*people.time_s]
+        self.rows = [filmed[k] for k in even_moments(len(filmed), 6, margin=0)]
+        self.poses = [people.poses(frame) for frame in self.rows]
+        skins = [
+            kinematics.skin(model, *pose)
+            for poses in self.poses
+            for model, pose in zip(self.models, poses, strict=True)
+            if pose is not None
+        ]
+        boxes = [_box(np.concatenate(skins), camera) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
         width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
         height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
         self.tile = round(height * aspect), round(height)
         self.views = [
-            _View(motion, camera, box, self.tile, unknown.get(camera.name))
+            _View(self.models, camera, box, self.tile, unknown.get(camera.name))
             for camera, box in zip(cameras, boxes, strict=True)
         ]
         self.tiles: dict[tuple[int, int], canvas.Image] = {}
 
-    def add(self, row: int, images: Mapping[str, canvas.Image]) -> None:
-        """Keeps the tiles of one row of the motion, if it is one of the moments."""
-        if row in self.rows:
-            column = self.rows.index(row)
+    def add(self, frame: int, images: Mapping[str, canvas.Image]) -> None:
+        """Keeps the tiles of one frame, if it is one of the moments."""
+        if frame in self.rows:
+            column = self.rows.index(frame)
             for line, view in enumerate(self.views):
                 image = images[view.painter.camera.name]
                 self.tiles[line, column] = view.crop(image, self.poses[column])
@@ -84,8 +113,7 @@ class ContactSheet:
         sheet = np.full((sheet_height, sheet_width, 3), canvas.PAPER, np.uint8)
         canvas.write_text(sheet, title, _MARGIN, 44, 24, canvas.INK, bold=True)
         x = sheet_width - _MARGIN
-        sides = ("middle", canvas.MIDDLE), ("right side", canvas.RIGHT), ("left side", canvas.LEFT)
-        for label, colour in sides if canvas.has_sides(self.motion.model.names) else ():
+        for label, colour in self._legend():
             x -= canvas.text_width(label, 14)
             canvas.write_text(sheet, label, x, 42, 14, canvas.FAINT)
             canvas.dots(sheet, np.array([[x - 12.0, 37.0]]), 5, colour)
@@ -94,14 +122,22 @@ class ContactSheet:
             top = _HEAD + line * (height + _GAP)
             name = view.painter.camera.name
             canvas.write_text(sheet, name, _MARGIN, top + height // 2, 16, canvas.INK, bold=True)
-            for column, row in enumerate(self.rows):
+            for column, frame in enumerate(self.rows):
                 left = _MARGIN + _LABEL + column * (width + _GAP)
                 if line == 0:
-                    label = f"frame {self.motion.frames[row]} · {self.motion.time_s[row]:.2f} s"
+                    label = f"frame {frame} · {self.time_s[frame]:.2f} s"
                     canvas.write_text(sheet, label, left, _HEAD - 10, 14, canvas.FAINT)
                 if (line, column) in self.tiles:
                     sheet[top : top + height, left : left + width] = self.tiles[line, column]
         return sheet
+
+    def _legend(self) -> list[tuple[str, canvas.Colour]]:
+        """What the colours mean, from right to left."""
+        if len(self.models) > 1:
+            pairs = zip(range(len(self.models)), cycle(canvas.PEOPLE), strict=False)
+            return [(f"person {k + 1}", colour) for k, colour in pairs][::-1]
+        sides = ("middle", canvas.MIDDLE), ("right side", canvas.RIGHT), ("left side", canvas.LEFT)
+        return list(sides) if canvas.has_sides(self.models[0].names) else []
 
 
 class _View:
@@ -109,7 +145,7 @@ class _View:
 
     def __init__(
         self,
-        motion: Motion,
+        models: Sequence[BodyModel],
         camera: Camera,
         box: tuple[float, float, float, float],
         tile: tuple[int, int],
@@ -133,12 +169,12 @@ class _View:
         size = int(high[0] - low[0]), int(high[1] - low[1])
         part = replace(camera, matrix=matrix, size=size)
         hidden = None if unknown is None else unknown[self.window]
-        self.painter = FigurePainter(motion.model, part, scale, hidden)
+        self.painter = PeoplePainter(models, part, scale, hidden)
         self.shift = shift + low * scale
 
-    def crop(self, frame: canvas.Image, pose: _Pose) -> canvas.Image:
+    def crop(self, frame: canvas.Image, poses: _Poses) -> canvas.Image:
         image = self.painter.resized(np.ascontiguousarray(frame[self.window]))
-        self.painter.paint(image, *pose)
+        self.painter.paint(image, poses)
         move = np.array([[1.0, 0.0, round(self.shift[0])], [0.0, 1.0, round(self.shift[1])]])
         rim = (48, 42, 38)
         tile = cv2.warpAffine(image, move, self.tile, flags=cv2.INTER_NEAREST, borderValue=rim)
@@ -158,21 +194,19 @@ def _box(points: NDArray[np.float64], camera: Camera) -> tuple[float, float, flo
 
 
 def draw_pictures(
-    source: FrameSource, motion: Motion, folder: Path, title: str, reporter: Reporter
+    source: FrameSource, motions: Sequence[Motion], folder: Path, title: str, reporter: Reporter
 ) -> None:
-    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png` below a title; frames
-    without a pose are shown unchanged and marked. OSError where a video cannot be written, for
-    example because the disk is full.
+    """Writes `overlay_CAMERA.webm` for every camera and `contact_sheet.png` below a title, of one
+    person or several; frames without a pose are shown unchanged and marked. OSError where a video
+    cannot be written, for example because the disk is full.
 
     Reads the frames again. Few time steps are held in memory at a time: while one is written, the
     next ones are painted.
     """
-    rotation, origin = motion.parts()
-    rows = {int(frame): row for row, frame in enumerate(motion.frames)}
-    unknown = source.unknown()
-    sheet = ContactSheet(motion, list(source.rig), unknown)
+    people, unknown = _Motions(motions), source.unknown()
+    sheet = ContactSheet(motions, list(source.rig), unknown)
     videos = [
-        _Video(folder, camera, motion, source.fps, unknown.get(camera.name))
+        _Video(folder, camera, people.models, source.fps, unknown.get(camera.name))
         for camera in source.rig
     ]
     reporter.stage("pictures", source.frame_count)
@@ -194,17 +228,15 @@ def draw_pictures(
         with ThreadPoolExecutor(cores()) as pool:
             try:
                 for frame, time_s, images in source:
-                    row = rows.get(frame)
-                    pose = None if row is None else (rotation[row], origin[row])
+                    poses = people.poses(frame)
                     caption = f"frame {frame} · {time_s:.2f} s"
                     painted.append(
                         [
-                            pool.submit(video.painted, images[video.camera.name], pose, caption)
+                            pool.submit(video.painted, images[video.camera.name], poses, caption)
                             for video in videos
                         ]
                     )
-                    if row is not None:
-                        tiles.append(pool.submit(sheet.add, row, images))
+                    tiles.append(pool.submit(sheet.add, frame, images))
                     if len(painted) > _PAINTED_AHEAD:
                         write_oldest()
                 while painted:
@@ -229,22 +261,21 @@ class _Video:
         self,
         folder: Path,
         camera: Camera,
-        motion: Motion,
+        models: Sequence[BodyModel],
         fps: float,
         unknown: NDArray[np.bool_] | None,
     ) -> None:
         self.camera = camera
         # Small pictures are enlarged, so that lines stay thinner than limbs.
         scale = float(np.clip(1.0, _LEAST_PX / max(camera.size), _MOST_PX / max(camera.size)))
-        self.painter = FigurePainter(motion.model, camera, scale, unknown)
+        self.painter = PeoplePainter(models, camera, scale, unknown)
         self.writer = WebmWriter(folder / f"overlay_{camera.name}.webm", fps, self.painter.size)
 
-    def painted(self, frame: Frame, pose: _Pose | None, caption: str) -> canvas.Image:
-        """Picture of a frame with its pose; any thread may paint it."""
+    def painted(self, frame: Frame, poses: _Poses, caption: str) -> canvas.Image:
+        """Picture of a frame with everybody's pose; any thread may paint it."""
         image = self.painter.resized(frame)
-        if pose is not None:
-            self.painter.paint(image, *pose)
-        warning = "" if pose is not None else "no pose found"
+        self.painter.paint(image, poses)
+        warning = "" if any(pose is not None for pose in poses) else "no pose found"
         _mark(image, f"{self.camera.name} · {caption}", warning)
         return image
 

@@ -1,0 +1,75 @@
+"""Whose pixel: one person's silhouettes among several people's."""
+
+import numpy as np
+
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import HullObserver, body_rule
+from voxelpose.multiview.people.own_silhouettes import drawn, hull_pieces, own_and_unknown
+
+VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
+
+
+def row(*columns):
+    mask = np.zeros((1, 12), bool)
+    mask[0, list(columns)] = True
+    return mask
+
+
+def test_pixels_are_the_nearest_persons_and_unknown_where_another_is():
+    foreground = row(*range(1, 11))
+    pieces = [[row(2, 3, 4, 5)], [row(5, 6, 7, 8)]]
+    (own,), (unknown,) = own_and_unknown([foreground], pieces, 0)
+    assert np.flatnonzero(own).tolist() == [1, 2, 3, 4]  # 5 is the other's as well
+    assert np.flatnonzero(unknown).tolist() == [5, 6, 7, 8, 9, 10]
+    (own,), (unknown,) = own_and_unknown([foreground], pieces, 1)
+    assert np.flatnonzero(own).tolist() == [6, 7, 8, 9, 10]
+    assert np.flatnonzero(unknown).tolist() == [1, 2, 3, 4, 5]
+
+
+def test_where_another_is_drawn_before_the_background_nothing_is_known():
+    """It is that one's mistake, and not this one's."""
+    (own,), (unknown,) = own_and_unknown([row(1, 2)], [[row(1, 2)], [row(8, 9)]], 0)
+    assert np.flatnonzero(own).tolist() == [1, 2]
+    assert np.flatnonzero(unknown).tolist() == [8, 9]
+
+
+def test_who_is_alone_has_the_whole_foreground():
+    (own,), (unknown,) = own_and_unknown([row(1, 7)], [[row(1)], None], 0)
+    assert np.flatnonzero(own).tolist() == [1, 7] and not unknown.any()
+
+
+def test_the_hull_about_each_person_is_seen_where_the_person_is():
+    seen_by = views(4)
+    bodies, places = (fitting_model(), other_body()), ((-0.5, 0.0), (0.5, 0.1))
+    people = [
+        photograph(seen_by, body, stance(body, {}, place))
+        for body, place in zip(bodies, places, strict=True)
+    ]
+    masks = [a | b for a, b in zip(*people, strict=True)]
+    axes = np.array([*places, (np.nan, np.nan)])
+    observer = HullObserver(seen_by, VOLUME, 0.025, body_rule(4, 0))
+    *pieces, absent = hull_pieces(masks, axes, observer)
+    assert absent is None
+    for k, (piece, own) in enumerate(zip(pieces, people, strict=True)):
+        assert piece is not None
+        for c, mask in enumerate(own):
+            assert (piece[c] & mask).sum() > 0.97 * mask.sum()
+        mine, unknown = own_and_unknown(masks, pieces, k)
+        for c, mask in enumerate(own):
+            known = ~unknown[c]
+            wrong = (mine[c] ^ mask) & known
+            assert wrong.sum() < 0.02 * mask.sum()
+
+
+def test_a_body_is_drawn_as_it_is_photographed():
+    model, seen_by = fitting_model(), views(3)
+    pose = stance(model)
+    for a, b in zip(drawn(model, pose, seen_by), photograph(seen_by, model, pose), strict=True):
+        np.testing.assert_array_equal(a, b)

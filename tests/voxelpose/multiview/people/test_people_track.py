@@ -1,0 +1,69 @@
+"""Two people followed beside each other, from silhouettes to motion."""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.estimator import Settings
+from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.progress import SilentReporter
+from tests.sources import GreySource
+from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
+from voxelpose.multiview.multiview_estimator import MultiViewEstimator
+
+PLACES = (-0.35, 0.0), (0.4, 0.15)
+TURNS = (
+    {"left_upper_arm.abduction": 40.0, "left_thigh.flexion": 25.0, "right_forearm.flexion": 50.0},
+    {"right_upper_arm.forward": 60.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0},
+)
+
+
+class Couple(GreySource):
+    """Silhouettes of two people, who stand."""
+
+    def at(self, steps):
+        for _ in steps:
+            pairs = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
+            names = self.rig.names
+            yield {
+                name: np.repeat(255 * (a | b)[..., None].astype(np.uint8), 3, axis=2)
+                for name, (a, b) in zip(names, pairs, strict=True)
+            }
+
+
+VIEWS = views(5, (240, 240))
+BODIES = other_body(3, "female"), other_body(4, "male")
+PEOPLE = [
+    (body, stance(body, turns, place))
+    for body, turns, place in zip(BODIES, TURNS, PLACES, strict=True)
+]
+
+
+@pytest.fixture(scope="module")
+def source():
+    return Couple(VIEWS.rig, 2, silhouettes_given=True)
+
+
+@pytest.mark.slow
+def test_two_people_are_followed_beside_each_other(source):
+    """Each is where one of them stands, joints to 45 mm about the pelvis, in every frame."""
+    estimator, settings = MultiViewEstimator(), Settings(smooth=False)
+    found = estimator.estimate_people(source, settings, SilentReporter(), None)
+    assert len(found) == 2
+    true = np.stack([joints_of(body, [pose])[0] for body, pose in PEOPLE])
+    met = []
+    for estimate in found:
+        motion = estimate.motion
+        assert motion.frames.tolist() == [0, 1]
+        joints = motion.landmarks()
+        apart = np.linalg.norm(joints[:, 0, None, :2] - true[None, :, 0, :2], axis=2)
+        met.append(int(apart[0].argmin()))
+        off = (joints - joints[:, :1]) - (true[met[-1]] - true[met[-1], 0])
+        assert 1000 * np.linalg.norm(off, axis=2).mean() < 45
+        assert estimate.facts["stature_given"] is False
+    assert sorted(met) == [0, 1]
+
+
+def test_more_people_than_there_are_cannot_be_followed(source):
+    with pytest.raises(InputError, match="3 people were asked for, and 2 at most are seen apart"):
+        MultiViewEstimator().estimate_people(source, Settings(), SilentReporter(), 3)

@@ -1,0 +1,144 @@
+"""How many people there are, and where, by their hull."""
+
+import numpy as np
+import pytest
+
+from silhouette_core.motion.pose import Pose
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    other_body,
+    photograph,
+    stance,
+    views,
+)
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import body_rule
+from voxelpose.multiview.people.presence import (
+    PeopleSets,
+    PresenceSearch,
+    at_all_times,
+    find_people,
+    join_tracks,
+    likeliest_sets,
+    link_sets,
+)
+
+VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
+
+
+def union(*silhouettes):
+    return [np.logical_or.reduce(masks) for masks in zip(*silhouettes, strict=True)]
+
+
+def search(seen_by, most=6):
+    return PresenceSearch(seen_by, VOLUME, body_rule(len(seen_by.rig), 0), -0.05, most)
+
+
+@pytest.mark.parametrize("cameras", [3, 4, 6])
+def test_people_and_not_the_phantoms_between_them(cameras):
+    """Pieces of hull that no silhouette needs are nobody."""
+    seen_by, places = views(cameras), ((-0.55, 0.1), (0.5, -0.2), (0.0, 0.9))
+    bodies = fitting_model(), other_body(), other_body(5, "male")
+    people = [
+        photograph(seen_by, body, stance(body, {}, place))
+        for body, place in zip(bodies, places, strict=True)
+    ]
+    sets = search(seen_by).sets(union(*people))
+    if cameras == 3:
+        assert len(sets.axes_m) > 3
+    found = sets.axes_m[sets.members[0]]
+    assert len(found) == 3
+    apart = np.linalg.norm(found[:, None] - np.array(places)[None], axis=2)
+    assert apart.min(axis=1).max() < 0.15 and len(set(apart.argmin(axis=1))) == 3
+
+
+def test_one_person_with_arms_and_legs_apart_is_one():
+    model, seen_by = fitting_model(), views(4)
+    apart = {f"{side}_upper_arm.abduction": 90.0 for side in ("left", "right")}
+    apart |= {"left_thigh.flexion": 60.0, "right_thigh.flexion": -20.0}
+    sets = search(seen_by).sets(photograph(seen_by, model, stance(model, apart)))
+    assert len(sets.members[0]) == 1
+
+
+def test_somebody_who_lies_is_not_taken_for_several():
+    model, seen_by = fitting_model(), views(4)
+    lying = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    pose = Pose(np.array([0.0, 0, 0.15]), lying, stance(model).angles_rad)
+    sets = search(seen_by).sets(photograph(seen_by, model, pose))
+    assert len(sets.members[0]) == 0
+
+
+def test_nobody_is_nobody():
+    seen_by = views(3)
+    empty = [np.zeros(camera.size[::-1], bool) for camera in seen_by.rig]
+    assert (
+        find_people(seen_by, VOLUME, body_rule(3, 0), [empty] * 2, np.arange(2.0), 6).shape[0] == 0
+    )
+
+
+def test_people_keep_their_numbers_while_they_walk_past_each_other():
+    seen_by, bodies = views(4), (fitting_model(), other_body())
+    frames, times_s, y = [], np.arange(8) / 10, (-0.3, 0.3)
+    x = np.linspace(-0.7, 0.7, 8)
+    for k in range(8):
+        places = (x[k], y[0]), (-x[k], y[1])
+        frames.append(
+            union(
+                *(
+                    photograph(seen_by, body, stance(body, {}, place))
+                    for body, place in zip(bodies, places, strict=True)
+                )
+            )
+        )
+    found = find_people(seen_by, VOLUME, body_rule(4, 0), frames, times_s, 6)
+    assert found.shape == (2, 8, 2)
+    for track in found:
+        ahead = np.sign(track[-1, 0] - track[0, 0])
+        line = np.stack([ahead * x, np.full(8, y[0] if ahead > 0 else y[1])], axis=1)
+        assert np.linalg.norm(track - line, axis=1).max() < 0.15
+
+
+def sets_of(axes, *costs):
+    """A frame in which these sets are possible, as {members: cost}."""
+    (table,) = costs
+    members = [np.array(one, np.int64) for one in table]
+    return PeopleSets(np.array(axes, float), members, np.array(list(table.values())))
+
+
+def test_time_decides_what_a_frame_leaves_open():
+    """A phantom explains one frame better than the person, and is nowhere before and after."""
+    true = sets_of([(0, 0)], {(0,): 0.2, (): 1.0})
+    doubtful = sets_of([(0, 0), (1.5, 0)], {(1,): 0.1, (0,): 0.3, (): 1.0})
+    frames, elapsed_s = [true, doubtful, true], np.array([0.1, 0.1])
+    taken = likeliest_sets(frames, elapsed_s)
+    assert [frame.members[k].tolist() for frame, k in zip(frames, taken, strict=True)] == [[0]] * 3
+    (track,) = link_sets(frames, taken, elapsed_s)
+    assert not track.any()
+
+
+def test_who_stays_for_a_moment_only_is_not_there():
+    alone = sets_of([(0, 0)], {(0,): 0.2, (): 1.0})
+    ghost = sets_of([(0, 0), (1.5, 0)], {(0, 1): 0.1, (0,): 0.9, (): 2.0})
+    frames, elapsed_s = [alone, ghost, alone], np.array([0.1, 0.1])
+    taken = likeliest_sets(frames, elapsed_s)
+    assert len(link_sets(frames, taken, elapsed_s)) == 1
+
+
+def test_somebody_hidden_for_a_while_is_the_same_person():
+    times_s = np.arange(40) / 10
+    first, again = np.full((40, 2), np.nan), np.full((40, 2), np.nan)
+    first[:10], again[20:] = (0.0, 0.0), (0.5, 0.0)
+    (person,) = join_tracks(np.stack([again, first]), times_s)
+    np.testing.assert_allclose(person[15], (0.25, 0.0), atol=0.05)
+    away = again + np.array([3.0, 0.0])
+    assert len(join_tracks(np.stack([first, away]), times_s)) == 2
+    late = np.full((40, 2), np.nan)
+    late[35:] = (0.0, 0.0)
+    assert len(join_tracks(np.stack([first, late]), times_s)) == 2
+
+
+def test_places_between_the_moments_that_were_asked():
+    asked = np.array([[[0.0, 0.0], [1.0, 2.0], [np.nan, np.nan]]])
+    (places,) = at_all_times(asked, np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(places[:3], [[0, 0], [0.5, 1], [1, 2]])
+    assert np.isnan(places[3]).all()

@@ -1,0 +1,116 @@
+"""Result folders of several people."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from silhouette_core.estimator import Estimate, Settings
+from tests.clips import waving
+from tests.sources import ring, write_recording
+from voxelpose import fitting
+from voxelpose.cli.arguments import people
+from voxelpose.fitting import Output, fit, fit_people
+from voxelpose.recording.folder import Recording
+from voxelpose.results import Result, open_people
+
+
+class Crowd:
+    """As many people as are asked for, or three."""
+
+    name = "crowd"
+
+    def estimate(self, source, settings, reporter):
+        return self.estimate_people(source, settings, reporter, 1)[0]
+
+    def estimate_people(self, source, settings, reporter, people):
+        statures = (1.7, 1.8, 1.6)[:people]
+        return [
+            Estimate(waving(4, stature).select(np.arange(k, 4)))
+            for k, stature in enumerate(statures)
+        ]
+
+
+@pytest.fixture
+def recording(tmp_path, monkeypatch):
+    monkeypatch.setattr(fitting, "load_estimator", lambda name: Crowd())
+    return Recording.open(write_recording(tmp_path / "walk", ring(2)))
+
+
+def test_a_result_of_each_person_and_what_shows_them_all(recording, tmp_path):
+    out = tmp_path / "out"
+    results = fit_people(recording, Output(out))
+    assert [result.folder for result in results] == [out / f"person_{k}" for k in (1, 2, 3)]
+    assert [len(result.motion) for result in results] == [4, 3, 2]
+    assert sorted(path.name for path in out.iterdir()) == [
+        *("contact_sheet.png", "joints.csv", "overlay_cam_1.webm", "overlay_cam_2.webm"),
+        *("person_1", "person_2", "person_3", "summary.json"),
+    ]
+    assert sorted(path.name for path in (out / "person_2").iterdir()) == [
+        *("calibration.toml", "joints.csv", "motion.bvh", "motion.safetensors"),
+        *("settings.toml", "summary.json"),
+    ]
+    with (out / "joints.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for k, result in enumerate(results, 1):
+        own = np.array(
+            [[row[f"{axis}_m"] for axis in "xyz"] for row in rows if row["person"] == str(k)]
+        )
+        np.testing.assert_allclose(
+            own.astype(float), result.motion.landmarks().reshape(-1, 3), atol=1e-5
+        )
+    index = json.loads((out / "summary.json").read_text())
+    assert [one["frames"]["with_pose"] for one in index["people"].values()] == [4, 3, 2]
+    assert [one.folder for one in open_people(out)] == [one.folder for one in results]
+
+
+def test_one_person_is_a_result_as_ever(recording, tmp_path):
+    (one,) = fit_people(recording, Output(tmp_path / "one", pictures=False), people=1)
+    other = fit(recording, Output(tmp_path / "other", pictures=False))
+    assert one.folder == tmp_path / "one" and [one.folder] == [
+        r.folder for r in open_people(one.folder)
+    ]
+    for name in ("joints.csv", "motion.bvh", "motion.safetensors", "settings.toml"):
+        assert (one.folder / name).read_bytes() == (other.folder / name).read_bytes()
+
+
+def test_a_folder_of_several_people_is_no_result_of_one(recording, tmp_path):
+    fit_people(recording, Output(tmp_path / "out", pictures=False))
+    with pytest.raises(InputError, match=r"holds the results of 3 people: give one .*person_1"):
+        Result.open(tmp_path / "out")
+    fit_people(recording, Output(tmp_path / "out", True, pictures=False), Settings(), people=2)
+    assert len(open_people(tmp_path / "out")) == 2
+
+
+def test_an_index_that_leads_elsewhere_is_refused(recording, tmp_path):
+    fit_people(recording, Output(tmp_path / "out", pictures=False))
+    path = tmp_path / "out" / "summary.json"
+    path.write_text(path.read_text().replace("person_1", "../walk"))
+    with pytest.raises(InputError):
+        open_people(tmp_path / "out")
+
+
+def test_an_estimator_of_one_person_is_not_asked_for_two(recording, tmp_path, monkeypatch):
+    class Hermit:
+        name = "hermit"
+        estimate = Crowd.estimate
+
+        def estimate_one(self):
+            """Not several."""
+
+    monkeypatch.setattr(fitting, "load_estimator", lambda name: Hermit())
+    with pytest.raises(InputError, match="estimates one person, not 2"):
+        fit_people(recording, Output(tmp_path / "out"), people=2)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("text", ["0", "7", "two", "-1", ""])
+def test_numbers_of_people_that_are_refused(text):
+    with pytest.raises(InputError, match="--people"):
+        people(text)
+
+
+def test_numbers_of_people():
+    assert people("auto") is None and people("1") == 1 and people("6") == 6

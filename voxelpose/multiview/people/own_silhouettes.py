@@ -1,0 +1,128 @@
+"""One person's silhouettes among several people's.
+
+A pixel of the foreground has to be covered by somebody, and it does not matter by whom. So where
+others are, nothing is known of a person; where they are not, the foreground is that person's, as
+far as it is nearer to it than to them. Fitting one person after the other so lowers one cost: the
+exclusive or of the silhouettes and all bodies together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.raster import render_parts
+from silhouette_core.motion.pose import Pose
+from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.silhouette_error import posed_mesh
+from voxelpose.multiview.carving.carver import carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
+from voxelpose.multiview.tuning import CARVING
+
+Masks = list[NDArray[np.bool_]]
+
+
+def drawn(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:
+    """A body in every camera, (h, w) bool."""
+    vertices_m, masks = posed_mesh(model, pose), []
+    for camera in views.rig:
+        seen = vertices_m @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        masks.append(parts > 0)
+    return masks
+
+
+def hull_pieces(
+    masks: Masks, axes_m: NDArray[np.float64], observer: HullObserver
+) -> list[Masks | None]:
+    """Where the hull near each of N people is seen: (h, w) bool in every camera.
+
+    Args:
+        masks: silhouettes of everybody.
+        axes_m: (N, 2) float64, where they stand; NaN: not there, which gives None.
+    """
+    low = observer.volume.origin_m
+    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, CARVING.coarse_m)
+    views = observer.views
+    hull = carve(views.rig, masks, grid, observer.rule, views.unknown)
+    x, y, z = grid.axes()
+    there = np.flatnonzero(np.isfinite(axes_m).all(axis=1))
+    away = np.hypot(
+        x[:, None] - axes_m[there, 0][:, None, None], y - axes_m[there, 1][:, None, None]
+    )
+    nearest = away.argmin(axis=0) if len(there) else None
+    pieces: list[Masks | None] = [None] * len(axes_m)
+    for k, person in enumerate(there.tolist()):
+        own, marked = hull & (nearest == k)[:, :, None], []
+        for c, mask in enumerate(masks):
+            footprint = np.zeros(mask.shape, np.uint8)
+            depth = mark_voxels(own, x, y, z, views.rig.cameras[c].projection, footprint)
+            size_px = views.intrinsics[c, 0] * grid.voxel_size_m / max(depth, 0.5)
+            marked.append(dilated(footprint.view(np.bool_), int(np.ceil(2 * size_px)) | 1))
+        pieces[person] = marked
+    return pieces
+
+
+def own_and_unknown(
+    masks: Masks, pieces: Sequence[Masks | None], person: int
+) -> tuple[Masks, Masks]:
+    """One person's silhouettes, and where nothing is known of them, in every camera.
+
+    Args:
+        masks: silhouettes of everybody.
+        pieces: where each of N people is seen; None: not there.
+        person: number of the person among them.
+    """
+    own, unknown = [], []
+    for c, mask in enumerate(masks):
+        others = np.zeros_like(mask)
+        for k, piece in enumerate(pieces):
+            if k != person and piece is not None:
+                others |= piece[c]
+        mine = pieces[person]
+        near = mask & ~others
+        if mine is not None and others.any():
+            near &= _distance_px(mine[c]) <= _distance_px(others)
+        own.append(near)
+        unknown.append((mask | others) & ~near)
+    return own, unknown
+
+
+def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance (h, w) of every pixel from a mask; infinite from an empty one."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf, np.float32)
+    away = cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+    return np.asarray(away, np.float32)
+
+
+@contextmanager
+def silhouettes_of(
+    store: MaskStore, pieces: Iterator[Sequence[Masks | None]], people: int, views: PinholeViews
+) -> Iterator[list[tuple[MaskStore, MaskStore]]]:
+    """Each person's silhouettes, and where nothing is known of them, for a `with` block.
+
+    Args:
+        store: silhouettes of everybody.
+        pieces: of every frame, see `own_and_unknown`.
+        people: their number.
+        views: the cameras.
+    """
+    sizes = [camera.size for camera in views.rig]
+    with mask_stores(2 * people, sizes, len(store)) as stores:
+        pairs = list(zip(stores[::2], stores[1::2], strict=True))
+        for t, seen in enumerate(pieces):
+            masks = store[t]
+            for person, kept in enumerate(pairs):
+                for one, found in zip(kept, own_and_unknown(masks, seen, person), strict=True):
+                    one.put(t, found)
+        yield pairs

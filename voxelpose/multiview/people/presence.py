@@ -1,0 +1,298 @@
+"""How many people there are, and where each is over time, by their hull alone.
+
+Wherever two people stand before few cameras, their silhouettes leave pieces of hull that are
+nobody's: phantoms. A set of people is right where it is the smallest that explains all silhouettes,
+over the whole time and not frame by frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+from scipy.optimize import linear_sum_assignment
+
+from silhouette_core.image.cleanup import dilated
+from silhouette_core.refinement.observation import PinholeViews
+from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
+
+_REDUCED = 4  # of the images in which it is asked who explains what
+_MOST_AXES = 9  # places in a frame that are asked for
+_HIDDEN_S = 2  # so long somebody may be hidden and is still known by the place
+_MOST_SETS = 40  # of people in a frame, which are compared over time
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleSets:
+    """Sets of people that may be in one frame, the most likely ones.
+
+    Attributes:
+        axes_m: (n, 2) float64, places where somebody may stand, in the world's xy plane, m.
+        members: K arrays of indices into `axes_m`.
+        cost: (K,) float64, what each set costs: of the silhouettes, the share of a person in the
+            mean camera that it leaves unexplained, and `PEOPLE.needed` for each of its people.
+    """
+
+    axes_m: NDArray[np.float64]
+    members: list[NDArray[np.int64]]
+    cost: NDArray[np.float64]
+
+
+class PresenceSearch:
+    """Asks frame by frame who may be where.
+
+    Args:
+        views: the cameras, upright.
+        volume: where people may be.
+        rule: how many cameras may object to a voxel.
+        floor_m: height of the floor.
+        most: number of people, at most.
+    """
+
+    def __init__(
+        self, views: PinholeViews, volume: VoxelGrid, rule: CarveRule, floor_m: float, most: int
+    ):
+        """Prepares reduced cameras."""
+        low = volume.origin_m
+        self._grid = VoxelGrid.from_bounds(low, low + volume.size_m, CARVING.coarse_m)
+        self._views, self._rule, self._floor_m, self._most = views, rule, floor_m, most
+        smaller = np.diag([1 / _REDUCED, 1 / _REDUCED, 1.0])
+        self._projections = [smaller @ camera.projection for camera in views.rig]
+        middle = volume.origin_m + 0.5 * volume.size_m
+        away_m = np.linalg.norm(views.center_m - middle, axis=1)
+        self._focal_px = views.intrinsics[:, 0] / _REDUCED
+        # Pixels of a person in each camera, by which the unexplained ones are counted.
+        self._person_px = PEOPLE.seen_m2 * (self._focal_px / away_m) ** 2
+
+    def sets(self, masks: Sequence[NDArray[np.bool_]]) -> PeopleSets:
+        """Sets of people that silhouettes (h, w) bool of all cameras allow, best first."""
+        hull = carve(self._views.rig, masks, self._grid, self._rule, self._views.unknown)
+        axes = self._axes(hull)
+        seen = [_reduced(mask) for mask in masks]
+        explained = [self._explained(hull, axis, seen) for axis in axes]
+        return self._ranked(axes, explained, seen)
+
+    def _axes(self, hull: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Places (n, 2) where the hull is thickest and somebody may stand, crouch or sit."""
+        size_m = self._grid.voxel_size_m
+        disc = _disc(PERSON_COST.middle_m / size_m)  # a trunk's
+        columns = size_m**3 * hull.sum(axis=2).astype(np.float32)
+        volume_m3 = np.asarray(cv2.filter2D(columns, -1, disc.astype(np.float32), borderType=0))
+        highest = volume_m3 >= maximum_filter(volume_m3, footprint=disc)
+        places = np.argwhere(highest & (volume_m3 >= CARVING.smallest_m3))
+        if not len(places):
+            return np.empty((0, 2))
+        x, y, z = self._grid.axes()
+        high = z >= self._floor_m + PEOPLE.upright_m
+        tall = np.asarray(maximum_filter(hull[:, :, high].any(axis=2), footprint=disc), np.bool_)
+        places = places[tall[*places.T]]
+        thick = volume_m3[*places.T]
+        places = places[np.argsort(-thick, kind="stable")[:_MOST_AXES]]
+        return np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
+
+    def _explained(
+        self, hull: NDArray[np.bool_], axis_m: NDArray[np.float64], seen: list[NDArray[np.bool_]]
+    ) -> list[NDArray[np.bool_]]:
+        """Pixels of each reduced silhouette into which the hull near an axis (2,) projects."""
+        x, y, z = self._grid.axes()
+        near = np.hypot(x[:, None] - axis_m[0], y[None] - axis_m[1]) <= PEOPLE.reach_m
+        own = hull & near[:, :, None]
+        marked = []
+        for projection, focal, mask in zip(self._projections, self._focal_px, seen, strict=True):
+            footprint = np.zeros(mask.shape, np.uint8)
+            depth = mark_voxels(own, x, y, z, projection, footprint)
+            side = int(np.ceil(2 * focal * self._grid.voxel_size_m / max(depth, 0.5))) | 1
+            marked.append(mask & dilated(footprint.view(np.bool_), side))
+        return marked
+
+    def _ranked(
+        self,
+        axes: NDArray[np.float64],
+        explained: list[list[NDArray[np.bool_]]],
+        seen: list[NDArray[np.bool_]],
+    ) -> PeopleSets:
+        """The cheapest sets of people at some axes."""
+        packed = [[np.packbits(mask) for mask in masks] for masks in explained]
+        whole = [np.packbits(mask) for mask in seen]
+        empty = [np.zeros_like(bits) for bits in whole]
+        grown: list[tuple[tuple[int, ...], list[NDArray[np.uint8]]]] = [((), empty)]
+        found = list(grown)
+        for _ in range(min(self._most, len(axes))):
+            grown = [
+                ((*members, k), [a | b for a, b in zip(union, packed[k], strict=True)])
+                for members, union in grown
+                for k in range(members[-1] + 1 if members else 0, len(axes))
+            ]
+            found += grown
+        cost = np.array([self._cost(len(members), union, whole) for members, union in found])
+        order = np.argsort(cost, kind="stable")[:_MOST_SETS]
+        members = [np.array(found[k][0], np.int64) for k in order]
+        return PeopleSets(axes, members, cost[order])
+
+    def _cost(
+        self, count: int, union: list[NDArray[np.uint8]], whole: list[NDArray[np.uint8]]
+    ) -> float:
+        left = [
+            int(np.bitwise_count(all_ & ~explained).sum()) / area
+            for all_, explained, area in zip(whole, union, self._person_px, strict=True)
+        ]
+        return float(np.mean(left)) + PEOPLE.needed * count
+
+
+def _reduced(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A silhouette in an image `_REDUCED` times smaller, by its nearest pixels."""
+    return np.ascontiguousarray(mask[::_REDUCED, ::_REDUCED])
+
+
+def _disc(radius_px: float) -> NDArray[np.uint8]:
+    """A filled disc, as a structuring element."""
+    side = 2 * int(radius_px) + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+
+
+def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: NDArray[np.float64]) -> list[int]:
+    """Which set is taken in every frame: the cheapest sequence, by dynamic programming.
+
+    Args:
+        frames: T frames' sets.
+        elapsed_s: (T - 1,) float64, time between them.
+    """
+    total, came = frames[0].cost, []
+    for before, after, seconds in zip(frames[:-1], frames[1:], elapsed_s, strict=True):
+        steps = _step_costs(before, after, float(seconds))
+        whole = total[:, None] + steps
+        came.append(whole.argmin(axis=0))
+        total = whole.min(axis=0) + after.cost
+    taken = [int(total.argmin())]
+    for from_ in reversed(came):
+        taken.append(int(from_[taken[-1]]))
+    return taken[::-1]
+
+
+def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> NDArray[np.float64]:
+    """(K, K') float64: what it costs that each set follows upon each."""
+    moved = _moved(before.axes_m, after.axes_m, seconds)
+    costs = np.empty((len(before.members), len(after.members)))
+    for i, old in enumerate(before.members):
+        for j, new in enumerate(after.members):
+            pairs = moved[np.ix_(old, new)]
+            rows, columns = linear_sum_assignment(pairs)
+            changed = len(old) + len(new) - 2 * len(rows)
+            costs[i, j] = pairs[rows, columns].sum() + PEOPLE.appearing * changed
+    return costs
+
+
+def _moved(
+    before_m: NDArray[np.float64], after_m: NDArray[np.float64], seconds: float
+) -> NDArray[np.float64]:
+    """(n, m) float64: what it costs that somebody goes from each place to each; at most, vanishing
+    there and appearing here.
+    """
+    apart = np.linalg.norm(before_m[:, None] - after_m[None], axis=2)
+    sigma = PEOPLE.speed_m_s * seconds + 2 * CARVING.coarse_m
+    return np.minimum(0.5 * (apart / sigma) ** 2, 2 * PEOPLE.appearing)
+
+
+def link_sets(
+    frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Places (N, T, 2) float64 of N people over time, NaN where one is not there."""
+    tracks: list[NDArray[np.float64]] = []
+    current: dict[int, int] = {}  # person by index of the axis
+    for t, (frame, k) in enumerate(zip(frames, taken, strict=True)):
+        members = frame.members[k]
+        followed: dict[int, int] = {}
+        if t and len(members) and current:
+            old = [*current]
+            moved = _moved(
+                frames[t - 1].axes_m[old], frame.axes_m[members], float(elapsed_s[t - 1])
+            )
+            for i, j in zip(*linear_sum_assignment(moved), strict=True):
+                if moved[i, j] < 2 * PEOPLE.appearing:
+                    followed[int(members[j])] = current[old[i]]
+        for axis in members.tolist():
+            if axis not in followed:
+                followed[axis] = len(tracks)
+                tracks.append(np.full((len(frames), 2), np.nan))
+            tracks[followed[axis]][t] = frame.axes_m[axis]
+        current = followed
+    return np.stack(tracks) if tracks else np.empty((0, len(frames), 2))
+
+
+def find_people(
+    views: PinholeViews,
+    volume: VoxelGrid,
+    rule: CarveRule,
+    frames: Iterable[Sequence[NDArray[np.bool_]]],
+    times_s: NDArray[np.float64],
+    most: int,
+) -> NDArray[np.float64]:
+    """Where people are in some frames of a recording.
+
+    Args:
+        views: the cameras, upright.
+        volume: where people may be, from the floor up.
+        rule: how many cameras may object to a voxel.
+        frames: T frames' silhouettes (h, w) bool of all cameras, made when they are asked for.
+        times_s: (T,) float64, of these frames.
+        most: number of people, at most.
+
+    Returns:
+        Axes (N, T, 2) float64 in the world's xy plane, m, of N people, those who are longest there
+        first; NaN where one is not there.
+    """
+    search = PresenceSearch(views, volume, rule, float(volume.origin_m[2]), most)
+    sets, elapsed_s = [search.sets(masks) for masks in frames], np.diff(times_s)
+    tracks = join_tracks(link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s), times_s)
+    seen = np.isfinite(tracks[:, :, 0])
+    order = np.argsort(-seen.sum(axis=1), kind="stable")[:most]
+    return tracks[order]
+
+
+def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tracks (N, T, 2) in which somebody who was hidden for a while is one and not two: one that
+    begins is the one that ended before where it can have come from there; between, on the way.
+    """
+    people: list[NDArray[np.float64]] = []
+    for track in sorted(tracks, key=lambda one: int(np.isfinite(one[:, 0]).argmax())):
+        first = int(np.isfinite(track[:, 0]).argmax())
+        costs = []
+        for person in people:
+            last = int(np.flatnonzero(np.isfinite(person[:, 0]))[-1])
+            away_s = float(times_s[first] - times_s[last])
+            cost = _moved(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
+            costs.append(cost if 0 < away_s <= _HIDDEN_S else np.inf)
+        best = int(np.argmin(costs)) if costs else 0
+        if not costs or costs[best] >= 2 * PEOPLE.appearing:
+            people.append(track.copy())
+            continue
+        person = people[best]
+        person[first:] = track[first:]
+        there = np.flatnonzero(np.isfinite(person[:, 0]))
+        gap = np.arange(there[there < first][-1], first + 1)
+        for axis in range(2):
+            person[gap, axis] = np.interp(gap, there, person[there, axis])
+    return np.stack(people) if people else tracks
+
+
+def at_all_times(
+    axes_m: NDArray[np.float64], asked_s: NDArray[np.float64], times_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Axes (N, T, 2) of N people at T times, between those (N, K, 2) at K times; NaN before the
+    first and after the last of each person's.
+    """
+    found = np.full((len(axes_m), len(times_s), 2), np.nan)
+    for own, axes in zip(found, axes_m, strict=True):
+        there = np.isfinite(axes[:, 0])
+        first, last = asked_s[there][[0, -1]]
+        inside = (times_s >= first) & (times_s <= last)
+        for k in range(2):
+            own[inside, k] = np.interp(times_s[inside], asked_s[there], axes[there, k])
+    return found
