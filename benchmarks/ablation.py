@@ -4,12 +4,12 @@
     python -m benchmarks.ablation several [SEED ...]
 
 `one`: the only camera of each RECORDING (a folder with truth.json), as `track` with the true
-stature, without each cost in turn; with motion model DM1 instead of DM2; and as `--method paper`
-with both. `several`: for every SEED a person of ../shared/render whose limbs are near to each
-other (crossed legs, folded arms, hands on hips) before four cameras, with the interference of parts
-(Iiyama, Kameda and Minoh, section 3) and without: finished fits, and every sixth frame searched by
-itself. Prints the mean error of the joints relative to the pelvis, mm. Drawn recordings and results
-stay in out/ablation; results are not made again.
+stature, without each cost in turn; with motion model DM1 instead of DM2; and as `--method paper`.
+`several`: for every SEED a person of ../shared/render whose limbs are near to each other (crossed
+legs, folded arms, hands on hips) before four cameras, with the interference of parts (Iiyama,
+Kameda and Minoh, section 3) and without: finished fits, and every sixth frame searched by itself.
+Prints the mean error of the joints relative to the pelvis, mm. Drawn recordings and results stay in
+out/ablation; results are not made again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from silhouette_core.estimator import Settings
 from silhouette_core.monocular import tuning
 from silhouette_core.monocular.tracking import hypothesis_tracker
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts
-from silhouette_core.monocular.tree import transitions
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement, movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import forward
@@ -87,12 +86,6 @@ def occlusion_unaware() -> AbstractContextManager[object]:
     return patch.object(hypothesis_tracker, "MOTION_MODEL", model)
 
 
-def paper_dm1() -> AbstractContextManager[object]:
-    """Motion model DM1 in the paper's own estimator."""
-    model = replace(tuning.MOTION_MODEL, magnification=1.0)
-    return patch.object(transitions, "MOTION_MODEL", model)
-
-
 def one_by_one() -> AbstractContextManager[object]:
     """Parts matched one after the other, whether or not their movable areas interfere."""
     return patch.object(matcher, "_interfering", lambda candidates: [[c] for c in candidates])
@@ -103,7 +96,6 @@ ONE: dict[str, tuple[str, Switch]] = {
     **{f"without {name}": ("monocular", lambda name=name: without_term(name)) for name in TERMS},
     "DM1": ("monocular", occlusion_unaware),
     "paper": ("tree", nullcontext),
-    "paper, DM1": ("tree", paper_dm1),
 }
 SEVERAL: dict[str, Switch] = {"together": nullcontext, "one by one": one_by_one}
 

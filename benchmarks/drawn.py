@@ -11,7 +11,13 @@ from pathlib import Path
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 
 
-def drawn(folder: Path, seeds: Sequence[int], level: int, clip: str | None = None) -> list[Path]:
+def drawn(
+    folder: Path,
+    seeds: Sequence[int],
+    level: int,
+    clip: str | None = None,
+    options: Sequence[str] = (),
+) -> list[Path]:
     """Recordings of some seeds, drawn if they are not there.
 
     Args:
@@ -19,6 +25,7 @@ def drawn(folder: Path, seeds: Sequence[int], level: int, clip: str | None = Non
         seeds: a recording each.
         level: 0 clean, 1 filmed carefully, 2 carelessly.
         clip: recorded motion; None: drawn, too.
+        options: further ones of the program that draws.
 
     Raises:
         subprocess.CalledProcessError: a recording could not be drawn, as from a clip too short.
@@ -27,6 +34,6 @@ def drawn(folder: Path, seeds: Sequence[int], level: int, clip: str | None = Non
     if missing:
         draw = SHARED / "render" / "draw.py"
         command = [sys.executable, draw.name, str(folder), *missing, "--level", str(level)]
-        command += [] if clip is None else ["--clip", clip]
+        command += [*options, *([] if clip is None else ["--clip", clip])]
         subprocess.run(command, cwd=draw.parent, check=True, stdout=subprocess.DEVNULL)
     return [folder / str(k) for k in seeds]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from calib.checks import check_array
 from calib.errors import InputError
@@ -19,8 +20,15 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.tables import JOINTS, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES
-from voxelpose.recording.truth import TRUE_MOTION, TRUTH, KnownJoints, load_truth, truth_of
-from voxelpose.results import Result, is_result
+from voxelpose.recording.truth import (
+    TRUE_MOTION,
+    TRUTH,
+    KnownJoints,
+    load_truth,
+    read_people_truth,
+    truth_of,
+)
+from voxelpose.results import Result, is_result, open_people
 
 _LOST_MM = 300
 _CORRECT_MM = 150
@@ -109,6 +117,51 @@ def evaluate(
     if known.motion is None or not is_result(path):
         return score
     return replace(score, **_angle_errors(known.motion, Result.open(path).motion, offset))
+
+
+def evaluate_people(
+    folder: Path | str, truth: Path | str | None = None, offset: int = 0
+) -> dict[str, Score]:
+    """Scores the results of several people against the known joint positions of several.
+
+    Who is who is decided once for the whole recording, so that the joints are nearest in all.
+    A person without a result has a score, too: every frame is lost.
+
+    Args:
+        folder: of `fit_people`.
+        truth: see `read_people_truth`; None: truth.json of the recording.
+        offset: as of `evaluate`.
+
+    Returns:
+        By `person_1` and so on as in the folder, then `nobody_1` and so on of people without one.
+
+    Raises:
+        InputError: a file cannot be read, or there are more results than people.
+    """
+    results = open_people(folder)
+    known_m = read_people_truth(_truth_of(results[0].folder) if truth is None else Path(truth))
+    if len(results) > len(known_m):
+        raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
+    found_m = [read_joints(result.folder / JOINTS, len(known_m[0]), offset) for result in results]
+    cost = np.array([[_apart_m(true, found) for true in known_m] for found in found_m])
+    pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
+    scores = {
+        results[k].folder.name: score_motion(known_m[person], found_m[k])
+        for k, person in pairs.items()
+    }
+    missed = sorted({*range(len(known_m))} - {*pairs.values()})
+    return scores | {
+        f"nobody_{n}": score_motion(known_m[k], np.full_like(known_m[k], np.nan))
+        for n, k in enumerate(missed, 1)
+    }
+
+
+def _apart_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
+    """Mean distance of the joints (T, J, 3) in frames in which both are known; as much as a room is
+    wide where there is none.
+    """
+    apart = np.linalg.norm(true_m - found_m, axis=2)
+    return float(apart[np.isfinite(apart)].mean()) if np.isfinite(apart).any() else 10.0
 
 
 def _truth_of(result: Path) -> Path:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,8 +118,31 @@ def read_truth(
     return truth
 
 
+def read_people_truth(path: Path) -> list[NDArray[np.float64]]:
+    """Reads the known joint positions of everybody from truth.json, whose `people` each have
+    `joints` as a single person's truth has; (T, 15, 3) float64 each, world, metres.
+
+    Raises:
+        InputError: the file cannot be read, or is not of several people.
+    """
+    document = parse_json(load_text(path, _LARGEST_BYTES), path)
+    people = document.get("people") if isinstance(document, dict) else None
+    if not isinstance(people, list) or not people:
+        raise InputError(f"{path} does not list people: give the truth of several, as truth.json")
+    unit = {"unit": document.get("unit", "m")}
+    return [
+        _known_joints(unit | person if isinstance(person, dict) else {}, path) for person in people
+    ]
+
+
 def _read_json(path: Path) -> NDArray[np.float64]:
     document = parse_json(load_text(path, _LARGEST_BYTES), path)
+    if isinstance(document, dict) and "people" in document:
+        raise InputError(f"{path} is of several people: give the folder of the result of them all")
+    return _known_joints(document, path)
+
+
+def _known_joints(document: Any, path: Path) -> NDArray[np.float64]:
     try:
         if document.get("unit", "m") != "m":
             raise InputError(f"{path} is in {str(document['unit'])[:20]!r}: convert it to metres")

@@ -33,9 +33,11 @@ class Match:
     """Result of the matcher.
 
     Attributes:
-        score: explained voxels less the cost of parts in empty space.
+        score: explained voxels less the cost of parts in empty space; of several bodies matched
+            together, of all of them.
         explained: fraction of the hull's voxels that some part covers.
-        groups: the limbs matched jointly, in the order in which they were decided.
+        groups: the limbs matched jointly, in the order in which they were decided; those of other
+            bodies with their number, as "left_forearm of 2".
         stopped: those of the groups whose joint search stopped at a bound, so that a better
             combination may exist.
     """
@@ -56,12 +58,14 @@ class LimbPlacements:
         bits: (K, words) uint64, the free voxels that each covers.
         cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already
             placed.
+        body: number of the body whose limb it is, where several are matched.
     """
 
     limb: Limb
     angles_rad: np.ndarray
     bits: np.ndarray
     cost: np.ndarray
+    body: int = 0
 
     @property
     def movable_area(self) -> np.ndarray:
@@ -126,9 +130,31 @@ def match(
     Ours: a score that subtracts a cost for empty space; the torso's voxels are taken before the
     limbs are matched, and the voxels that one level takes are not offered to the next.
     """
-    search = _Search(body_volume, grid, occupancy, start, settings or MatchSettings())
-    root = body_volume.root_limb
-    search.decide([search.placements(root, start.angles_rad[None])], (0,), start.angles_rad)
+    return match_together([(body_volume, start)], grid, occupancy, settings)[0]
+
+
+def match_together(
+    bodies: Sequence[tuple[BodyVolume, Pose]],
+    grid: VoxelGrid,
+    occupancy: np.ndarray,
+    settings: MatchSettings | None = None,
+) -> list[Match]:
+    """Joint angles of several bodies whose root parts are placed, as of one tree with a root each.
+
+    The parts of all bodies are matched breadth first; parts whose movable areas interfere are
+    decided at once, whether they are of one body or of several.
+
+    Args:
+        bodies: each with what places its root part; its other angles are the initial values.
+        occupancy: (nx, ny, nz) bool, the voxels of all bodies.
+
+    Returns:
+        A match of each body.
+
+    Source: as `match`; that the bodies may be several is ours.
+    """
+    search = _Search(bodies, grid, occupancy, settings or MatchSettings())
+    search.decide_roots()
     while candidates := search.selectable():
         groups = [[c] for c in candidates]
         if search.settings.interference:
@@ -137,14 +163,14 @@ def match(
         choices = [  # step (1), (4)
             best_together([c.bits for c in group], [c.cost for c in group]) for group in groups
         ]
-        before = search.pose.angles_rad
+        before = [pose.angles_rad for pose in search.poses]
         for group, found in zip(groups, choices, strict=True):
-            search.decide(group, found.choice, before)
-            if not found.exact:
-                search.stopped.append(search.groups[-1])
+            search.decide(group, found.choice, before, found.exact)
     explained = int(np.bitwise_count(search.taken).sum()) / max(len(search.voxel_set), 1)
-    groups = tuple(search.groups), tuple(search.stopped)
-    return Match(search.pose, search.score, explained, *groups)
+    return [
+        Match(pose, search.score, explained, tuple(groups), tuple(stopped))
+        for pose, groups, stopped in zip(search.poses, search.groups, search.stopped, strict=True)
+    ]
 
 
 def movable_areas(
@@ -158,9 +184,8 @@ def movable_areas(
 
     Source: Iiyama, Kameda and Minoh, section 3.
     """
-    search = _Search(body_volume, grid, occupancy, pose, MatchSettings())
-    root = body_volume.root_limb
-    search.decide([search.placements(root, pose.angles_rad[None])], (0,), pose.angles_rad)
+    search = _Search([(body_volume, pose)], grid, occupancy, MatchSettings())
+    search.decide_roots()
     areas = []
     while candidates := search.selectable():
         for group in _interfering(candidates):
@@ -173,70 +198,96 @@ def movable_areas(
                 voxels, shared = search.voxel_set.voxels(own), search.voxel_set.voxels(own & others)
                 areas.append(LimbArea(candidate.limb, voxels, names, shared))
         for candidate in candidates:  # the first placement is the given pose's
-            search.decide([candidate], (0,), pose.angles_rad)
+            search.decide([candidate], (0,), [pose.angles_rad])
     return areas
 
 
 class _Search:
-    """State of the search: the pose so far, and the voxels that its parts have taken."""
+    """State of the search: the poses so far, and the voxels that their parts have taken."""
 
     def __init__(
         self,
-        body_volume: BodyVolume,
+        bodies: Sequence[tuple[BodyVolume, Pose]],
         grid: VoxelGrid,
         occupancy: np.ndarray,
-        pose: Pose,
         settings: MatchSettings,
     ):
         """Starts with no part placed."""
-        self.body_volume = body_volume
-        self.voxel_set = VoxelSet(grid, occupancy, body_volume.backend)
-        self.pose = pose
+        self.volumes = [volume for volume, _ in bodies]
+        self.poses = [pose for _, pose in bodies]
+        self.voxel_set = VoxelSet(grid, occupancy, self.volumes[0].backend)
         self.settings = settings
         self.taken = np.zeros(self.voxel_set.words, np.uint64)
         self.score = 0.0
-        self.groups: list[tuple[str, ...]] = []
-        self.stopped: list[tuple[str, ...]] = []
+        self.groups: list[list[tuple[str, ...]]] = [[] for _ in bodies]
+        self.stopped: list[list[tuple[str, ...]]] = [[] for _ in bodies]
+        self._decided: list[set[str]] = [set() for _ in bodies]
+
+    def decide_roots(self) -> None:
+        """Places every body's root part as it is given."""
+        for k, (volume, pose) in enumerate(zip(self.volumes, self.poses, strict=True)):
+            angles = [other.angles_rad for other in self.poses]
+            own = self.placements(k, volume.root_limb, pose.angles_rad[None])
+            self.decide([own], (0,), angles)
 
     def selectable(self) -> list[LimbPlacements]:
         """Placements of each limb that is not decided yet, but whose parent is."""
-        decided = {name for group in self.groups for name in group}
-        own = self.pose.angles_rad, self.settings.step_rad, self.body_volume.model.tree
-        return [
-            self.placements(limb, sample_angles(limb, *own))
-            for limb in self.body_volume.limbs
-            if limb.name not in decided and limb.parent in decided
-        ]
+        found = []
+        for k, (volume, pose) in enumerate(zip(self.volumes, self.poses, strict=True)):
+            decided = self._decided[k]
+            own = pose.angles_rad, self.settings.step_rad, volume.model.tree
+            found += [
+                self.placements(k, limb, sample_angles(limb, *own))
+                for limb in volume.limbs
+                if limb.name not in decided and limb.parent in decided
+            ]
+        return found
 
-    def placements(self, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
+    def placements(self, body: int, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
         """Placements of a limb at angles (K, D), with the voxels they cover and what they cost."""
-        placed = self.body_volume.placements(limb, self.pose, angles_rad)
-        bits, empty, inside = self.voxel_set.cover(self.body_volume.points[limb.name], *placed)
+        volume = self.volumes[body]
+        placed = volume.placements(limb, self.poses[body], angles_rad)
+        bits, empty, inside = self.voxel_set.cover(volume.points[limb.name], *placed)
         cost = empty + MATCHING.taken_cost * inside
-        return LimbPlacements(limb, angles_rad, bits, cost)
+        return LimbPlacements(limb, angles_rad, bits, cost, body)
 
     def decide(
-        self, group: list[LimbPlacements], choice: Sequence[int], before_rad: np.ndarray
+        self,
+        group: list[LimbPlacements],
+        choice: Sequence[int],
+        before_rad: Sequence[np.ndarray],
+        exact: bool = True,
     ) -> None:
         """Places the limbs of a group.
 
         Args:
-            before_rad: (D,) the angles around which the placements were sampled; what other groups
-                have changed since then is kept.
+            before_rad: (D,) of each body, the angles around which the placements were sampled; what
+                other groups have changed since then is kept.
+            exact: whether no combination can be better.
         """
         chosen = list(zip(group, choice, strict=True))
-        angles = self.pose.angles_rad.copy()
-        for placements, k in chosen:
-            changed = placements.angles_rad[k] != before_rad
-            angles[changed] = placements.angles_rad[k][changed]
         union = np.bitwise_or.reduce([placements.bits[k] for placements, k in chosen])
         # Without interference two groups of one level may claim the same voxel; it counts once.
         explained = int(np.bitwise_count(union & ~self.taken).sum())
         self.score += explained - sum(float(placements.cost[k]) for placements, k in chosen)
         self.taken |= union
         self.voxel_set.take(union)
-        self.pose = Pose(self.pose.root_m, self.pose.root_rotation, angles)
-        self.groups.append(tuple(placements.limb.name for placements in group))
+        for body in {placements.body: None for placements in group}:
+            pose = self.poses[body]
+            angles = pose.angles_rad.copy()
+            for placements, k in chosen:
+                if placements.body == body:
+                    self._decided[body].add(placements.limb.name)
+                    changed = placements.angles_rad[k] != before_rad[body]
+                    angles[changed] = placements.angles_rad[k][changed]
+            self.poses[body] = Pose(pose.root_m, pose.root_rotation, angles)
+            names = tuple(
+                one.limb.name if one.body == body else f"{one.limb.name} of {one.body + 1}"
+                for one in group
+            )
+            self.groups[body].append(names)
+            if not exact:
+                self.stopped[body].append(names)
 
 
 def _interfering(candidates: list[LimbPlacements]) -> list[list[LimbPlacements]]:

@@ -73,7 +73,7 @@ def hull_pieces(
 
 
 def own_and_unknown(
-    masks: Masks, pieces: Sequence[Masks | None], person: int
+    masks: Masks, pieces: Sequence[Masks | None], person: int, *, bodies: bool = True
 ) -> tuple[Masks, Masks]:
     """One person's silhouettes, and where nothing is known of them, in every camera.
 
@@ -81,6 +81,8 @@ def own_and_unknown(
         masks: silhouettes of everybody.
         pieces: where each of N people is seen; None: not there.
         person: number of the person among them.
+        bodies: whether pieces are bodies: where two are, one is enough to explain the pixel. Pieces
+            of hull are larger than bodies, and where two are, the pixel may be either's.
     """
     own, unknown = [], []
     for c, mask in enumerate(masks):
@@ -92,6 +94,8 @@ def own_and_unknown(
         near = mask & ~others
         if mine is not None and others.any():
             near &= _distance_px(mine[c]) <= _distance_px(others)
+            if not bodies:
+                near |= mask & mine[c]
         own.append(near)
         unknown.append((mask | others) & ~near)
     return own, unknown
@@ -107,7 +111,12 @@ def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 @contextmanager
 def silhouettes_of(
-    store: MaskStore, pieces: Iterator[Sequence[Masks | None]], people: int, views: PinholeViews
+    store: MaskStore,
+    pieces: Iterator[Sequence[Masks | None]],
+    people: int,
+    views: PinholeViews,
+    *,
+    bodies: bool,
 ) -> Iterator[list[tuple[MaskStore, MaskStore]]]:
     """Each person's silhouettes, and where nothing is known of them, for a `with` block.
 
@@ -116,6 +125,7 @@ def silhouettes_of(
         pieces: of every frame, see `own_and_unknown`.
         people: their number.
         views: the cameras.
+        bodies: see `own_and_unknown`.
     """
     sizes = [camera.size for camera in views.rig]
     with mask_stores(2 * people, sizes, len(store)) as stores:
@@ -123,6 +133,7 @@ def silhouettes_of(
         for t, seen in enumerate(pieces):
             masks = store[t]
             for person, kept in enumerate(pairs):
-                for one, found in zip(kept, own_and_unknown(masks, seen, person), strict=True):
-                    one.put(t, found)
+                found = own_and_unknown(masks, seen, person, bodies=bodies)
+                for one, silhouettes in zip(kept, found, strict=True):
+                    one.put(t, silhouettes)
         yield pairs

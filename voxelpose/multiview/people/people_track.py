@@ -89,25 +89,26 @@ class PeopleTrack:
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
         people = range(len(self.places_m))
-        observations = self._observations(self._hull_pieces(), kept)
+        observations = self._observations(self._hull_pieces(), kept, bodies=False)
         found: list[tuple[PoseTracker, Start]] = [
             self.work.tracked(observations[k]) for k in people
         ]
         for _ in range(_ROUNDS):
             trackers = [tracker for tracker, _ in found]
-            observations = self._observations(self._drawn_pieces(trackers), kept)
+            observations = self._observations(self._drawn_pieces(trackers), kept, bodies=True)
             for tracker, beside in zip(trackers, observations, strict=True):
                 tracker.observations = beside
                 self.work.again(tracker)
         return [(tracker, self.work.finished(tracker, start)) for tracker, start in found]
 
     def _observations(
-        self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack
+        self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack, *, bodies: bool
     ) -> list[ObservationStore]:
         """Observations of each person among others that are seen where `pieces` says."""
         prepared, work = self.prepared, self.work
         views, count = prepared.observer.views, len(self.places_m)
-        pairs = kept.enter_context(silhouettes_of(prepared.store, pieces, count, views))
+        at = prepared.store, pieces, count, views
+        pairs = kept.enter_context(silhouettes_of(*at, bodies=bodies))
         told = work.clock, work.reporter
         return [
             kept.enter_context(

@@ -180,16 +180,16 @@ def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume
     settings, start = MatchSettings(), stance(body_volume.model)
     points = len(body_volume.points["left_thigh"])
     empty, full = (
-        _Search(body_volume, grid, np.full_like(occupancy, there), start, settings)
+        _Search([(body_volume, start)], grid, np.full_like(occupancy, there), settings)
         for there in (False, True)
     )
     limb, angles = LIMB["left_thigh"], start.angles_rad[None]
-    assert empty.placements(limb, angles).cost == pytest.approx(points)
-    placed = full.placements(limb, angles)
+    assert empty.placements(0, limb, angles).cost == pytest.approx(points)
+    placed = full.placements(0, limb, angles)
     assert placed.cost == 0
-    full.decide([placed], (0,), start.angles_rad)
+    full.decide([placed], (0,), [start.angles_rad])
     # Whatever is placed there again, all its points are taken.
-    assert full.placements(limb, angles).cost == pytest.approx(0.7 * points)
+    assert full.placements(0, limb, angles).cost == pytest.approx(0.7 * points)
 
 
 def test_explained_share_counts_a_voxel_once(body_volume, scene):

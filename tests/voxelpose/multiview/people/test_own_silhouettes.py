@@ -33,6 +33,13 @@ def test_pixels_are_the_nearest_persons_and_unknown_where_another_is():
     assert np.flatnonzero(unknown).tolist() == [1, 2, 3, 4, 5]
 
 
+def test_where_pieces_of_hull_overlap_a_pixel_may_be_eithers():
+    pieces = [[row(2, 3, 4, 5)], [row(5, 6, 7, 8)]]
+    for person, columns in ((0, [1, 2, 3, 4, 5]), (1, [5, 6, 7, 8, 9, 10])):
+        (own,), (unknown,) = own_and_unknown([row(*range(1, 11))], pieces, person, bodies=False)
+        assert np.flatnonzero(own).tolist() == columns and not (own & unknown).any()
+
+
 def test_where_another_is_drawn_before_the_background_nothing_is_known():
     """It is that one's mistake, and not this one's."""
     (own,), (unknown,) = own_and_unknown([row(1, 2)], [[row(1, 2)], [row(8, 9)]], 0)
@@ -61,7 +68,7 @@ def test_the_hull_about_each_person_is_seen_where_the_person_is():
         assert piece is not None
         for c, mask in enumerate(own):
             assert (piece[c] & mask).sum() > 0.97 * mask.sum()
-        mine, unknown = own_and_unknown(masks, pieces, k)
+        mine, unknown = own_and_unknown(masks, pieces, k, bodies=True)
         for c, mask in enumerate(own):
             known = ~unknown[c]
             wrong = (mine[c] ^ mask) & known

@@ -1,5 +1,6 @@
 """How many people there are, and where, by their hull."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -57,6 +58,29 @@ def test_one_person_with_arms_and_legs_apart_is_one():
     apart = {f"{side}_upper_arm.abduction": 90.0 for side in ("left", "right")}
     apart |= {"left_thigh.flexion": 60.0, "right_thigh.flexion": -20.0}
     sets = search(seen_by).sets(photograph(seen_by, model, stance(model, apart)))
+    assert len(sets.members[0]) == 1
+
+
+def post(seen_by, x, y, width_m=0.05, height_m=1.2):
+    """Silhouettes of a post that stands on the floor."""
+    half = 0.5 * width_m
+    corners = [
+        (x + a, y + b, z) for a in (-half, half) for b in (-half, half) for z in (0, height_m)
+    ]
+    masks = []
+    for camera in seen_by.rig:
+        pixels, _ = camera.project(np.array(corners))
+        mask = np.zeros(camera.size[::-1], np.uint8)
+        cv2.fillConvexPoly(mask, cv2.convexHull(pixels.round().astype(np.int32)), 1)
+        masks.append(mask.view(bool))
+    return masks
+
+
+def test_what_is_much_thinner_than_a_person_is_nobody():
+    model, seen_by = fitting_model(), views(4)
+    person = photograph(seen_by, model, stance(model))
+    sets = search(seen_by).sets(union(person, post(seen_by, 0.9, 0.3)))
+    assert len(sets.axes_m) > 1  # it is asked for
     assert len(sets.members[0]) == 1
 
 

@@ -46,7 +46,7 @@ class Work(TrackWork):
     def _observations(self, prepared, kept):
         return prepared
 
-    def _tracked(self, observations, *, objects=False):
+    def tracked(self, observations, *, objects=False):
         return tracked(self.settings.options["errors"].pop(0), self.settings.options.get("at_m"))
 
 
