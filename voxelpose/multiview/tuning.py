@@ -183,8 +183,8 @@ class People:
 
     reach_m: float = 0.45
     """m. How far from somebody's axis the hull is that person's: arms and legs in most poses. All
-    of these are by eye; 0.3 to 0.6 here, and half to twice of the others, change nobody who is found
-    in five recordings of two and three people (seeds 1 to 3 of level 1)."""
+    of these are by eye; 0.3 to 0.6 here, and half to twice of the others, change nobody who is
+    found in five recordings of two and three people (seeds 1 to 3 of level 1)."""
     upright_m: float = 1.0
     """m. Height above the floor that the hull of somebody reaches who sits or stands."""
     seen_m2: float = 0.5
