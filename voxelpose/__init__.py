@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from voxelpose.hull import CarveSettings, Hull, carve_recording
     from voxelpose.recording.folder import Recording
     from voxelpose.results import Result
+    from voxelpose.scan_distance import ScanScore, evaluate_scan
 
 
 __all__ = [
@@ -32,12 +33,14 @@ __all__ = [
     "Output",
     "Recording",
     "Result",
+    "ScanScore",
     "Score",
     "Settings",
     "Silhouettes",
     "carve_recording",
     "conditioned",
     "evaluate",
+    "evaluate_scan",
     "export_motion",
     "fit",
     "make_recording",
@@ -57,6 +60,7 @@ _NAMES = {
     "voxelpose.hull": "CarveSettings Hull carve_recording",
     "voxelpose.recording.folder": "Recording",
     "voxelpose.results": "Result",
+    "voxelpose.scan_distance": "ScanScore evaluate_scan",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

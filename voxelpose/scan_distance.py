@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from calib.errors import InputError
 from calib.files.fields import METRES
 from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
+from silhouette_core.motion import kinematics
 from voxelpose.results import Result
 from voxelpose.view.open3d_import import import_open3d
 from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -22,7 +23,7 @@ Surface = tuple[NDArray[np.float64], NDArray[np.integer]]
 
 _MOST_TRIANGLES = 3_000_000
 _POINTS = 20_000  # of each surface that are compared, about a square centimetre each
-_FEW_POINTS = 1000  # by which the turn to begin with is found
+_FEW_POINTS = 500  # by which the turn to begin with is found
 _ALIKE = 3  # times as large as the body, or as small, a scan in the right unit may be
 
 
@@ -102,16 +103,16 @@ def evaluate_scan(
         raise InputError(
             f"frame {frame} of {result} has no pose: choose another, from {first} to {last}"
         )
+    size_m = float(np.ptp(motion.model.vertices_m, axis=0).max())
+    vertices, faces = read_scan(Path(scan), unit, size_m)
     scenes = ResultScenes(result)
     try:
         scene = scenes.scene(frame)
     finally:
         scenes.close()
-    state = scene.body
-    if state is None:  # of a frame beyond the settings' frames
-        raise InputError(f"frame {frame} of {result} has no pose: choose another")
-    body = state.vertices_m, motion.model.faces
-    vertices, faces = read_scan(Path(scan), unit, float(np.ptp(body[0], axis=0).max()))
+    upright = motion.upright()
+    placed = [array[np.flatnonzero(motion.frames == frame)[0]] for array in upright.parts()]
+    body = kinematics.skin(motion.model, *placed), motion.model.faces
     measured = motion.upright_frame.points(vertices), faces
     moved_mm = turned_deg = 0.0
     if align:
@@ -161,7 +162,9 @@ def read_scan(path: Path, unit: str, body_m: float) -> Surface:
         if body_m < _ALIKE * extent * metres < _ALIKE**2 * body_m
     ]
     if unit not in fitting:
-        asked = f"is it in {fitting[0]}? Then say --unit {fitting[0]}" if fitting else "whose is it?"
+        asked = (
+            f"is it in {fitting[0]}? Then say --unit {fitting[0]}" if fitting else "whose is it?"
+        )
         raise InputError(
             f"{path} would be {extent * METRES[unit]:.3g} m large if it were in {unit}, and the"
             f" body is {body_m:.3g} m: {asked}"
@@ -205,9 +208,7 @@ def _distance(open3d: Any, surface: Surface, other: Surface) -> SurfaceDistance:
     )
 
 
-def _spread_points(
-    surface: Surface, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _spread_points(surface: Surface, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (count, 3) spread evenly over a surface, always the same, and the normals there."""
     import trimesh
 
@@ -216,9 +217,7 @@ def _spread_points(
     return np.asarray(points, float), np.asarray(mesh.face_normals[faces], float)
 
 
-def _aligned_with(
-    open3d: Any, scan: Surface, body: Surface
-) -> tuple[NDArray[np.float64], float]:
+def _aligned_with(open3d: Any, scan: Surface, body: Surface) -> tuple[NDArray[np.float64], float]:
     """Vertices of a scan, moved and turned onto a body, and the turn in degrees.
 
     The scan's up may be any axis, and it may face any way: of all these turns the one is taken from
