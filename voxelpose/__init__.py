@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from silhouette_core.motion.conditioning import Conditioning, conditioned
     from silhouette_core.motion.motion import Motion
     from voxelpose.demo.room import make_recording
-    from voxelpose.evaluation import Score, evaluate
+    from voxelpose.evaluation import Score, evaluate, evaluate_people
     from voxelpose.export.formats import export_motion
     from voxelpose.fitting import Output, fit, fit_people, track
     from voxelpose.hull import CarveSettings, Hull, carve_recording
     from voxelpose.recording.folder import Recording
     from voxelpose.results import Result, open_people
+    from voxelpose.scan_distance import ScanScore, evaluate_scan
 
 
 __all__ = [
@@ -32,12 +33,15 @@ __all__ = [
     "Output",
     "Recording",
     "Result",
+    "ScanScore",
     "Score",
     "Settings",
     "Silhouettes",
     "carve_recording",
     "conditioned",
     "evaluate",
+    "evaluate_people",
+    "evaluate_scan",
     "export_motion",
     "fit",
     "fit_people",
@@ -53,12 +57,13 @@ _NAMES = {
     "silhouette_core.motion.conditioning": "Conditioning conditioned",
     "silhouette_core.motion.motion": "Motion",
     "voxelpose.demo.room": "make_recording",
-    "voxelpose.evaluation": "Score evaluate",
+    "voxelpose.evaluation": "Score evaluate evaluate_people",
     "voxelpose.export.formats": "export_motion",
     "voxelpose.fitting": "Output fit fit_people track",
     "voxelpose.hull": "CarveSettings Hull carve_recording",
     "voxelpose.recording.folder": "Recording",
     "voxelpose.results": "Result open_people",
+    "voxelpose.scan_distance": "ScanScore evaluate_scan",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

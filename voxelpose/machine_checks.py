@@ -186,16 +186,14 @@ def _open3d() -> _Finding:
     from calib.errors import InputError
     from voxelpose.view.open3d_import import has_screen, import_open3d
 
+    needs = "only `view --open3d` and `evaluate --scan` need it"
     try:
         module = import_open3d()
     except InputError as error:  # states the remedy
         found, _, remedy = str(error).partition(": ")
-        return "limited", found, f"only `view --open3d` needs it: {remedy}"
+        return "limited", found, f"{needs}: {remedy}"
     except Exception as error:  # a broken wheel raises anything
-        remedy = (
-            "only `view --open3d` needs it; on Linux: pip install libusb-package, and apt install"
-            " libgl1 libgomp1"
-        )
+        remedy = f"{needs}; on Linux: pip install libusb-package, and apt install libgl1 libgomp1"
         return "limited", f"{type(error).__name__}: {error}", remedy
     screen = "a screen" if has_screen() else "no screen here: use view --png"
     return "works", f"{module.__version__}, {screen}", ""

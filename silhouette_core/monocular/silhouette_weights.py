@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.image.raster import NEAR_M, render_many
+from silhouette_core.image.raster import NEAR_M
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
@@ -155,7 +155,8 @@ class SignedWeights:
     def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
         """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
-        return render_many(meshes, model.faces, model.face_part, self.matrix, size)
+        mesh = model.faces, model.face_part
+        return self.backend.part_images(meshes, *mesh, self.matrix, size)
 
     def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Meshes (K, V, 3) of poses in the virtual camera."""

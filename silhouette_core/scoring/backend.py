@@ -6,7 +6,8 @@ arguments, registered under the entry point group `silhouette_core.backends`:
     [project.entry-points."silhouette_core.backends"]
     cpu = "silhouette_core.scoring.cpu:CpuBackend"
 
-Both estimators score through it alone; `Settings.backend` chooses it by name.
+Both estimators score candidates through it alone, and draw them through it; `Settings.backend`
+chooses it by name. docs/architecture.md says what it does not cover, and why.
 """
 
 from __future__ import annotations
@@ -76,6 +77,32 @@ class Backend(Protocol):
             ValueError: A number that no silhouette has.
 
         Source: Okada and Stenger, eq. (6)-(9).
+        """
+        ...
+
+    def part_images(
+        self,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+        face_part: NDArray[np.integer],
+        matrix: FloatArray,
+        size: tuple[int, int],
+        cull_back: bool = True,
+    ) -> NDArray[np.uint8]:
+        """Part images of K poses of a mesh, drawn as `silhouette_core.image.raster` says.
+
+        Args:
+            vertices_cam: (K, V, 3) m, camera frame.
+            faces: (F, 3) vertex indices.
+            face_part: (F,) part index of each face, 0 to 254.
+            matrix: (3, 3) pinhole matrix, px.
+            size: Width and height, px.
+            cull_back: Leaves out faces seen from behind.
+
+        Returns:
+            (K, h, w) uint8, 0 for background and part index + 1 elsewhere.
+
+        Source: Okada and Stenger, 3.1.
         """
         ...
 

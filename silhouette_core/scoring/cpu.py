@@ -67,6 +67,18 @@ class CpuBackend:
         score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 
+    def part_images(
+        self,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+        face_part: NDArray[np.integer],
+        matrix: FloatArray,
+        size: tuple[int, int],
+        cull_back: bool = True,
+    ) -> NDArray[np.uint8]:
+        """See `Backend.part_images`."""
+        return render_many(vertices_cam, faces, face_part, matrix, size, cull_back)
+
     def drawn_weights(
         self,
         weights: FloatArray,
@@ -132,7 +144,7 @@ class CpuBackend:
             np.empty(len(rotations), np.int64),
         )
         cameras = views.intrinsics, views.rotation, views.translation_m
-        pixels.pixel_scores(*placed, *cameras, images, scores)
+        pixels.pixel_scores(*placed, *cameras, np.ascontiguousarray(images), scores)
         return scores
 
     def voxel_overlap(
@@ -167,7 +179,8 @@ class CpuBackend:
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
         empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)
-        voxels.voxel_cover(numbers, grid.origin_m, grid.voxel_size_m, *placed, bits, empty, taken)
+        cells = np.ascontiguousarray(numbers), grid.origin_m, 1.0 / grid.voxel_size_m
+        voxels.voxel_cover(*cells, *placed, bits, empty, taken)
         return bits, empty, taken
 
 

@@ -71,4 +71,4 @@ def voxel_cover(rng):
     numbers[rng.random(numbers.shape) < 0.4] = -1
     numbers[rng.random(numbers.shape) < 0.2] = -2
     filled = np.empty((8, 16), np.uint64), *np.empty((2, 8), np.int64)
-    return Example((numbers, np.full(3, -1.0), 0.2, *placements(rng), *filled))
+    return Example((numbers, np.full(3, -1.0), 5.0, *placements(rng), *filled))

@@ -46,6 +46,21 @@ class ReferenceBackend:
                     distances[k, p * len(shifts) + s] = target.scale * disagreement
         return distances
 
+    def part_images(
+        self,
+        vertices_cam: FloatArray,
+        faces: NDArray[np.integer],
+        face_part: NDArray[np.integer],
+        matrix: FloatArray,
+        size: tuple[int, int],
+        cull_back: bool = True,
+    ) -> NDArray[np.uint8]:
+        """See `Backend.part_images`."""
+        images = np.zeros((len(vertices_cam), *size[::-1]), np.uint8)
+        for k, mesh in enumerate(vertices_cam):
+            images[k], _ = render_parts(mesh, faces, face_part, matrix, size, cull_back)
+        return images
+
     def drawn_weights(
         self,
         weights: FloatArray,
@@ -128,5 +143,6 @@ class ReferenceBackend:
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
         empty, taken = np.empty((2, len(rotations)), np.int64)
-        kernels.voxel_cover(numbers, grid.origin_m, grid.voxel_size_m, *placed, bits, empty, taken)
+        cells = numbers, grid.origin_m, 1 / grid.voxel_size_m
+        kernels.voxel_cover(*cells, *placed, bits, empty, taken)
         return bits, empty, taken

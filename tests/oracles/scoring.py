@@ -84,10 +84,10 @@ def voxel_overlap(
         inside[k], outside[k] = sums[:, -1] if len(points) else (0.0, 0.0)
 
 
-def voxel_cover(numbers, origin, voxel_size, points, rotations, translations, bits, empty, taken):
+def voxel_cover(numbers, origin, per_voxel, points, rotations, translations, bits, empty, taken):
     """Iiyama, Kameda and Minoh, step (5): the set of the points' voxels."""
     for k, world in enumerate(_placed(points, rotations, translations)):
-        result = _look_up(numbers, np.floor((world - origin) / voxel_size), -1)
+        result = _look_up(numbers, np.floor((world - origin) * per_voxel), -1)
         covered = np.zeros(64 * bits.shape[1], bool)
         covered[result[result >= 0]] = True
         bits[k] = np.packbits(covered, bitorder="little").view(np.uint64)

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.cli import arguments
 
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
+    from voxelpose.scan_distance import ScanScore
 
 _TRUTH_FILES = (".json", ".trc", ".safetensors")  # a joints.csv may be a result
 
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Scores results against known joint positions.
+    """Scores results against known joint positions, or against a scan of the body.
 
     The known positions (the truth) are a TRC or a truth.json with the 15 joints of joints.csv, in
     world coordinates, one position per frame: {"unit": "m", "joints": {"pelvis": [[x, y, z], ...],
@@ -29,10 +31,17 @@ class Evaluate:
     joint angles too, or a joints.csv with the body's own names. Default: truth.safetensors of the
     recording.
 
+    With --scan the body's surface in one frame, and the carved hull, are compared with a closed
+    mesh of the person, taken in that pose, in the world of the recording's calibration. Mean
+    (signed: above 0 is outside), RMS, 95 % and worst distance are printed, mm. Joints are scored
+    as well where --truth is given.
+
       voxelpose evaluate walk_fit --truth walk/truth.json
       voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
       voxelpose evaluate robot_fit --truth robot/truth.safetensors
       voxelpose evaluate fits/* --markdown > table.md
+      voxelpose evaluate walk_fit --scan body.ply --frame 40
+      voxelpose evaluate walk_fit --scan scanner.stl --unit mm --align
     """
 
     results: Annotated[
@@ -47,6 +56,14 @@ class Evaluate:
     """Markers of a TRC by joint, where their names are not recognised."""
     axes: Annotated[str, arg(metavar="AXES")] = "yzx"
     """World axes to which x, y and z of a TRC correspond; yzx for Pose2Sim and voxelpose."""
+    scan: arguments.OptionalFile = None
+    """Closed mesh of the person, PLY, STL, OBJ or DAE, with which the result is compared."""
+    frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Number of the frame in which the pose is the scan's. Default: the first with a pose."""
+    unit: Literal["m", "cm", "mm"] = "m"
+    """Unit of the scan's lengths."""
+    align: bool = False
+    """Move the scan, which may be in any upright frame, onto the body first (ICP)."""
     markdown: bool = False
     """Print a Markdown table, as for several results."""
     json: bool = False
@@ -57,6 +74,11 @@ class Evaluate:
         from voxelpose.evaluation import evaluate, markdown_table
         from voxelpose.results import as_json
 
+        scanned = self._scan_score()
+        if scanned is not None and not self.truth:
+            if self.json:
+                print(as_json({"scan": asdict(scanned)}), end="")
+            return
         results, truths = _results_and_truths(self.results, self.truth)
         markers = _markers(self.markers)
         scores = {
@@ -67,13 +89,33 @@ class Evaluate:
         }
         if self.json:
             documents = {name: _document(score) for name, score in scores.items()}
-            print(as_json(documents if len(results) > 1 else documents.popitem()[1]), end="")
+            document = documents if len(results) > 1 else documents.popitem()[1]
+            if scanned is not None:
+                document["scan"] = asdict(scanned)
+            print(as_json(document), end="")
         elif self.markdown or len(results) > 1:
             print(markdown_table(scores), end="")
         else:
             from voxelpose.cli.summary import print_score
 
             print_score(*scores.values())
+
+    def _scan_score(self) -> ScanScore | None:
+        """The comparison with the scan, printed unless as JSON; None where there is no scan."""
+        if self.scan is None:
+            if self.frame is not None or self.align or self.unit != "m":
+                raise InputError("--frame, --unit and --align are of a scan: name it with --scan")
+            return None
+        if len(self.results) != 1:
+            raise InputError(f"--scan compares one result, not {len(self.results)}: name one")
+        from voxelpose.scan_distance import evaluate_scan
+
+        score = evaluate_scan(self.results[0], self.scan, self.frame, self.unit, self.align)
+        if not self.json:
+            from voxelpose.cli.summary import print_scan_score
+
+            print_scan_score(score)
+        return score
 
 
 def _results_and_truths(

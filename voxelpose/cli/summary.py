@@ -15,6 +15,7 @@ from voxelpose.reliability import verdict_of
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
     from voxelpose.results import Result
+    from voxelpose.scan_distance import ScanScore
 
 _OF_ALL = (
     ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
@@ -124,3 +125,33 @@ def print_score(score: Score) -> None:
         print_table(((plain(name), f"{mm:.1f}") for mm, name in errors), "joint", "root_mm")
         angles = score.each_joint_angle_deg.items()
         print_table(((plain(name), f"{deg:.2f}") for name, deg in angles), "joint angle", "degrees")
+
+
+def print_scan_score(score: ScanScore) -> None:
+    """Prints the distances of body and hull from a scan."""
+    console = rich_console()
+    for note in score.notes:
+        console.print(f"note: {plain(note)}", soft_wrap=True)
+    if score.turned_deg or score.moved_mm:
+        console.print(
+            f"the scan was moved by {score.moved_mm:.0f} mm and turned by {score.turned_deg:.1f}"
+            " degrees onto the body: where the body stands is not compared"
+        )
+    rows = {
+        "body to scan": score.body_to_scan,
+        "scan to body": score.scan_to_body,
+        "hull to scan": score.hull_to_scan,
+        "scan to hull": score.scan_to_hull,
+    }
+    print_table(
+        (
+            (name, *(f"{mm:.1f}" for mm in (one.mean_mm, one.rms_mm, one.p95_mm, one.worst_mm)))
+            for name, one in rows.items()
+            if one is not None
+        ),
+        f"frame {score.frame}, mm",
+        "mean, + outside",
+        "RMS",
+        "95 %",
+        "worst",
+    )

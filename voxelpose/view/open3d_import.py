@@ -34,12 +34,13 @@ def import_open3d(screen: bool = False) -> ModuleType:
     except ImportError as error:
         raise InputError(
             f"open3d is not installed ({error}): pip install 'voxelpose[open3d]', which Python 3.13"
-            " and newer on Linux have with glibc 2.35; the browser and --png do without it"
+            " and newer on Linux have with glibc 2.35; only `view --open3d` and `evaluate --scan`"
+            " need it"
         ) from None
     except OSError as error:
         raise InputError(
-            f"open3d cannot be loaded ({error}): install the library it names, or say --png FILE"
-            " for a picture"
+            f"open3d cannot be loaded ({error}): install the library it names, or do without"
+            " `view --open3d` and `evaluate --scan`"
         ) from None
     return open3d
 

@@ -19,6 +19,7 @@ from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts
 from silhouette_core.body.rigs.closed_surface import close_surface
+from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
 from silhouette_core.body.rigs.rig_checks import (
     LARGEST_M,
     MOST_PARTS,
@@ -35,8 +36,6 @@ _TURNS = "revolute", "continuous"
 _STILL = "fixed", "prismatic", "floating", "planar"
 _WHOLE_TURN_DEG = 180
 _FACING = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # x forward to -y
-MESH_SUFFIXES = ".stl", ".dae", ".obj", ".ply"
-_LARGEST_MESH = 100_000_000
 _FOLDERS_ABOVE = 3
 _SECTIONS, _EDGES = 24, 8
 
@@ -271,29 +270,11 @@ def _subdivided(mesh: Any) -> Any:
 
 
 def _mesh(path: Path, mesh: Any) -> Any:
-    import trimesh
-
     file = _beside(path, str(mesh.filename or ""))
     scale = np.ones(3) if mesh.scale is None else np.ravel(np.asarray(mesh.scale, float))
     if len(scale) not in (1, 3) or not ((np.abs(scale) > 1e-6) & (np.abs(scale) < 1e6)).all():
         raise InputError(f"{path}: the mesh {short(mesh.filename)} has no usable scale")
-    if file.stat().st_size > _LARGEST_MESH:
-        raise InputError(f"{file} is larger than {_LARGEST_MESH / 1e6:.0f} MB: simplify it")
-    if file.suffix.lower() == ".dae":  # its parser would follow what a document type defines
-        parse_xml(load_text(file, _LARGEST_MESH, errors="replace"), file)
-    try:
-        with file.open("rb") as stream, np.errstate(all="ignore"):
-            loaded = trimesh.load_mesh(stream, file_type=file.suffix[1:].lower(), process=False)
-        count = len(loaded.faces) if len(loaded.vertices) else 0
-        usable = count and np.isfinite(loaded.vertices).all()
-    # Its parsers raise whatever a damaged file leads to.
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:150]
-        raise InputError(f"{file} cannot be read as a mesh ({reason}): export it again") from None
-    if not usable or loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
-        raise InputError(f"{file} has no surface: export it again")
-    if count > MOST_VERTICES:
-        raise InputError(f"{file} has {count} triangles, above {MOST_VERTICES}: simplify it")
+    loaded = read_triangles(file, MOST_VERTICES)
     loaded.apply_scale(scale if len(scale) == 3 else float(scale[0]))
     return loaded
 

@@ -1,13 +1,38 @@
 """Many placements of a part on the voxels.
 
-Source: Iiyama, Kameda and Minoh, step (5). Reference: `reference.py`.
-"""
+The voxels of all points of a placement are computed first, by vector instructions, and looked up
+then: one loop for both is half as fast.
 
-import math
+Source: Iiyama, Kameda and Minoh, step (5). Reference: `tests.oracles.scoring`.
+"""
 
 import numpy as np
 
-from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.jit import kernel, parallel_kernel, prange
+
+
+@kernel
+def _number_cells(columns, rotation, translation, origin, per_voxel, shape, cells):
+    """Fills cells (P,): the voxel of each point of columns (3, P), counted through the grid; -1
+    outside of it.
+    """
+    xs, ys, zs = columns[0], columns[1], columns[2]
+    nx, ny, nz = shape
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    t0, t1, t2 = translation[0], translation[1], translation[2]
+    o0, o1, o2 = origin[0], origin[1], origin[2]
+    for p in range(len(xs)):
+        x, y, z = xs[p], ys[p], zs[p]
+        i = ((((x * r00 + y * r01) + z * r02) + t0) - o0) * per_voxel
+        j = ((((x * r10 + y * r11) + z * r12) + t1) - o1) * per_voxel
+        m = ((((x * r20 + y * r21) + z * r22) + t2) - o2) * per_voxel
+        within = (i >= 0) & (j >= 0) & (m >= 0) & (i < nx) & (j < ny) & (m < nz)
+        # No branch: what lies outside is computed, too, within the range of integers.
+        i, j, m = min(max(i, 0.0), nx), min(max(j, 0.0), ny), min(max(m, 0.0), nz)
+        cell = (np.int32(i) * ny + np.int32(j)) * nz + np.int32(m)
+        cells[p] = cell if within else -1
 
 
 @parallel_kernel
@@ -17,22 +42,14 @@ def voxel_overlap(
     """Fills inside (K,) and outside (K,): the weights of points in occupied voxels, and of all
     others.
     """
-    nx, ny, nz = occupancy.shape
+    flat, columns = occupancy.reshape(-1), points.T.copy()
     for k in prange(len(rotations)):
-        r, t = rotations[k], translations[k]
+        cells = np.empty(len(points), np.int32)
+        grid = origin, per_voxel, occupancy.shape
+        _number_cells(columns, rotations[k], translations[k], *grid, cells)
         full, empty = 0.0, 0.0
-        for p in range(len(points)):
-            x, y, z = points[p, 0], points[p, 1], points[p, 2]
-            i = math.floor(
-                ((((x * r[0, 0] + y * r[0, 1]) + z * r[0, 2]) + t[0]) - origin[0]) * per_voxel
-            )
-            j = math.floor(
-                ((((x * r[1, 0] + y * r[1, 1]) + z * r[1, 2]) + t[1]) - origin[1]) * per_voxel
-            )
-            m = math.floor(
-                ((((x * r[2, 0] + y * r[2, 1]) + z * r[2, 2]) + t[2]) - origin[2]) * per_voxel
-            )
-            if i >= 0 and j >= 0 and m >= 0 and i < nx and j < ny and m < nz and occupancy[i, j, m]:
+        for p in range(len(cells)):
+            if cells[p] >= 0 and flat[cells[p]]:
                 full += weights[p]
             else:
                 empty += weights[p]
@@ -41,33 +58,22 @@ def voxel_overlap(
 
 
 @parallel_kernel
-def voxel_cover(numbers, origin, voxel_size, points, rotations, translations, bits, empty, taken):
+def voxel_cover(numbers, origin, per_voxel, points, rotations, translations, bits, empty, taken):
     """Marks the voxels that each placement covers.
 
     Fills bits (K, W) uint64, empty (K,), the number of points in empty space (-1) or outside the
     grid, and taken (K,), those in voxels that are taken (-2).
     """
-    nx, ny, nz = numbers.shape
-    for k in prange(rotations.shape[0]):
-        r, t = rotations[k], translations[k]
+    flat, columns = numbers.reshape(-1), points.T.copy()
+    for k in prange(len(rotations)):
+        cells = np.empty(len(points), np.int32)
+        grid = origin, per_voxel, numbers.shape
+        _number_cells(columns, rotations[k], translations[k], *grid, cells)
         missed, shared = 0, 0
         for w in range(bits.shape[1]):
             bits[k, w] = np.uint64(0)
-        for p in range(points.shape[0]):
-            x, y, z = points[p, 0], points[p, 1], points[p, 2]
-            i = int(
-                np.floor((r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + t[0] - origin[0]) / voxel_size)
-            )
-            j = int(
-                np.floor((r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + t[1] - origin[1]) / voxel_size)
-            )
-            m = int(
-                np.floor((r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + t[2] - origin[2]) / voxel_size)
-            )
-            if i < 0 or j < 0 or m < 0 or i >= nx or j >= ny or m >= nz:
-                missed += 1
-                continue
-            voxel = numbers[i, j, m]
+        for p in range(len(cells)):
+            voxel = flat[cells[p]] if cells[p] >= 0 else -1
             if voxel >= 0:
                 bits[k, voxel >> 6] |= np.uint64(1) << np.uint64(voxel & 63)
             elif voxel == -1:

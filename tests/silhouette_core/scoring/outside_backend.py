@@ -13,6 +13,9 @@ class ArrayBackend:
         distances = target.scale * (bases + sums[spans.offsets[1:]] - sums[spans.offsets[:-1]])
         return distances if which is None else distances[which]
 
+    def part_images(self, vertices_cam, faces, face_part, matrix, size, cull_back=True):
+        return render_many(vertices_cam, faces, face_part, matrix, size, cull_back)
+
     def drawn_weights(self, weights, vertices_cam, faces, matrix, cull_back=False):
         drawn = _drawn(vertices_cam, faces, matrix, weights.shape, cull_back)
         return np.tensordot(drawn.astype(float), weights, 2)

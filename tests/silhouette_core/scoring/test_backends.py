@@ -95,6 +95,15 @@ def test_span_distance_is_the_weighted_disagreement(backend, windows, shifts, se
 
 
 @pytest.mark.parametrize("cull", [False, True])
+def test_part_images_are_those_of_each_mesh(backend, cull):
+    meshes, parts = meshes_of(np.random.default_rng(0), 3), np.arange(10)
+    result = backend.part_images(meshes, FACES, parts, MATRIX, (64, 48), cull)
+    expected = REFERENCE.part_images(meshes, FACES, parts, MATRIX, (64, 48), cull)
+    np.testing.assert_array_equal(result, expected)
+    assert result.shape == (3, 48, 64) and len(np.unique(result)) > 5
+
+
+@pytest.mark.parametrize("cull", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_drawn_weights_are_summed_under_each_mesh(backend, cull, seed):
     rng = np.random.default_rng(seed)

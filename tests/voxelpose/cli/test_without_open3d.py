@@ -1,4 +1,4 @@
-"""Where open3d has no wheel, only its window is missing."""
+"""Where open3d has no wheel, only its window and distances from scans are missing."""
 
 import sys
 
@@ -34,12 +34,13 @@ def test_it_is_imported_at_one_place():
     assert importing == ["open3d_import.py"]
 
 
-def test_its_window_is_refused_with_the_remedy(desk, capsys):
-    assert run(["view", "walk", "--open3d"]) == 2
+@pytest.mark.parametrize("words", ["view walk --open3d", "evaluate out --scan body.ply"])
+def test_what_needs_it_is_refused_with_the_remedy(desk, capsys, words):
+    assert run(words.split()) == 2
     assert "pip install 'voxelpose[open3d]'" in capsys.readouterr().err
 
 
 def test_the_doctor_says_what_it_costs():
     state, found, remedy = _open3d()
     assert state == "limited" and "open3d is not installed" in found
-    assert remedy.startswith("only `view --open3d` needs it: pip install 'voxelpose[open3d]'")
+    assert remedy.startswith("only `view --open3d` and `evaluate --scan` need it: pip install")

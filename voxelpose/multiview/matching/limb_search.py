@@ -13,8 +13,6 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_many
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.scoring.silhouette_error import posed_mesh
@@ -42,7 +40,7 @@ def place_limb(
     """Pose with one arm, leg or other chain where it explains most of what the rest does not."""
     upper, tree = chain[0], body_volume.model.tree
     step_rad = np.radians(MATCHING.step_deg)
-    covering = _Covering(body_volume.model, observation)
+    covering = _Covering(body_volume, observation)
     searched = tuple(limb for limb in body_volume.limbs if _carried(limb, upper, body_volume.limbs))
     images = covering.explained(_pixel_values(observation), pose, searched, rest=True)
     above = sample_angles(upper, pose.angles_rad, step_rad, tree)
@@ -97,10 +95,10 @@ def _pixel_values(observation: Observation) -> np.ndarray:
 class _Covering:
     """Draws parts of a body into all views of a frame at once, where the silhouettes are."""
 
-    def __init__(self, model: BodyModel, observation: Observation):
+    def __init__(self, body_volume: BodyVolume, observation: Observation):
         views = observation.views
         matrices = np.stack([camera.matrix for camera in views.rig])
-        self.model = model
+        self._model, self._backend = body_volume.model, body_volume.backend
         boxes = np.array([cv2.boundingRect(mask.view(np.uint8)) for mask in observation.masks])
         self._corners = boxes[:, :2]
         width, height = np.maximum(boxes[:, 2:].max(0), 1)
@@ -120,19 +118,13 @@ class _Covering:
             limbs: whose parts are drawn.
             rest: all parts but those are drawn instead.
         """
-        model = self.model
+        model = self._model
         parts = [model.names.index(name) for limb in limbs for name in limb.parts]
         drawn = np.isin(model.face_part, parts) != rest
         meshes = posed_mesh(model, pose) @ self._turn + self._shift
         # An opened body shows its inside: both sides of the faces are drawn.
-        covered = render_many(
-            meshes,
-            model.faces[drawn],
-            model.face_part[drawn],
-            np.eye(3),
-            self._size,
-            cull_back=False,
-        )
+        mesh = meshes, model.faces[drawn], model.face_part[drawn]
+        covered = self._backend.part_images(*mesh, np.eye(3), self._size, cull_back=False)
         images = images.copy()
         for image, own, (left, top) in zip(images, covered, self._corners, strict=True):
             window = image[top : top + own.shape[0], left : left + own.shape[1]]
