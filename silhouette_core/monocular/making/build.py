@@ -92,9 +92,7 @@ def build_library(
                 size,
                 threshold,
             )
-            for one, runs, size, threshold in zip(
-                nodes, spans, SIZES_PX, thresholds, strict=True
-            )
+            for one, runs, size, threshold in zip(nodes, spans, SIZES_PX, thresholds, strict=True)
         ),
         leaf_offsets=nodes[-1].offsets,
         leaf_samples=nodes[-1].members,
@@ -189,8 +187,7 @@ def _nodes(
         for runs, size in zip(spans, SIZES_PX, strict=True)
     ]
     thresholds = [
-        score.threshold(by_xor)
-        for score, by_xor in zip(scorers, settings.thresholds, strict=True)
+        score.threshold(by_xor) for score, by_xor in zip(scorers, settings.thresholds, strict=True)
     ]
     sets = [np.arange(len(poses.base), dtype=np.int64)]
     nodes: list[Nodes] = []
