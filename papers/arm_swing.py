@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +145,7 @@ def window_of(film: SwingFilm, frame: int, library: PoseLibrary) -> NDArray[np.b
 class _TogetherFilter(PaperFilter):
     """Filter that shares what it makes of a frame with others of its distance."""
 
-    made: dict[int, object]  # window and targets of the frame, emptied before the next
+    made: dict[int, Any]  # window and targets of the frame, emptied before the next
 
     def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
         return self.made.get(0) or self.made.setdefault(0, super()._window(mask, factor))
