@@ -1,9 +1,10 @@
 """Memory of `track` over a long video.
 
-Usage: `python -m benchmarks.memory FRAMES ...`, for example 300 1500 6000.
+Usage: `python -m benchmarks.memory [--method paper] FRAMES ...`, for example 300 1500 6000. 108000
+are two hours at the clip's 15 frames a second.
 
 The silhouettes of a clip of two seconds are repeated in memory. Every length runs in its own
-process, whose largest resident set is printed, in the end and every 150 frames.
+process, whose largest resident set is printed, in the end and at twenty times before.
 """
 
 from __future__ import annotations
@@ -20,9 +21,8 @@ from benchmarks.filter import clip
 from benchmarks.silhouette_source import SilhouetteSource
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
+from silhouette_core.monocular.tree_estimator import TreeEstimator
 from silhouette_core.progress import SilentReporter
-
-_EVERY = 150
 
 
 def _peak_mib() -> float:
@@ -33,30 +33,33 @@ class Loop(SilhouetteSource):
     """The clip, repeated.
 
     Attributes:
-        peaks: largest resident set so far, MiB, every 150 frames.
+        peaks: largest resident set so far, MiB, at twenty times.
     """
 
     def __init__(self, frame_count: int):
         camera, masks = clip()
-        super().__init__(camera, masks, repeats=-(-frame_count // len(masks)))
+        super().__init__(camera, masks[::2], 15.0, repeats=-(-2 * frame_count // len(masks)))
         self.peaks: list[float] = []
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, np.ndarray]]]:
         for frame, seconds, pictures in super().__iter__():
-            if frame % _EVERY == 0 and frame:
+            if frame and frame % max(self.frame_count // 20, 1) == 0:
                 self.peaks.append(_peak_mib())
             yield frame, seconds, pictures
 
 
-def main(lengths: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Measures every length in its own process, or a single one in this process."""
+    method, lengths = (words[:2], words[2:]) if words[:1] == ["--method"] else ([], words)
     if len(lengths) != 1:
         for length in lengths:
-            subprocess.run([sys.executable, "-m", "benchmarks.memory", length], check=True)
+            command = [sys.executable, "-m", "benchmarks.memory", *method, length]
+            subprocess.run(command, check=True)
         return
     started = time.perf_counter()
     film = Loop(int(lengths[0]))
-    motion = MonocularEstimator().estimate(film, Settings(), SilentReporter()).motion
+    estimator = TreeEstimator() if method else MonocularEstimator()
+    motion = estimator.estimate(film, Settings(), SilentReporter()).motion
     seconds = time.perf_counter() - started
     arrays = [
         motion.root_m,
@@ -70,8 +73,7 @@ def main(lengths: list[str]) -> None:
     print(
         f"{lengths[0]:>7} frames: at most {_peak_mib():.0f} MiB resident, the motion's arrays"
         f" {kept:.1f} MiB, {1000 * seconds / len(motion):.0f} ms a frame\n"
-        f"        so far, every {_EVERY} frames:"
-        f" {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
+        f"        so far: {', '.join(f'{peak:.0f}' for peak in film.peaks)}",
         flush=True,
     )
 

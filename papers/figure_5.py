@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import InputError
-from silhouette_core.estimator import Settings
+from silhouette_core.estimator import BackgroundKind, Settings
 from silhouette_core.progress import Reporter
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import Score, markdown_table, score_motion
@@ -20,6 +20,11 @@ from voxelpose.version import __version__
 
 TABLE = "table.md"
 PERFORMED = ("golf", "pointing")
+METHODS: dict[str, tuple[str, BackgroundKind]] = {
+    "track": ("monocular", "auto"),
+    "track --method paper": ("tree", "paper"),
+}
+"""Estimator and background of each method."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +53,17 @@ def performed(folder: Path, frames: int | None = None) -> dict[str, Sequence]:
 def run_figure(
     sequences: Mapping[str, Sequence], library: Path | None, folder: Path, reporter: Reporter
 ) -> dict[str, Score]:
-    """Tracks the sequences as `voxelpose track` does and scores them.
+    """Tracks the sequences as `voxelpose track` does, by either method, and scores them.
 
     Args:
         sequences: by name.
-        library: a pose library; None: the default one.
-        folder: receives table.md, summary.json and a result folder per sequence, whose
+        library: a pose library; None: each method's own.
+        folder: receives table.md, summary.json and a result folder per sequence and method, whose
             contact_sheet.png is the figure.
         reporter: notified of every stage.
 
     Returns:
-        A score per sequence.
+        A score per sequence and method.
 
     Raises:
         InputError: a recording cannot be tracked, or has no truth.
@@ -73,9 +78,14 @@ def run_figure(
             raise InputError(
                 f"{sequence.folder} has {len(recording.rig)} cameras: choose one with --camera NAME"
             )
-        settings = Settings(stature_m=sequence.stature_m, options=options)
-        fit(recording, Output(folder / name), settings, "monocular", reporter)
-        scores[name] = score_motion(truth, read_joints(folder / name / "joints.csv", len(truth)))
+        for method, (estimator, background) in METHODS.items():
+            settings = Settings(
+                stature_m=sequence.stature_m, options=options, background=background
+            )
+            result = folder / f"{name}_{estimator}"
+            fit(recording, Output(result), settings, estimator, reporter)
+            joints_m = read_joints(result / "joints.csv", len(truth))
+            scores[f"{name}, {method}"] = score_motion(truth, joints_m)
     (folder / TABLE).write_text(markdown_table(scores), encoding="utf-8")
     about = {
         "voxelpose": __version__,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.making.base_poses import base_poses
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
@@ -64,6 +65,7 @@ def swing_library(
     model: BodyModel,
     near: bool,
     pitch_deg: float,
+    weighting: Weighting,
     reporter: Reporter | None = None,
     samples: int = SAMPLES,
 ) -> PoseLibrary:
@@ -74,6 +76,7 @@ def swing_library(
         near: whether the right side is toward the camera; else the trunk occludes the right arm as
             it passes.
         pitch_deg: downward angle of the camera.
+        weighting: of the silhouette distance by which the tree is made.
         reporter: notified of every stage.
         samples: largest number of samples.
 
@@ -90,6 +93,7 @@ def swing_library(
         mirror=False,
         thresholds=_NEAR if near else _FAR,
         middle_deg=90.0 if near else -90.0,
+        weighting=weighting,
     )
     rng = np.random.default_rng(_SEED)
     motions = {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}

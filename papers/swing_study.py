@@ -1,42 +1,51 @@
-"""The arm-swing experiment from a recording to its files."""
+"""The arm-swing experiment of paper A, from drawn people to its table and pictures."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from calib.errors import InputError
 from papers.arm_swing import (
-    DEGRADATIONS,
-    FLOOR,
-    Reading,
+    METHODS,
+    Case,
+    MotionModel,
     Row,
-    SilhouetteVideo,
-    Truth,
-    near_side,
-    run_methods,
+    track_arm,
 )
-from papers.degrade import Degradation
+from papers.swing_film import (
+    FACING_DEG,
+    FPS,
+    PITCH_DEG,
+    SWINGS,
+    SwingFilm,
+    drawn_person,
+    drawn_swings,
+    film,
+)
 from papers.swing_library import SAMPLES, swing_library
-from papers.swing_report import draw_angles, swing_table
-from papers.swings import Criterion, arm_angles, split_swings
-from silhouette_core.body.joints import LANDMARK_NAMES
+from papers.swing_report import draw_angles, draw_costs, swing_table
+from papers.swings import Criterion
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Settings, load_estimator
-from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body
-from silhouette_core.monocular.tree.store import read_library
-from silhouette_core.monocular.tuning import MOTION_MODEL
-from silhouette_core.motion.kinematics import landmarks
+from silhouette_core.image.distance import Weighting
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.progress import Reporter
-from voxelpose.recording.folder import Recording
-from voxelpose.recording.truth import read_truth
+from voxelpose.demo.choreography import Performance
+from voxelpose.demo.mannequin import person_of
 from voxelpose.results import SUMMARY, as_json
 from voxelpose.version import __version__
 
-TABLE, PLOT = "table.md", "angles.png"
+TABLE, ANGLES, COSTS = "table.md", "angles.png", "costs.png"
+STATURE_M = 1.70
+"""Of the library's body; the people's builds are their own."""
+_OTHER_SEEDS, _OTHER_SWINGS = (101, 102), 4  # by which sigma is found
+WEIGHTINGS: tuple[Weighting, ...] = ("wxor", "nwxor")
+MODELS: tuple[MotionModel, ...] = ("density", "normalised", "kernel")
+SIGMAS = (0.01, 0.02, 0.04, 0.08)
 
 
 @dataclass(frozen=True)
@@ -44,133 +53,136 @@ class Study:
     """Settings of the experiment.
 
     Attributes:
-        truth: file of the true joints.
-        stature_m: of the person; None: from the recording's subject.toml.
-        library: a pose library; None: one is built for the experiment.
-        degraded: whether degraded silhouettes are included.
-        ours: whether the program's own estimator is included.
-        samples: of the library that is built.
-        reading: of what the paper does not state.
+        seeds: a person and a film each, for either side.
+        swings: of each film.
+        samples: of each library, at most.
+        wide: whether all people have thin arms and wide trunks.
+        sigmas: deviations of (10) among which every row has the one that suits it.
     """
 
-    truth: Path
-    stature_m: float | None = None
-    library: Path | None = None
-    degraded: bool = True
-    ours: bool = True
+    seeds: Sequence[int] = (1, 2, 3, 4, 5)
+    swings: int = SWINGS
     samples: int = SAMPLES
-    reading: Reading = field(default_factory=Reading)
+    wide: bool = False
+    sigmas: Sequence[float] = SIGMAS
 
 
-def run_study(recording: Recording, study: Study, folder: Path, reporter: Reporter) -> list[Row]:
-    """Runs the experiment and writes table.md, angles.png and summary.json.
+@dataclass(eq=False)
+class Side:
+    """Results of the arm on one side.
+
+    Attributes:
+        near: whether it is toward the camera.
+        nodes: numbers of nodes of the trees, by weighting.
+        films: one a seed.
+        rows: for every case one a film.
+    """
+
+    near: bool
+    nodes: dict[Weighting, list[int]] = field(default_factory=dict)
+    films: list[SwingFilm] = field(default_factory=list)
+    rows: list[list[Row]] = field(default_factory=list)
+
+
+def drawn_film(study: Study, seed: int, near: bool, reporter: Reporter) -> SwingFilm:
+    """Film of a seed: another person and other swings on either side."""
+    rng = np.random.default_rng((seed, near))
+    person, played = drawn_person(rng, study.wide), drawn_swings(rng, near, study.swings)
+    reporter.stage(f"{'near' if near else 'far'} arm, film {seed}", played.frames)
+    return film(person, played, rng, reporter)
+
+
+def run_study(study: Study, folder: Path, reporter: Reporter) -> list[Side]:
+    """Runs the experiment and writes table.md, angles.png, costs.png and summary.json.
 
     Args:
-        recording: of one camera, of a person in profile whose right arm swings.
         study: see Study.
         folder: where the files go.
         reporter: notified of every stage.
-
-    Returns:
-        The rows of the table.
-
-    Raises:
-        InputError: the recording, the truth or the library does not suit the experiment.
     """
-    joints = read_truth(study.truth)
-    if len(joints) < recording.first + recording.frame_count:
-        raise InputError(
-            f"{study.truth} has {len(joints)} frames and {recording.folder} more: give the truth of"
-            " this recording"
-        )
-    joints = joints[recording.first : recording.first + recording.frame_count]
-    truth_deg = arm_angles(joints)
-    truth = Truth(truth_deg, split_swings(truth_deg))
-    stature = study.stature_m or recording.subject.stature_m
-    if stature is None:
-        raise InputError(
-            f"{recording.folder} has no subject.toml that says how tall the person is: add"
-            " --stature"
-        )
-    additions = study.reading.additions
-    video = SilhouetteVideo.from_recording(recording, stature, reporter, additions)
-    library = _library(
-        study,
-        stature,
-        near_side(joints, video.camera),
-        video.pitch_deg,
-        recording.subject.sex,
-        reporter,
+    body, sides = BodyModel.from_sizes(BodySizes(STATURE_M)), []
+    other = replace(study, swings=_OTHER_SWINGS)
+    for near in (False, True):
+        side = Side(near)
+        libraries: dict[Weighting, PoseLibrary] = {
+            one: swing_library(body, near, PITCH_DEG, one, reporter, study.samples)
+            for one in WEIGHTINGS
+        }
+        others = [drawn_film(other, k, near, reporter) for k in _OTHER_SEEDS]
+        side.nodes = {one: [len(level) for level in libraries[one].levels] for one in libraries}
+        side.films = [drawn_film(study, k, near, reporter) for k in study.seeds]
+        for name, library in libraries.items():
+            reporter.stage(f"{name}, {'near' if near else 'far'} arm")
+            side.rows += tracked(library, study.sigmas, others, side.films)
+        sides.append(side)
+        if not near:
+            draw_costs(posing(body, reporter), libraries, folder / COSTS)
+            draw_angles([rows[0] for rows in side.rows], side.films[0], FPS, folder / ANGLES)
+    (folder / TABLE).write_text(swing_table(sides), encoding="utf-8")
+    (folder / SUMMARY).write_text(as_json(_summary(study, sides)), encoding="utf-8")
+    return sides
+
+
+def posing(body: BodyModel, reporter: Reporter) -> dict[str, SwingFilm]:
+    """Single pictures of the far arm forth and back, of somebody built as the library's body, and
+    of somebody with a narrow chest, thus thin arms, and a wide trunk.
+    """
+    alike, yaw_deg = person_of(body), FACING_DEG - 90.0
+    wide = replace(
+        alike,
+        chest_girth_m=0.85 * alike.chest_girth_m,
+        waist_girth_m=1.3 * alike.waist_girth_m,
+        hip_girth_m=1.15 * alike.hip_girth_m,
     )
-    degradations = DEGRADATIONS if study.degraded else DEGRADATIONS[:1]
-    rows = run_methods(video, truth, library, degradations, study.reading, reporter)
-    shown = rows[:4]
-    if study.ours:
-        rows.insert(4, _ours(recording, study, stature, truth, reporter))
-        shown = rows[:5]
-    (folder / TABLE).write_text(swing_table(rows), encoding="utf-8")
-    draw_angles(shown, truth, video.fps, folder / PLOT)
-    about = {
-        "voxelpose": __version__,
-        "recording": recording.folder.resolve().name,
-        "frames": len(video),
-        "swings": len(truth.swings),
-        "right_arm": "near" if near_side(joints, video.camera) else "far",
-        "distance_m": video.distance_m,
-        "criterion": asdict(Criterion()),
-        "filter": asdict(study.reading)
-        | {
-            "floor": FLOOR if additions else 0.0,
-            "m": MOTION_MODEL.magnification,
-            "hidden_share": MOTION_MODEL.hidden_share,
-        },
-        "library": {
-            "samples": len(library),
-            "nodes": [len(level) for level in library.levels],
-            "body": describe_body(library.model),
-        },
-        "rows": [
-            {"method": row.method, "silhouettes": row.degradation, **row.counts, "paper": row.paper}
-            | {"error_deg": row.error_deg, "lost": row.lost}
-            for row in rows
-        ],
-        "true_deg": truth_deg,
-        "estimated_deg": {f"{row.method}, {row.degradation}": row.angles_deg for row in rows},
-    }
-    (folder / SUMMARY).write_text(as_json(about), encoding="utf-8")
-    return rows
+    films = {}
+    for name, person in (("library's build", alike), ("thin arm, wide trunk", wide)):
+        for way, arm_deg in (("forth", 60.0), ("back", -40.0)):
+            keys = np.array([[0.0, yaw_deg, arm_deg, 15.0], [1 / FPS, yaw_deg, arm_deg, 15.0]])
+            played = Performance("yaw r_arm r_elbow", keys, FPS, interpolation="linear")
+            films[f"{name}, {way}"] = film(person, played, np.random.default_rng(0), reporter)
+    return films
 
 
-def _library(
-    study: Study, stature_m: float, near: bool, pitch_deg: float, sex: str, reporter: Reporter
-) -> PoseLibrary:
-    if study.library is None:
-        return swing_library(
-            BodyModel.from_sizes(BodySizes(stature_m, sex=sex)),
-            near,
-            pitch_deg,
-            reporter,
-            study.samples,
-        )
-    library = read_library(study.library)
-    if abs(library.model.sizes.stature_m - stature_m) > 0.01:
-        raise InputError(
-            f"{study.library} was made for another body ({describe_body(library.model)}): build one"
-            f" with voxelpose library build --stature {stature_m:g}"
-        )
-    return library
-
-
-def _ours(
-    recording: Recording, study: Study, stature_m: float, truth: Truth, reporter: Reporter
-) -> Row:
-    """Row of the program's own estimator, as `voxelpose track` runs it.
-
-    It has balanced weights and DM2, estimates the distance, refines poses and uses later frames.
+def tracked(
+    library: PoseLibrary,
+    sigmas: Sequence[float],
+    others: Sequence[SwingFilm],
+    films: Sequence[SwingFilm],
+) -> list[list[Row]]:
+    """Results on some films with a library's distance: for every method of this distance and
+    reading of (4) a row a film, with that deviation of (10) of some that errs least in other films.
+    The paper found it by experiment, too.
     """
-    options = {"start": "any"} | ({"library": str(study.library)} if study.library else {})
-    settings = replace(Settings(stature_m=stature_m, options=options), sex=recording.subject.sex)
-    motion = load_estimator("monocular").estimate(recording, settings, reporter).motion
-    joints = np.full((recording.frame_count, len(LANDMARK_NAMES), 3), np.nan)
-    joints[motion.frames - recording.first] = landmarks(motion.model, *motion.parts())
-    return truth.row("voxelpose track", Degradation(), arm_angles(joints))
+    cases = [
+        Case(method, model, sigma)
+        for method, model, sigma in product(METHODS, MODELS, sigmas)
+        if method.weighting == library.settings.weighting
+        and (method.occlusion_aware or model != "kernel")  # with DM1 that is the density
+    ]
+    tried = [[row.error_deg for row in track_arm(one, library, cases)] for one in others]
+    best = np.sum(tried, axis=0).reshape(-1, len(sigmas)).argmin(axis=1)
+    chosen = [cases[len(sigmas) * row + k] for row, k in enumerate(best)]
+    by_film = [track_arm(one, library, chosen) for one in films]
+    return [list(rows) for rows in zip(*by_film, strict=True)]
+
+
+def _summary(study: Study, sides: Sequence[Side]) -> dict[str, object]:
+    return {
+        "voxelpose": __version__,
+        "study": asdict(study),
+        "criterion": asdict(Criterion()),
+        "sides": [
+            {
+                "right_arm": "near" if side.near else "far",
+                "nodes": side.nodes,
+                "rows": [
+                    [
+                        {"case": str(row.case), **row.counts, "error_deg": row.error_deg}
+                        for row in rows
+                    ]
+                    for rows in side.rows
+                ],
+            }
+            for side in sides
+        ],
+    }

@@ -76,7 +76,7 @@ def split_swings(truth_deg: NDArray[np.floating]) -> list[slice]:
             f"the right arm moves by {extent:.0f} degrees only: the experiment wants a recording of"
             " an arm that swings"
         )
-    turns = find_peaks(-truth_deg, prominence=0.5 * extent)[0].tolist()
+    turns = find_peaks(-truth_deg, prominence=0.25 * extent)[0].tolist()
     if not turns:
         return [slice(0, len(truth_deg))]
     length = int(np.median(np.diff(turns))) if len(turns) > 1 else turns[0]

@@ -145,6 +145,7 @@ def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySetti
         pitches_deg=(pitch_deg,),
         mirror=False,
         thresholds=thresholds,
+        weighting="xor",
     )
 
 

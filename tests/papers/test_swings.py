@@ -1,4 +1,4 @@
-"""Criterion and table of the arm-swing experiment, and degradation of silhouettes."""
+"""Criterion and table of the arm-swing experiment."""
 
 from itertools import pairwise
 
@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from papers.arm_swing import METHODS, Row, Truth
-from papers.degrade import Degradation, degrade
+from papers.arm_swing import METHODS, Case, Row
+from papers.swing_film import SwingFilm
 from papers.swing_report import draw_angles, swing_table
+from papers.swing_study import Side
 from papers.swings import VERDICTS, arm_angles, count, judge, split_swings
 from silhouette_core.body.joints import LANDMARK_NAMES
+from tests.silhouette_core.monocular.filming import camera_at
 
 SWING = np.concatenate([np.linspace(-55, 75, 13)[:-1], np.linspace(75, -55, 13)[:-1]])
 
@@ -92,68 +94,28 @@ def test_counts_add_up():
     assert count(truth, estimate, split_swings(truth)) == {"fail": 1, "error": 1, "success": 1}
 
 
-def test_the_table_has_the_papers_counts():
-    method = METHODS[3]
+def film(swings=8):
+    truth = np.tile(SWING, swings)
+    return SwingFilm(camera_at((0, -3, 1)), np.zeros((len(truth), 480, 80), np.uint8), truth)
+
+
+def test_the_table_adds_up_the_films_and_has_the_papers_counts():
+    case = Case(METHODS[3], "density", 0.02)
     rows = [
-        Row(str(method), silhouettes, dict(zip(VERDICTS, counts, strict=True)), SWING, *others)
-        for silhouettes, counts, others in (
-            ("as found", (0, 3, 21), (9.87, 0, method.paper)),
-            ("4 holes of radius 8 px", (24, 0, 0), (51.0,)),
-        )
+        Row(case, dict(zip(VERDICTS, counts, strict=True)), SWING, error)
+        for counts, error in (((0, 3, 21), 9.87), ((1, 0, 23), 12.0))
     ]
-    lines = swing_table(rows).splitlines()
-    assert lines[2] == "| as found | nwXOR+DM2 | 0 | 3 | 21 | 0 / 10 / 14 | 9.9 |"
-    assert lines[3] == "| 4 holes of radius 8 px | nwXOR+DM2 | 24 | 0 | 0 | – | 51.0 |"
+    sides = [Side(False, rows=[rows])]
+    lines = swing_table(sides).splitlines()
+    assert lines[2] == (
+        "| far | density | nwXOR+DM2 | 0.02 | 1 | 3 | 44 | 0 / 10 / 14 | 10.9, 9.9, 12.0 |"
+    )
     assert len({line.count("|") for line in lines}) == 1
 
 
 def test_plot_is_drawn(tmp_path):
-    truth = np.tile(SWING, 8)
-    rows = [Row("nwXOR+DM1", "as found", {"fail": 0, "error": 0, "success": 8}, truth + 5, 5.0)]
-    draw_angles(rows, Truth(truth, split_swings(truth)), 15.0, tmp_path / "angles.png")
+    shown = film()
+    counts = {"fail": 0, "error": 0, "success": 8}
+    rows = [Row(Case(METHODS[2], "kernel", 0.02), counts, shown.truth_deg + 5, 5.0)]
+    draw_angles(rows, shown, 15.0, tmp_path / "angles.png")
     assert (tmp_path / "angles.png").stat().st_size > 5000
-
-
-MASK = np.zeros((120, 160), bool)
-MASK[20:100, 60:100] = True
-
-
-def test_contour_moves_by_the_requested_distance():
-    degraded = degrade(MASK, Degradation(contour_px=3.0), np.random.default_rng(0))
-    inner, outer = MASK[32:88, 72:88], np.pad(np.zeros((56, 16), bool), 0)
-    assert degraded[32:88, 72:88].sum() > 0.99 * inner.sum()
-    assert not outer.any()
-    # Along the left side, the contour's mean stays and its standard deviation is about 3 px.
-    left = np.array([np.flatnonzero(row)[0] for row in degraded[35:85]])
-    assert abs(left.mean() - 60) < 3
-    assert 1.0 < left.std() < 6.0
-    assert not degrade(MASK, Degradation(contour_px=3.0), np.random.default_rng(0))[:, 130:].any()
-
-
-def test_holes_have_the_requested_size():
-    degraded = degrade(MASK, Degradation(holes=1, hole_radius_px=5.0), np.random.default_rng(2))
-    assert not (degraded & ~MASK).any()
-    assert 20 <= (MASK & ~degraded).sum() <= 81
-
-
-def test_same_seed_same_silhouette():
-    degradation = Degradation(contour_px=2.0, holes=3, hole_radius_px=4.0)
-    first, second, other = (
-        degrade(MASK, degradation, np.random.default_rng(seed)) for seed in (1, 1, 2)
-    )
-    assert (first == second).all()
-    assert (first != other).any()
-
-
-def test_no_degradation_changes_nothing():
-    assert (degrade(MASK, Degradation(), np.random.default_rng(0)) == MASK).all()
-    degradation = Degradation(contour_px=2.0, holes=2, hole_radius_px=3.0)
-    assert not degrade(np.zeros_like(MASK), degradation, np.random.default_rng(0)).any()
-
-
-def test_description_of_degradation_has_its_sizes():
-    assert str(Degradation()) == "as found"
-    assert (
-        str(Degradation(2.0, 4.0, 3, 8.0))
-        == "contour moved by 2 px (grain 4 px), 3 holes of radius 8 px"
-    )

@@ -68,7 +68,7 @@ def build_library(
     rendered = _render_all(bases, model, views, checkpoint, reporter)
     spans = [_spans(rendered, number) for number in range(len(SIZES_PX))]
     poses = PoseSpace(bases.angles, base, view_orientations(bases.quaternion[base], views[view]))
-    nodes = _nodes(poses, settings, spans, checkpoint, reporter)
+    nodes, thresholds = _nodes(poses, settings, spans, checkpoint, reporter)
     library = PoseLibrary(
         model=model,
         settings=settings,
@@ -92,9 +92,7 @@ def build_library(
                 size,
                 threshold,
             )
-            for one, runs, size, threshold in zip(
-                nodes, spans, SIZES_PX, settings.thresholds, strict=True
-            )
+            for one, runs, size, threshold in zip(nodes, spans, SIZES_PX, thresholds, strict=True)
         ),
         leaf_offsets=nodes[-1].offsets,
         leaf_samples=nodes[-1].members,
@@ -182,19 +180,25 @@ def _nodes(
     spans: Sequence[Spans],
     checkpoint: Checkpoint,
     reporter: Reporter,
-) -> list[Nodes]:
-    """Nodes of all levels."""
+) -> tuple[list[Nodes], list[float]]:
+    """Nodes and thresholds of all levels."""
+    scorers = [
+        Scorer(runs, size, settings.weighting, spans[-1].bounds)
+        for runs, size in zip(spans, SIZES_PX, strict=True)
+    ]
+    thresholds = [
+        score.threshold(by_xor) for score, by_xor in zip(scorers, settings.thresholds, strict=True)
+    ]
     sets = [np.arange(len(poses.base), dtype=np.int64)]
     nodes: list[Nodes] = []
 
     def divided() -> Arrays:
         number = len(nodes)
         reporter.stage(f"tree, level {number + 1}", len(sets) if number else None)
-        score = Scorer(spans[number], SIZES_PX[number])
-        groups = divide(sets, poses, score, settings.thresholds[number], reporter)
+        groups = divide(sets, poses, scorers[number], thresholds[number], reporter)
         return vars(Nodes.from_groups(groups, poses))
 
     for number in range(len(spans)):
         nodes.append(Nodes(**checkpoint.step(f"tree{number}", divided)))
         sets = nodes[-1].sets()
-    return nodes
+    return nodes, thresholds

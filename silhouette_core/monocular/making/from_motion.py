@@ -112,7 +112,7 @@ def make_library(
     """
     reporter = reporter or SilentReporter()
     if model.person is None:
-        settings, learning = replace(settings, mirror=False), None
+        settings, learning = replace(settings, mirror=False, weighting="xor"), None
     if path.is_dir() or (path.exists() and not is_library(path)):
         raise InputError(
             f"{path} exists and is not a pose library, so it is not overwritten: give --out another"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
@@ -27,7 +28,8 @@ class Level:
         parent: (K,) int32, node of the level above; zeros at the first level.
         spans: the representatives' silhouettes in node order, at this level's resolution.
         size_px: (width, height) of that resolution.
-        threshold: T_l, largest silhouette distance of a sample from its node.
+        threshold: T_l, largest silhouette distance of a sample from its node, in units of the
+            settings' weighting.
     """
 
     representative: NDArray[np.int32]
@@ -53,7 +55,9 @@ class LibrarySettings:
         yaw_step_deg: angle between the views of a pose; 360: one view.
         pitches_deg: angles of the camera below the horizontal, one or several.
         mirror: whether every pose's mirror image is added.
-        thresholds: T_l of each level, in units of the silhouette distance.
+        thresholds: T_l of each level, in units of XOR, see `Scorer.threshold` of
+            `silhouette_core.monocular.tree.tree`.
+        weighting: of the silhouette distance by which the samples are divided.
     """
 
     poses: int = 60_000
@@ -62,6 +66,7 @@ class LibrarySettings:
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
     thresholds: tuple[float, float, float] = TREE.thresholds
+    weighting: Weighting = "nwxor"
 
     def __post_init__(self) -> None:
         """Checks the values.

@@ -149,8 +149,9 @@ def read_library(path: Path) -> PoseLibrary:
 
 def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     """Library from the arrays and the description in its file."""
-    # Files made before state more settings, of which there is no choice any more, or no thresholds.
-    settings: dict[str, Any] = {
+    # Files made before state more settings, of which there is no choice any more, or no thresholds;
+    # their trees are by XOR.
+    settings: dict[str, Any] = {"weighting": "xor"} | {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in about["settings"].items()
         if name in LibrarySettings.__dataclass_fields__ and value is not None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.spans import Spans
+from silhouette_core.image.distance import Weighting
+from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.cpu import CPU
@@ -18,6 +19,7 @@ from silhouette_core.scoring.target import Target
 
 # Larger sets are scored by all threads together, smaller ones by one thread each.
 _LARGE = 2048
+_DRAWN = 128  # representatives whose distances tell how those of two kinds compare
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,25 +62,40 @@ Distances = Callable[[int, NDArray[np.int64], bool], NDArray[np.float64]]
 class Scorer:
     """Distances between samples at one resolution.
 
-    They are XOR, which is symmetric. With nwXOR, pixels just outside the representative cost
-    little, so that large nodes hold very different silhouettes and the tree leads less well to the
-    best pose (measured).
-
     Attributes:
         spans: all samples' silhouettes.
         size_px: (width, height).
+        weighting: of the pixels, by the representative's silhouette.
+        bounds_px: rectangle of the library, see `pixel_weights`.
     """
 
     spans: Spans
     size_px: tuple[int, int]
+    weighting: Weighting
+    bounds_px: Rectangle | None = None
 
     def __call__(
         self, representative: int, samples: NDArray[np.int64], threads: bool
     ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
-        target = Target.from_mask(mask, "xor")
+        target = Target.from_mask(mask, self.weighting, self.bounds_px)
         return CPU.span_distances(target, self.spans, samples, parallel=threads)[:, 0]
+
+    def threshold(self, by_xor: float) -> float:
+        """Largest distance of as many pairs of samples as are within `by_xor` by XOR: one rule for
+        all weightings, so that their trees have about the same shares of nodes.
+        """
+        if self.weighting == "xor":
+            return by_xor
+        everybody = np.arange(len(self.spans), dtype=np.int64)
+        drawn = np.random.default_rng(0).permutation(everybody)[:_DRAWN].tolist()
+        own, xor = (
+            np.concatenate([score(first, everybody, True) for first in drawn])
+            for score in (self, replace(self, weighting="xor"))
+        )
+        within = np.count_nonzero(xor <= by_xor) - 1  # at least every one from itself
+        return float(np.partition(own, within)[within])
 
 
 @dataclass(eq=False)

@@ -86,5 +86,6 @@ def test_a_library_is_built_from_motions_of_the_body_itself(tmp_path):
     settings = replace(SETTINGS, mirror=True)
     library = make_library(clips, desk_lamp(), tmp_path / "l.vplib", settings)
     assert library.proposal is None and not library.base_mirrored.any()
+    assert library.settings.weighting == "xor"
     with pytest.raises(InputError, match=r"two\.safetensors is the motion of a body with other"):
         read_clips(paths[1:], robot_arm())

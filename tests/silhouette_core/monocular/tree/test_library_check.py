@@ -23,7 +23,7 @@ ONE_WRONG = {
     "sigma_rad": 0.0,
 }
 RUNS = {"rows": 60, "starts": -1, "ends": 81, "offsets": -5}
-SETTINGS_WRONG = {"poses": 1e300, "thresholds": (1.0,), "mirror": 2}
+SETTINGS_WRONG = {"poses": 1e300, "thresholds": (1.0,), "mirror": 2, "weighting": "ssd"}
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
@@ -32,7 +33,8 @@ def literal_tree(library):
 
     def distances(representative, masks, samples):
         mask = masks[representative]
-        return {s: (mask ^ masks[s]).sum() / mask.size for s in samples}
+        weights = pixel_weights(mask, "nwxor", library.bounds_px).astype(float)
+        return {s: weights[mask ^ masks[s]].sum() / mask.size for s in samples}
 
     sets, result = [list(everybody)], []
     for masks, level in zip(levels, library.levels, strict=True):
@@ -94,6 +96,7 @@ def test_the_silhouettes_are_those_of_the_representatives(made):
 
 def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
     settings = replace(SETTINGS, poses=120, yaw_step_deg=90, thresholds=(0.06, 0.03, 0.0))
+    settings = replace(settings, weighting="xor")
     library = build_library(small_bases(settings), swaying().model, settings)
     assert [level.threshold for level in library.levels] == [0.06, 0.03, 0.0]
     assert len(library.levels[0]) < len(library.levels[1]) < len(library.levels[2])
@@ -102,6 +105,21 @@ def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
     for first, last in zip(library.leaf_offsets[:-1], library.leaf_offsets[1:], strict=True):
         leaf = library.leaf_samples[first:last]
         assert (masks[leaf] == masks[leaf[0]]).all()
+
+
+def test_as_many_pairs_are_within_the_thresholds_by_any_distance():
+    settings = replace(SETTINGS, poses=120, thresholds=(0.0601, 0.0301, 0.0))
+    library = build_library(small_bases(settings), swaying().model, settings)
+    levels = silhouette_levels(library.render(np.arange(len(library))).windows > 0)
+    for masks, level, by_xor in zip(levels, library.levels, settings.thresholds, strict=True):
+        within = sum((one ^ masks).mean(axis=(1, 2)) <= by_xor for one in masks).sum()
+        weights = [pixel_weights(one, "nwxor", library.bounds_px).astype(float) for one in masks]
+        own = [
+            ((one ^ masks) * weight).mean(axis=(1, 2))
+            for one, weight in zip(masks, weights, strict=True)
+        ]
+        assert level.threshold == pytest.approx(np.sort(np.ravel(own))[within - 1], rel=1e-5)
+        assert (level.threshold > 0) == (by_xor > 0)
 
 
 def test_threads_and_interruption_make_no_difference(tmp_path):
