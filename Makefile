@@ -9,6 +9,8 @@ PACKAGES := calib silhouette_core voxelpose
 # Processes that share the tests out among themselves, one core each.
 WORKERS ?= 2
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Many containers set it; then each of the hundred processes that tests begin compiles all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help install demo test test-fast browser check lint docs format bench accuracy trials kills mutants fuzz proposal clean
 

@@ -152,16 +152,11 @@ def test_a_body_that_is_not_there(tmp_path):
 
 @pytest.mark.slow
 def test_legs_behind_furniture_are_found_where_it_is_marked(walk, fitted, tmp_path):
-    truth = read_truth(walk / "truth.json")
-    whole = fitted[0]
-    errors = {"whole": ankle_error_mm(truth, whole.motion.landmarks())}
+    """Not marked, the same furniture loses the ankles: `benchmarks.unknown_places` measures it."""
+    truth, whole = read_truth(walk / "truth.json"), fitted[0]
     assert whole.summary["facts"]["unknown_share"] == {}
-    for way in ("hidden", "marked"):
-        recording = Recording.open(make(walk, ["cam_1"], 0.5, way, tmp_path / way))
-        result = fit(
-            recording, Output(tmp_path / f"{way}_fit", pictures=False), Settings(threads=2)
-        )
-        errors[way] = ankle_error_mm(truth, result.motion.landmarks())
-        share = {"cam_1": 0.5} if way == "marked" else {}
-        assert result.summary["facts"]["unknown_share"] == pytest.approx(share, abs=0.01)
-    assert errors["marked"] < max(1.4 * errors["whole"], 25) < errors["hidden"]
+    recording = Recording.open(make(walk, ["cam_1"], 0.5, "marked", tmp_path / "marked"))
+    marked = fit(recording, Output(tmp_path / "out", pictures=False), Settings(threads=2))
+    assert marked.summary["facts"]["unknown_share"] == pytest.approx({"cam_1": 0.5}, abs=0.01)
+    marked_mm, whole_mm = (ankle_error_mm(truth, one.motion.landmarks()) for one in (marked, whole))
+    assert marked_mm < max(1.4 * whole_mm, 25)

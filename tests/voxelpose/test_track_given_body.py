@@ -27,18 +27,18 @@ def small_libraries(monkeypatch):
     [("robot_arm", 3, 6.0, 60.0), ("quadruped", 2, 14.0, 80.0)],
 )
 def test_a_body_of_another_kind_is_tracked_by_the_command(name, camera, most_deg, most_mm, desk):
-    film_example(desk / name, name, 16, (camera,))
+    film_example(desk / name, name, 8, (camera,))
     words = ["track", name, "--camera", f"cam_{camera}", "--out", "out"]
     assert run([*words, "--body", f"{name}/{BODY}"]) == 0
     result, truth = Result.open(desk / "out"), read_motion(desk / name / TRUE_MOTION)
     motion, tree = result.motion, truth.model.tree
-    assert len(motion) == 16 and motion.model.names == truth.model.names
+    assert len(motion) == 8 and motion.model.names == truth.model.names
     assert np.degrees(np.abs(motion.angles_rad - truth.angles_rad)).mean() < most_deg
     found, true = motion.landmarks(), truth.landmarks()
     relative = found - found[:, :1] - (true - true[:, :1])
     assert 1000 * np.linalg.norm(relative, axis=2).mean() < most_mm
     if tree.root_fixed:
-        np.testing.assert_allclose(motion.root_m, motion.root_m[:1].repeat(16, 0), atol=1e-3)
+        np.testing.assert_allclose(motion.root_m, motion.root_m[:1].repeat(8, 0), atol=1e-3)
     hypotheses = read_hypotheses(desk / "out" / HYPOTHESES, tree)
     assert hypotheses[0][0].joints_m.shape == (len(tree.landmark_names), 3)
     summary = json.loads((desk / "out" / "summary.json").read_text())
@@ -47,6 +47,5 @@ def test_a_body_of_another_kind_is_tracked_by_the_command(name, camera, most_deg
     # The result is a motion of the body, of which a library can be made.
     build = ["library", "build", "out", "--out", "own.vplib", "--body", f"{name}/{BODY}"]
     assert run([*build, "--poses", "400", "--pitch", "20"]) == 0
-    assert (
-        run([*words[:-1], "again", "--library", "own.vplib", "--no-smooth", "--no-pictures"]) == 0
-    )
+    again = ["again", "--library", "own.vplib", "--no-smooth", "--no-pictures", "--frames", "0:3"]
+    assert run([*words[:-1], *again]) == 0

@@ -1,6 +1,7 @@
 """Text from files and names is shown, and controls neither the terminal nor rich's markup."""
 
 import io
+import os
 import shutil
 import signal
 import subprocess
@@ -96,9 +97,12 @@ def walk(tmp_path_factory):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, walk, number):
     shutil.copytree(walk, desk / "walk")
-    words = ["fit", "walk", "--out", "out"]
+    words = ["fit", "walk", "--out", "out", "--estimator", "standing"]
+    paths = os.pathsep.join([str(desk / "site"), *filter(None, [os.environ.get("PYTHONPATH")])])
     with subprocess.Popen(
-        [sys.executable, "-m", "voxelpose", *words], stderr=subprocess.PIPE
+        [sys.executable, "-m", "voxelpose", *words],
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": paths},
     ) as process:
         while not any(desk.glob("out.partial-*/overlay_*.webm")):  # pictures are being drawn
             assert process.poll() is None

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from silhouette_core.monocular.making import network_training
 from silhouette_core.monocular.making.from_motion import make_library
 from silhouette_core.monocular.making.network_training import TrainingSettings, train_encoders
 from silhouette_core.monocular.making.proposal_learning import (
@@ -31,6 +32,20 @@ from tests.silhouette_core.monocular.making.small_library import SETTINGS, swayi
 
 STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
 TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)
+
+
+def learn_tiny(motion, *more, settings=TINY, **named):
+    """What `learn_proposal` gives where the codes' variance is measured over few frames."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(network_training, "_SAMPLE", 400)
+        return learn_proposal([motion], motion.model, settings, *more, **named)
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """A proposal that learned in few steps, and what was reported."""
+    stages = Stages()
+    return learn_tiny(swaying(), stages), stages
 
 
 class Stages(SilentReporter):
@@ -100,18 +115,16 @@ def test_a_short_training_tells_more_than_the_mean_pose():
     assert error[False] < error["mean"] and error["best"] < 0.7 * error["mean"]
 
 
-def test_every_step_is_reported():
-    motion, stages = swaying(frames=200), Stages()
-    learn_proposal([motion], motion.model, TINY, stages)
+def test_every_step_is_reported(learned):
+    _, stages = learned
     assert stages.totals == stages.counts
     assert stages.totals["learning the encoders"] == stages.totals["learning the proposal"] == 3
     first, others = (stages.totals[f"filming the {which} takes"] for which in ("first", "other"))
     assert first >= TINY.pictures and 0 < others < TINY.frames
 
 
-def test_the_loss_is_told_as_learning_goes_on():
-    motion, stages = swaying(frames=200), Stages()
-    learn_proposal([motion], motion.model, TINY, stages)
+def test_the_loss_is_told_as_learning_goes_on(learned):
+    _, stages = learned
     assert len(stages.notes) == 2 * 3
     assert re.fullmatch(r"after 3 of 3 steps the loss is -?\d+\.\d\d", stages.notes[-1])
 
@@ -153,7 +166,7 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
 
     def learn(motions, model, settings, *more):
         calls.append(settings)
-        return learn_proposal(motions, model, TINY, *more)
+        return learn_tiny(*motions, *more)
 
     monkeypatch.setattr("silhouette_core.monocular.making.from_motion.learn_proposal", learn)
     settings = replace(SETTINGS, poses=24)
@@ -179,8 +192,8 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     assert make(tmp_path / "none.vplib", learning=None).proposal is None and len(calls) == 2
 
 
-def test_an_interrupted_training_keeps_its_encoders(monkeypatch):
-    motion, kept, trained = swaying(frames=200), {}, []
+def test_an_interrupted_training_keeps_its_encoders(learned, monkeypatch):
+    kept, trained = {}, []
 
     def step(name, make):
         if name not in kept:
@@ -194,7 +207,7 @@ def test_an_interrupted_training_keeps_its_encoders(monkeypatch):
     monkeypatch.setattr("silhouette_core.monocular.making.proposal_learning.train_encoders", train)
 
     def learn():
-        return learn_proposal([motion], motion.model, TINY, step=step).arrays()
+        return learn_tiny(swaying(), step=step).arrays()
 
     with monkeypatch.context() as broken, pytest.raises(KeyboardInterrupt):
         broken.setattr(
@@ -204,16 +217,14 @@ def test_an_interrupted_training_keeps_its_encoders(monkeypatch):
         learn()
     resumed = learn()
     assert len(trained) == 1 and list(kept) == ["encoding"]
-    kept.clear()
-    for name, array in learn().items():
+    for name, array in learned[0].arrays().items():
         assert (resumed[name] == array).all()
 
 
-def test_what_has_learned_goes_on_learning_with_its_encoders():
-    motion, stages = swaying(frames=200), Stages()
-    begun = learn_proposal([motion], motion.model, TINY)
+def test_what_has_learned_goes_on_learning_with_its_encoders(learned):
+    begun, stages = learned[0], Stages()
     before = {name: array.copy() for name, array in begun.arrays().items()}
-    further = learn_proposal([motion], motion.model, TINY, stages, begun=begun)
+    further = learn_tiny(swaying(), stages, begun=begun)
     assert further.encoding is begun.encoding and "learning the encoders" not in stages.totals
     learned = further.arrays()
     assert any((array != learned[name]).any() for name, array in before.items())
@@ -234,9 +245,9 @@ def test_every_other_take_is_varied_or_all(monkeypatch):
         return motion
 
     monkeypatch.setattr("silhouette_core.monocular.making.proposal_learning.vary_motion", vary)
-    motion, counts = swaying(frames=200), []
+    counts = []
     for every in (False, True):
-        learn_proposal([motion], motion.model, replace(TINY, all_varied=every))
+        learn_tiny(swaying(), settings=replace(TINY, all_varied=every))
         counts.append(len(varied) - sum(counts))
     assert counts[0] == (counts[1] + 1) // 2 > 1
 

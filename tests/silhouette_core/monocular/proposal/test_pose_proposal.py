@@ -171,9 +171,9 @@ def test_the_grid_is_that_of_the_library(rng):
 
 
 def test_the_basis_is_that_of_a_singular_value_decomposition(rng):
-    few = rng.normal(size=(20, GRID[0] * GRID[1])) * 0.02
+    few = rng.normal(size=(20, FEET_GRID[0] * FEET_GRID[1])) * 0.02
     weights = rng.normal(size=(200, 20)) * np.linspace(5, 1, 20)
-    grids = np.clip(np.round(2 + weights @ few), 0, 4).astype(np.uint8).reshape(-1, *GRID)
+    grids = np.clip(np.round(2 + weights @ few), 0, 4).astype(np.uint8).reshape(-1, *FEET_GRID)
     found = fit_basis(grids, 40)
     mean, basis = found.mean, found.components
     rows = grids.reshape(len(grids), -1) / 4
