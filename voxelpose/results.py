@@ -255,6 +255,11 @@ def open_people(folder: Path | str) -> list[Result]:
     return [Result.open(folder / name) for name in _people_of(folder) or [""]]
 
 
+def holds_people(folder: Path) -> bool:
+    """Whether a folder holds the results of several people."""
+    return bool(_people_of(folder))
+
+
 def _people_of(folder: Path) -> list[str]:
     """Names of the folders in which the results of several people are; none of one person's."""
     try:

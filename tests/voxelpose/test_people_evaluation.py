@@ -11,6 +11,7 @@ from silhouette_core.estimator import Estimate
 from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose import fitting
+from voxelpose.cli.evaluate import Evaluate
 from voxelpose.evaluation import evaluate, evaluate_people
 from voxelpose.fitting import Output, fit_people
 from voxelpose.recording.folder import Recording
@@ -60,6 +61,17 @@ def test_everybody_is_scored_against_who_they_are(fitted):
         assert (
             score.root_mm == pytest.approx(10 * np.sqrt(3) * 14 / 15, abs=0.01) and score.lost == 0
         )
+
+
+def test_the_command_scores_everybody(fitted, capsys):
+    recording, out = fitted
+    (recording / "truth.json").write_text(json.dumps(truth_of(SECOND, FIRST)))
+    Evaluate((out,), json=True).run()
+    document = json.loads(capsys.readouterr().out)
+    assert [*document] == ["out/person_1", "out/person_2"]
+    assert document["out/person_2"]["root_mm"] == pytest.approx(0, abs=0.01)
+    Evaluate((out,)).run()
+    assert "| out/person_1 | 6 |" in capsys.readouterr().out
 
 
 def test_who_was_not_found_is_lost(fitted):

@@ -27,6 +27,9 @@ class Evaluate:
     ...}}. The file may also be the last argument. Default: truth.json in the folder of the
     recording.
 
+    Of several people (a folder with person_1 and so on) truth.json has `people`, a list of tables
+    with `joints` each; who is who is found by the positions.
+
     Of any body, a robot's or an animal's, the truth is its motion (.safetensors), which knows the
     joint angles too, or a joints.csv with the body's own names. Default: truth.safetensors of the
     recording.
@@ -40,6 +43,7 @@ class Evaluate:
       voxelpose evaluate walk_fit --truth pose2sim.trc --markers head_top=Head
       voxelpose evaluate robot_fit --truth robot/truth.safetensors
       voxelpose evaluate fits/* --markdown > table.md
+      voxelpose evaluate dance_fit
       voxelpose evaluate walk_fit --scan body.ply --frame 40
       voxelpose evaluate walk_fit --scan scanner.stl --unit mm --align
     """
@@ -71,8 +75,8 @@ class Evaluate:
 
     def run(self) -> None:
         """Prints the scores."""
-        from voxelpose.evaluation import evaluate, markdown_table
-        from voxelpose.results import as_json
+        from voxelpose.evaluation import evaluate, evaluate_people, markdown_table
+        from voxelpose.results import as_json, holds_people
 
         scanned = self._scan_score()
         if scanned is not None and not self.truth:
@@ -81,19 +85,21 @@ class Evaluate:
             return
         results, truths = _results_and_truths(self.results, self.truth)
         markers = _markers(self.markers)
-        scores = {
-            name: evaluate(result, truth, self.offset, markers, self.axes)
-            for name, result, truth in zip(
-                _names(results), results, truths or [None] * len(results), strict=True
-            )
-        }
+        scores: dict[str, Score] = {}
+        given = zip(_names(results), results, truths or [None] * len(results), strict=True)
+        for name, result, truth in given:
+            if holds_people(result):
+                people = evaluate_people(result, truth, self.offset)
+                scores |= {f"{name}/{person}": score for person, score in people.items()}
+            else:
+                scores[name] = evaluate(result, truth, self.offset, markers, self.axes)
         if self.json:
             documents = {name: _document(score) for name, score in scores.items()}
-            document = documents if len(results) > 1 else documents.popitem()[1]
+            document = documents if len(scores) > 1 else documents.popitem()[1]
             if scanned is not None:
                 document["scan"] = asdict(scanned)
             print(as_json(document), end="")
-        elif self.markdown or len(results) > 1:
+        elif self.markdown or len(scores) > 1:
             print(markdown_table(scores), end="")
         else:
             from voxelpose.cli.summary import print_score
