@@ -119,8 +119,7 @@ result, and recordings/ with the mannequin's sequences.
         ):
             progress.note_compilation()
             progress.stage("opening")
-            from papers.figure_5 import Sequence, performed, run_figure
-            from voxelpose.evaluation import markdown_table
+            from papers.figure_5 import Sequence, figure_tables, performed, run_figure
 
             sequences = (
                 {}
@@ -129,7 +128,7 @@ result, and recordings/ with the mannequin's sequences.
             )
             sequences |= performed(folder / "recordings")
             scores = run_figure(sequences, self.library, folder, progress)
-        print(markdown_table(scores), end="")
+        print(figure_tables(scores), end="")
         print(
             f"\n{self.out}: table.md, and per sequence contact_sheet.png, overlay video and motion"
         )

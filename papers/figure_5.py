@@ -86,10 +86,16 @@ def run_figure(
             fit(recording, Output(result), settings, estimator, reporter)
             joints_m = read_joints(result / "joints.csv", len(truth))
             scores[f"{name}, {method}"] = score_motion(truth, joints_m)
-    (folder / TABLE).write_text(markdown_table(scores), encoding="utf-8")
+    (folder / TABLE).write_text(figure_tables(scores), encoding="utf-8")
     about = {
         "voxelpose": __version__,
         "sequences": {name: vars(score) for name, score in scores.items()},
     }
     (folder / SUMMARY).write_text(as_json(about), encoding="utf-8")
     return scores
+
+
+def figure_tables(scores: Mapping[str, Score]) -> str:
+    """A Markdown table of the scores of each method."""
+    own = [{k: one for k, one in scores.items() if k.endswith(f", {method}")} for method in METHODS]
+    return "\n".join(map(markdown_table, own))

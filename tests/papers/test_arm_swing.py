@@ -104,6 +104,7 @@ def test_density_falls_where_parts_are_hidden(libraries):
     share = np.ravel(density.sum(axis=1)) / np.ravel(kernel.sum(axis=1))
     assert hidden.min() < hidden.max()
     np.testing.assert_allclose(np.log(share) / np.log(5), hidden.min() - hidden, atol=1e-3)
+    np.testing.assert_allclose(kernel.diagonal(), 1)  # the exponential of no step
     rows = step_matrix(library, True, "normalised").sum(axis=1)
     np.testing.assert_allclose(np.ravel(rows), 1, rtol=1e-5)
     one, other = (step_matrix(library, False, model) for model in ("density", "kernel"))

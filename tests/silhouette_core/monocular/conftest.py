@@ -13,7 +13,9 @@ from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 
-SETTINGS = LibrarySettings(poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011))
+SETTINGS = LibrarySettings(
+    poses=80 * 24, mirror=False, thresholds=(0.03, 0.018, 0.011), weighting="xor"
+)
 
 
 @pytest.fixture(scope="session")
