@@ -546,6 +546,13 @@ def _video(kind: str) -> FuzzTarget:
     return FuzzTarget(make, {name: any_bytes}, use)
 
 
+def _use_scan(folder: Path, thorough: bool) -> None:
+    """Reads a scan as `evaluate --scan` does."""
+    from voxelpose.scan_distance import read_scan
+
+    read_scan(folder / "part.ply", "m", body_m=0.4)
+
+
 def _urdf(mesh: str) -> FuzzTarget:
     mutations = {"arm.urdf": any_text, f"part.{mesh}": any_bytes if mesh == "stl" else any_text}
     make = partial(rigs.write_urdf, mesh=mesh)
@@ -643,6 +650,7 @@ TARGETS: dict[str, FuzzTarget] = {
     "rig-urdf-obj": _urdf("obj"),
     "rig-urdf-dae": _urdf("dae"),
     "rig-urdf-ply": _urdf("ply"),
+    "scan": FuzzTarget(partial(rigs.write_urdf, mesh="ply"), {"part.ply": any_bytes}, _use_scan),
     "rig-makehuman": FuzzTarget(
         rigs.write_makehuman,
         {

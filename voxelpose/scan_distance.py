@@ -75,6 +75,7 @@ def evaluate_scan(
     frame: int | None = None,
     unit: Literal["m", "cm", "mm"] = "m",
     align: bool = False,
+    recording: Path | None = None,
 ) -> ScanScore:
     """Compares the fitted body of one frame, and the frame's hull, with a scan of the person.
 
@@ -88,6 +89,8 @@ def evaluate_scan(
         unit: of the scan's lengths.
         align: whether the scan, which may then be in any upright frame, is moved onto the body
             first; where the body stands is not compared then.
+        recording: where the result's recording is now, if it was moved; without it there is no
+            hull.
 
     Raises:
         InputError: open3d is missing, a file cannot be read, the scan is not closed, of another
@@ -105,7 +108,7 @@ def evaluate_scan(
         )
     size_m = float(np.ptp(motion.model.vertices_m, axis=0).max())
     vertices, faces = read_scan(Path(scan), unit, size_m)
-    scenes = ResultScenes(result)
+    scenes = ResultScenes(result, recording)
     try:
         scene = scenes.scene(frame)
     finally:

@@ -1,6 +1,7 @@
 """Distances from a scan, of surfaces whose distance is known."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,9 +51,12 @@ def test_a_body_of_another_size_is_outside(scanned):
     grown = scanned.copy()
     grown.vertices = scanned.vertices + 0.005 * scanned.vertex_normals
     grown.export("grown.ply")
+    Path("walk").rename("moved")
     score = evaluate_scan("out", "grown.ply", 2)
+    assert score.hull_to_scan is None and "say where with --recording" in score.notes[0]
     assert score.body_to_scan.mean_mm == pytest.approx(-4.9, abs=0.3)
     assert score.scan_to_body.mean_mm == pytest.approx(4.9, abs=0.3)
+    assert evaluate_scan("out", "grown.ply", 2, recording=Path("moved")).hull_to_scan is not None
     assert score.body_to_scan.rms_mm == pytest.approx(4.9, abs=0.3)
 
 

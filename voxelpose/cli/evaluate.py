@@ -68,6 +68,8 @@ class Evaluate:
     """Unit of the scan's lengths."""
     align: bool = False
     """Move the scan, which may be in any upright frame, onto the body first (ICP)."""
+    recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
+    """The recording, from which the hull of --scan is carved, if it was moved after the fit."""
     markdown: bool = False
     """Print a Markdown table, as for several results."""
     json: bool = False
@@ -109,14 +111,17 @@ class Evaluate:
     def _scan_score(self) -> ScanScore | None:
         """The comparison with the scan, printed unless as JSON; None where there is no scan."""
         if self.scan is None:
-            if self.frame is not None or self.align or self.unit != "m":
-                raise InputError("--frame, --unit and --align are of a scan: name it with --scan")
+            if (self.frame, self.unit, self.align, self.recording) != (None, "m", False, None):
+                raise InputError(
+                    "--frame, --unit, --align and --recording are of a scan: name it with --scan"
+                )
             return None
         if len(self.results) != 1:
             raise InputError(f"--scan compares one result, not {len(self.results)}: name one")
         from voxelpose.scan_distance import evaluate_scan
 
-        score = evaluate_scan(self.results[0], self.scan, self.frame, self.unit, self.align)
+        how = self.frame, self.unit, self.align, self.recording
+        score = evaluate_scan(self.results[0], self.scan, *how)
         if not self.json:
             from voxelpose.cli.summary import print_scan_score
 
