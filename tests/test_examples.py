@@ -9,6 +9,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from voxelpose import make_recording
+
 FOLDER = Path(__file__).resolve().parents[1] / "examples"
 NOTEBOOK = FOLDER / "voxelpose.ipynb"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
@@ -16,8 +18,9 @@ EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Runs the six examples in their order; returns where they wrote."""
+    """Runs the six examples in their order on a short recording; returns where they wrote."""
     out = tmp_path_factory.mktemp("examples")
+    make_recording(out / "recording", 9)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(FOLDER))
         for name in EXAMPLES:

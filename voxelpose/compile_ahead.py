@@ -6,6 +6,7 @@ benchmarks.compilation --write` writes it. numba keeps what is compiled in its c
 
 from __future__ import annotations
 
+import gc
 import importlib
 import subprocess
 import sys
@@ -55,4 +56,5 @@ def compile_beside(estimators: Sequence[str]) -> subprocess.Popen[bytes]:
 if __name__ == "__main__":
     from silhouette_core.progress import SilentReporter
 
+    gc.disable()
     compile_kernels(kernels(sys.argv[1:], last_first=True), SilentReporter())

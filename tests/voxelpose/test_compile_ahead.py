@@ -51,11 +51,15 @@ def test_what_is_compiled_ahead_has_the_types_of_a_call():
     ]
 
 
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Few frames need all kernels, too."""
+    return str(make_recording(tmp_path_factory.mktemp("made") / "recording", 4))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_a_run_calls_no_kernel_that_is_not_listed(tmp_path, estimator):
-    """Few frames need all kernels, too."""
-    recording = str(make_recording(tmp_path / "recording", 6))
+def test_a_run_calls_no_kernel_that_is_not_listed(recording, tmp_path, estimator):
     out = ["--out", str(tmp_path / "out"), "--no-pictures"]
     words = (
         ["fit", recording] if estimator == "multiview" else ["track", recording, "--camera=cam_2"]

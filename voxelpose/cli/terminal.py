@@ -4,6 +4,7 @@ on a terminal, plain lines elsewhere.
 
 from __future__ import annotations
 
+import gc
 import re
 import subprocess
 import sys
@@ -167,6 +168,8 @@ class Progress:
                     f"it is kept in {jit.CACHE}, since neither the installation nor the home"
                     " folder can be written: NUMBA_CACHE_DIR names a folder that lasts"
                 )
+            # Compiling makes many objects and hardly any garbage: looking for it took a tenth.
+            gc.set_threshold(100_000)
             if estimators:
                 from voxelpose.compile_ahead import compile_beside
 

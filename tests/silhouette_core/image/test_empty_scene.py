@@ -49,6 +49,7 @@ def film(
 def agreement(frames: np.ndarray, masks: np.ndarray) -> float:
     """Mean intersection over union of the silhouettes with the true ones."""
     model = BackgroundModel.from_occupied(frames)
+    frames, masks = frames[::4], masks[::4]
     found = np.stack([model.silhouette(frame) for frame in frames])
     return float(((found & masks).sum(axis=(1, 2)) / (found | masks).sum(axis=(1, 2))).mean())
 

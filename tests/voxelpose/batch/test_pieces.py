@@ -95,16 +95,16 @@ def test_only_long_recordings_are_divided(tmp_path):
 
 @pytest.mark.slow
 def test_a_recording_in_pieces_is_one_result_with_one_body(tmp_path):
-    actor = waving(36, 1.72, FPS)
+    actor = waving(20, 1.72, 12.5)
     write_staged(tmp_path / "in" / "walk", actor, ring(4, (200, 160)))
     jobs = jobs_of([tmp_path / "in"], "fit", {"stature": 1.72})
-    settings = BatchSettings(tmp_path / "out", 2, pictures=False, report=False, piece_s=0.6)
+    settings = BatchSettings(tmp_path / "out", 2, pictures=False, report=False, piece_s=0.8)
     told = []
     (outcome,) = run_batch(jobs, settings, lambda o, n: told.append((o.job.name, n)))
     assert outcome.status == "done" and told[-1] == ("walk", 1)
     assert {name for name, n in told if n is None} == {"walk.000", "walk.001"}
     result = Result.open(tmp_path / "out" / "walk")
-    assert result.motion.frames.tolist() == list(range(36))
+    assert result.motion.frames.tolist() == list(range(20))
     assert max(result.summary["facts"]["seams_mm"]) < 15
     score = score_motion(actor.landmarks(), result.motion.landmarks())
     assert score.root_mm < 40

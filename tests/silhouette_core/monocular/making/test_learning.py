@@ -137,8 +137,8 @@ from tests.silhouette_core.monocular.filming import MOVEMENTS, body
 from tests.silhouette_core.monocular.making.small_library import swaying
 motion = swaying(frames=200)
 settings = LearningSettings(
-    frames=600,
-    pictures=300,
+    frames=400,
+    pictures=200,
     encoding=TrainingSettings(steps=4, batch=64),
     training=TrainingSettings(steps=4, batch=320),
 )
