@@ -25,4 +25,4 @@ def test_the_same_motion_by_a_backend_from_outside(tmp_path, monkeypatch):
     install_backend(tmp_path, monkeypatch)
     called = record_calls(monkeypatch)
     np.testing.assert_allclose(joints("arrays"), expected, atol=1e-9)
-    assert called == {"drawn_weights", "silhouette_errors"}
+    assert called == {"part_images", "drawn_weights", "silhouette_errors"}
