@@ -15,7 +15,6 @@ from silhouette_core.read_ahead import side_by_side
 from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, drawn, hull_pieces, silhouettes_of
 from voxelpose.multiview.people.presence import at_all_times, find_people
-from voxelpose.multiview.person.body_choice import Start
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
@@ -88,17 +87,19 @@ class PeopleTrack:
 
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
-        people = range(len(self.places_m))
-        observations = self._observations(self._hull_pieces(), kept, bodies=False)
-        found: list[tuple[PoseTracker, Start]] = [
-            self.work.tracked(observations[k]) for k in people
+        stack = kept.enter_context(ExitStack())
+        pieces = self._hull_pieces()
+        found = [
+            self.work.tracked(beside) for beside in self._observations(pieces, stack, bodies=False)
         ]
         for _ in range(_ROUNDS):
             trackers = [tracker for tracker, _ in found]
-            observations = self._observations(self._drawn_pieces(trackers), kept, bodies=True)
+            before, stack = stack, kept.enter_context(ExitStack())
+            observations = self._observations(self._drawn_pieces(trackers), stack, bodies=True)
             for tracker, beside in zip(trackers, observations, strict=True):
                 tracker.observations = beside
                 self.work.again(tracker)
+            before.close()
         return [(tracker, self.work.finished(tracker, start)) for tracker, start in found]
 
     def _observations(
