@@ -124,6 +124,12 @@ class Settings:
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)
 
     @property
+    def of_anybody(self) -> Settings:
+        """The same where several people are estimated: without what is one person's."""
+        options = {name: value for name, value in self.options.items() if name != "body"}
+        return replace(self, stature_m=None, chest_m=None, sex="unknown", options=options)
+
+    @property
     def applied_conditioning(self) -> Conditioning:
         """What is done to the motion: no filter where it shall not be smoothed."""
         return (

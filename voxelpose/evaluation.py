@@ -18,7 +18,7 @@ from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.tables import JOINTS, list_joints, read_joints
+from voxelpose.export.tables import FARTHEST_M, JOINTS, list_joints, read_joints
 from voxelpose.export.trc import POSE2SIM_AXES
 from voxelpose.recording.truth import (
     TRUE_MOTION,
@@ -157,11 +157,12 @@ def evaluate_people(
 
 
 def _apart_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
-    """Mean distance of the joints (T, J, 3) in frames in which both are known; as much as a room is
-    wide where there is none.
+    """Mean distance of the joints (T, J, 3) in frames in which both are known; as far as can be
+    where there is none.
     """
     apart = np.linalg.norm(true_m - found_m, axis=2)
-    return float(apart[np.isfinite(apart)].mean()) if np.isfinite(apart).any() else 10.0
+    known = apart[np.isfinite(apart)]
+    return float(known.mean()) if len(known) else FARTHEST_M
 
 
 def _truth_of(result: Path) -> Path:

@@ -136,6 +136,8 @@ def fit_people(
                 estimates = [implementation.estimate(recording, settings, reporter)]
             else:
                 raise InputError(f"estimator {estimator!r} estimates one person, not {people}")
+        if len(estimates) > 1:
+            settings = settings.of_anybody
         estimations = [
             _Estimation(recording, estimate, settings, estimator, started, inputs)
             for estimate in estimates

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -23,6 +24,16 @@ def posed_meshes(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
     """Returns the posed vertices (K, V, 3) of K poses, world."""
     rotation, origin = place(model, *PoseArrays.from_poses(poses).arrays)
     return np.stack([skin(model, *placed) for placed in zip(rotation, origin, strict=True)])
+
+
+def body_masks(model: BodyModel, pose: Pose, views: PinholeViews) -> list[np.ndarray]:
+    """Where a body is seen in each of C views, (h, w) bool."""
+    vertices, masks = posed_mesh(model, pose), []
+    for camera in views.rig:
+        seen = vertices @ camera.rotation.T + camera.translation
+        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
+        masks.append(parts > 0)
+    return masks
 
 
 def silhouette_error(

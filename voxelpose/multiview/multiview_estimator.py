@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.camera import Rig
 from calib.errors import InputError
+from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
@@ -30,6 +31,7 @@ from voxelpose.multiview.tracking.recording_track import TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
+_PEOPLE_CAMERAS = 3
 _REPAIRS = "auto", "say", "off"
 
 
@@ -84,10 +86,11 @@ class MultiViewEstimator:
         """Estimates the motion of several people; the cameras as they were found are the same.
 
         Args:
-            people: their number; None: as many as there are, one if nobody is found to be beside.
+            people: their number; None: as many as there are, one before two cameras.
 
         Raises:
-            InputError: as `estimate`; fewer people are there.
+            InputError: as `estimate`; fewer people are there, or the cameras do not tell them
+                apart.
         """
         options = read_options(_Options, settings.options, "multi-view")
         if len(source.rig) < 2:
@@ -102,6 +105,7 @@ class MultiViewEstimator:
             BodySizes(settings.stature_m, settings.chest_m, settings.sex)
         known = load_body(options.body, reporter.note) if options.body else None
         given = None if known is None or known.person is not None else known
+        people = _looked_for(people, len(source.rig), given)
         set_threads(settings.threads)
         clock = StageClock()
         matching = MatchSettings(interference=options.interference)
@@ -117,13 +121,13 @@ class MultiViewEstimator:
         ):
             told = clock, reporter, prepared.numbers
             work = TrackWork(settings, source.fps, matching, known, *told)
-            places_m = np.empty((0, 0, 3))
-            if people != 1 and given is None:
-                places_m = people_places(prepared, people, clock, reporter)
-            if len(places_m) > 1:
-                found = PeopleTrack(work.of_anybody(), prepared, places_m).track(kept)
-            else:
+            places_m = None if people == 1 else people_places(prepared, people, clock, reporter)
+            if places_m is None or len(places_m) < 2:
                 found = [work.track(prepared, kept)]
+            else:
+                if known is not None or settings != settings.of_anybody:
+                    reporter.note("what was told of the person is one person's, and is not used")
+                found = PeopleTrack(work.of_anybody(), prepared, places_m).track(kept)
             at = prepared.numbers, prepared.times_s
             motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
@@ -133,6 +137,26 @@ class MultiViewEstimator:
             facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
             estimates.append(Estimate(motion, stage_s, facts, rig=rig))
         return estimates
+
+
+def _looked_for(people: int | None, cameras: int, given: BodyModel | None) -> int | None:
+    """Number of people to look for; None: as many as are seen.
+
+    Args:
+        people: as was asked.
+        cameras: their number; before two, nearly everything is a phantom.
+        given: a body that is no person's.
+    """
+    if people in (None, 1):
+        return 1 if cameras < _PEOPLE_CAMERAS or given is not None else people
+    if given is not None:
+        raise InputError(f"{people} bodies that are no person's cannot be followed: one can")
+    if cameras < _PEOPLE_CAMERAS:
+        raise InputError(
+            f"{cameras} cameras are too few to tell {people} people apart: give {_PEOPLE_CAMERAS}"
+            " or more, or --people 1"
+        )
+    return people
 
 
 def _posed_as(rig: Rig, pinholes: Rig) -> Rig:

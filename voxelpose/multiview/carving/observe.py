@@ -134,7 +134,7 @@ class HullObserver:
         self.rule = rule or CarveRule()
         self.volume = volume
         low = volume.origin_m
-        self._coarse = VoxelGrid.from_bounds(
+        self.coarse = VoxelGrid.from_bounds(
             low, low + volume.size_m, max(CARVING.coarse_m, voxel_size_m)
         )
 
@@ -144,10 +144,9 @@ class HullObserver:
         views = replace(
             self.views, unknown=tuple(a | b for a, b in zip(unknown, marked, strict=True))
         )
-        usual = max(2, 3 * len(unknown) // 4) - self.rule.tolerance
         observer = copy(self)
         observer.views = views
-        observer.rule = replace(self.rule, least_agreeing=_least(usual, views.partly_unknown))
+        observer.rule = body_rule(len(unknown), self.rule.tolerance, views.partly_unknown)
         return observer
 
     def observe(
@@ -169,8 +168,12 @@ class HullObserver:
 
     def components(self, masks: list[np.ndarray]) -> np.ndarray:
         """Rows (n,) of dtype `COMPONENT` of the coarse hull of the whole volume."""
-        hull = carve(self.views.rig, masks, self._coarse, self.rule, self.views.unknown)
-        return hull_components(_label_bodies(hull, self._coarse, self._joined_m), self._coarse)
+        labelled = _label_bodies(self.coarse_hull(masks), self.coarse, self._joined_m)
+        return hull_components(labelled, self.coarse)
+
+    def coarse_hull(self, masks: list[np.ndarray]) -> np.ndarray:
+        """Voxels of the whole volume, (nx, ny, nz) bool in the grid `coarse`."""
+        return carve(self.views.rig, masks, self.coarse, self.rule, self.views.unknown)
 
     def body(self, components: np.ndarray, near_m: np.ndarray | None) -> int | None:
         """Index of the body's component, or None where none is large enough.

@@ -15,30 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.body.model import BodyModel
-from silhouette_core.image.cleanup import dilated
-from silhouette_core.image.raster import render_parts
-from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.silhouette_error import posed_mesh
-from voxelpose.multiview.carving.carver import carve
-from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
-from voxelpose.multiview.tuning import CARVING
 
 Masks = list[NDArray[np.bool_]]
-
-
-def drawn(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:
-    """A body in every camera, (h, w) bool."""
-    vertices_m, masks = posed_mesh(model, pose), []
-    for camera in views.rig:
-        seen = vertices_m @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
-        masks.append(parts > 0)
-    return masks
 
 
 def hull_pieces(
@@ -50,25 +32,17 @@ def hull_pieces(
         masks: silhouettes of everybody.
         axes_m: (N, 2) float64, where they stand; NaN: not there, which gives None.
     """
-    low = observer.volume.origin_m
-    grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, CARVING.coarse_m)
-    views = observer.views
-    hull = carve(views.rig, masks, grid, observer.rule, views.unknown)
-    x, y, z = grid.axes()
-    there = np.flatnonzero(np.isfinite(axes_m).all(axis=1))
-    away = np.hypot(
-        x[:, None] - axes_m[there, 0][:, None, None], y - axes_m[there, 1][:, None, None]
-    )
-    nearest = away.argmin(axis=0) if len(there) else None
     pieces: list[Masks | None] = [None] * len(axes_m)
+    there = np.flatnonzero(np.isfinite(axes_m).all(axis=1))
+    if not len(there):
+        return pieces
+    hull, grid = observer.coarse_hull(masks), observer.coarse
+    x, y, _ = grid.axes()
+    away = [np.hypot(x[:, None] - east, y - north) for east, north in axes_m[there]]
+    nearest = np.argmin(away, axis=0)
     for k, person in enumerate(there.tolist()):
-        own, marked = hull & (nearest == k)[:, :, None], []
-        for c, mask in enumerate(masks):
-            footprint = np.zeros(mask.shape, np.uint8)
-            depth = mark_voxels(own, x, y, z, views.rig.cameras[c].projection, footprint)
-            size_px = views.intrinsics[c, 0] * grid.voxel_size_m / max(depth, 0.5)
-            marked.append(dilated(footprint.view(np.bool_), int(np.ceil(2 * size_px)) | 1))
-        pieces[person] = marked
+        own = hull & (nearest == k)[:, :, None]
+        pieces[person] = [footprint(own, grid, camera) for camera in observer.views.rig]
     return pieces
 
 

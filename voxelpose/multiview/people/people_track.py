@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
-from voxelpose.multiview.people.own_silhouettes import Masks, drawn, hull_pieces, silhouettes_of
+from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
 from voxelpose.multiview.people.presence import at_all_times, find_people
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
@@ -54,9 +55,9 @@ def people_places(
             reporter.advance()
 
     most = MOST_PEOPLE if people is None else people
-    at = observer.views, observer.volume, observer.rule, frames(), times_s[steps], most
     with clock("people"):
-        axes_m = at_all_times(find_people(*at), times_s[steps], times_s)
+        axes_m = find_people(observer, frames(), times_s[steps], most)
+        axes_m = at_all_times(axes_m, times_s[steps], times_s)
     if people is not None and len(axes_m) < people:
         found = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
         raise InputError(
@@ -136,7 +137,7 @@ class PeopleTrack:
 
         def pieces(t: int) -> list[Masks | None]:
             poses = [(tracker.body.model, tracker.poses[t]) for tracker in trackers]
-            return [None if pose is None else drawn(model, pose, views) for model, pose in poses]
+            return [pose and body_masks(model, pose, views) for model, pose in poses]
 
         return _in_turn(pieces, store)
 

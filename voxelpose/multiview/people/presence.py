@@ -16,11 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.optimize import linear_sum_assignment
 
-from silhouette_core.image.cleanup import dilated
-from silhouette_core.refinement.observation import PinholeViews
-from voxelpose.multiview.carving.carver import CarveRule, carve
-from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.footprint import mark_voxels
+from voxelpose.multiview.carving.footprint import footprint
+from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
 
 _REDUCED = 4  # of the images in which it is asked who explains what
@@ -49,50 +46,40 @@ class PresenceSearch:
     """Asks frame by frame who may be where.
 
     Args:
-        views: the cameras, upright.
-        volume: where people may be.
-        rule: how many cameras may object to a voxel.
-        floor_m: height of the floor.
+        observer: carves the hull of everybody, in a volume that begins at the floor.
         most: number of people, at most.
     """
 
-    def __init__(
-        self, views: PinholeViews, volume: VoxelGrid, rule: CarveRule, floor_m: float, most: int
-    ):
+    def __init__(self, observer: HullObserver, most: int):
         """Prepares reduced cameras."""
-        low = volume.origin_m
-        self._grid = VoxelGrid.from_bounds(low, low + volume.size_m, CARVING.coarse_m)
-        self._views, self._rule, self._floor_m, self._most = views, rule, floor_m, most
-        smaller = np.diag([1 / _REDUCED, 1 / _REDUCED, 1.0])
-        self._projections = [smaller @ camera.projection for camera in views.rig]
-        middle = volume.origin_m + 0.5 * volume.size_m
-        away_m = np.linalg.norm(views.center_m - middle, axis=1)
-        self._focal_px = views.intrinsics[:, 0] / _REDUCED
+        self._observer, self._most = observer, most
+        self._cameras = [camera.pinhole(1 / _REDUCED) for camera in observer.views.rig]
+        middle = observer.volume.origin_m + 0.5 * observer.volume.size_m
+        away_m = np.linalg.norm(observer.views.center_m - middle, axis=1)
+        focal_px = np.array([camera.matrix[0, 0] for camera in self._cameras])
         # Pixels of a person in each camera, by which the unexplained ones are counted.
-        self._person_px = PEOPLE.seen_m2 * (self._focal_px / away_m) ** 2
+        self._person_px = PEOPLE.seen_m2 * (focal_px / away_m) ** 2
 
-    def sets(self, masks: Sequence[NDArray[np.bool_]]) -> PeopleSets:
+    def sets(self, masks: list[NDArray[np.bool_]]) -> PeopleSets:
         """Sets of people that silhouettes (h, w) bool of all cameras allow, best first."""
-        hull = carve(self._views.rig, masks, self._grid, self._rule, self._views.unknown)
+        hull = self._observer.coarse_hull(masks)
         axes = self._axes(hull)
-        seen = [_reduced(mask) for mask in masks]
+        pairs = zip(masks, self._cameras, strict=True)
+        seen = [_reduced(mask, camera.size) for mask, camera in pairs]
         explained = [self._explained(hull, axis, seen) for axis in axes]
         return self._ranked(axes, explained, seen)
 
     def _axes(self, hull: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Places (n, 2) where the hull is thickest and somebody may stand, crouch or sit."""
-        size_m = self._grid.voxel_size_m
-        disc = _disc(PERSON_COST.middle_m / size_m)  # a trunk's
-        columns = size_m**3 * hull.sum(axis=2).astype(np.float32)
+        grid = self._observer.coarse
+        disc = _disc(PERSON_COST.middle_m / grid.voxel_size_m)  # a trunk's
+        columns = grid.voxel_size_m**3 * hull.sum(axis=2).astype(np.float32)
         volume_m3 = np.asarray(cv2.filter2D(columns, -1, disc.astype(np.float32), borderType=0))
         highest = volume_m3 >= maximum_filter(volume_m3, footprint=disc)
-        places = np.argwhere(highest & (volume_m3 >= CARVING.smallest_m3))
-        if not len(places):
-            return np.empty((0, 2))
-        x, y, z = self._grid.axes()
-        high = z >= self._floor_m + PEOPLE.upright_m
+        x, y, z = grid.axes()
+        high = z >= self._observer.volume.origin_m[2] + PEOPLE.upright_m
         tall = np.asarray(maximum_filter(hull[:, :, high].any(axis=2), footprint=disc), np.bool_)
-        places = places[tall[*places.T]]
+        places = np.argwhere(highest & tall & (volume_m3 >= CARVING.smallest_m3))
         thick = volume_m3[*places.T]
         places = places[np.argsort(-thick, kind="stable")[:_MOST_AXES]]
         return np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
@@ -100,17 +87,12 @@ class PresenceSearch:
     def _explained(
         self, hull: NDArray[np.bool_], axis_m: NDArray[np.float64], seen: list[NDArray[np.bool_]]
     ) -> list[NDArray[np.bool_]]:
-        """Pixels of each reduced silhouette into which the hull near an axis (2,) projects."""
-        x, y, z = self._grid.axes()
-        near = np.hypot(x[:, None] - axis_m[0], y[None] - axis_m[1]) <= PEOPLE.reach_m
-        own = hull & near[:, :, None]
-        marked = []
-        for projection, focal, mask in zip(self._projections, self._focal_px, seen, strict=True):
-            footprint = np.zeros(mask.shape, np.uint8)
-            depth = mark_voxels(own, x, y, z, projection, footprint)
-            side = int(np.ceil(2 * focal * self._grid.voxel_size_m / max(depth, 0.5))) | 1
-            marked.append(mask & dilated(footprint.view(np.bool_), side))
-        return marked
+        """Pixels of each reduced silhouette that the hull near an axis (2,) covers."""
+        grid = self._observer.coarse
+        x, y, _ = grid.axes()
+        near = np.hypot(x[:, None] - axis_m[0], y - axis_m[1]) <= PEOPLE.reach_m
+        own, pairs = hull & near[:, :, None], zip(self._cameras, seen, strict=True)
+        return [mask & footprint(own, grid, camera) for camera, mask in pairs]
 
     def _ranked(
         self,
@@ -146,9 +128,10 @@ class PresenceSearch:
         return float(np.mean(left)) + PEOPLE.needed * count
 
 
-def _reduced(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A silhouette in an image `_REDUCED` times smaller, by its nearest pixels."""
-    return np.ascontiguousarray(mask[::_REDUCED, ::_REDUCED])
+def _reduced(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """A silhouette in a smaller image, by its nearest pixels."""
+    small = cv2.resize(mask.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    return np.asarray(small, np.uint8).view(np.bool_)
 
 
 def _disc(radius_px: float) -> NDArray[np.uint8]:
@@ -227,19 +210,15 @@ def link_sets(
 
 
 def find_people(
-    views: PinholeViews,
-    volume: VoxelGrid,
-    rule: CarveRule,
-    frames: Iterable[Sequence[NDArray[np.bool_]]],
+    observer: HullObserver,
+    frames: Iterable[list[NDArray[np.bool_]]],
     times_s: NDArray[np.float64],
     most: int,
 ) -> NDArray[np.float64]:
     """Where people are in some frames of a recording.
 
     Args:
-        views: the cameras, upright.
-        volume: where people may be, from the floor up.
-        rule: how many cameras may object to a voxel.
+        observer: as of `PresenceSearch`.
         frames: T frames' silhouettes (h, w) bool of all cameras, made when they are asked for.
         times_s: (T,) float64, of these frames.
         most: number of people, at most.
@@ -248,7 +227,7 @@ def find_people(
         Axes (N, T, 2) float64 in the world's xy plane, m, of N people, those who are longest there
         first; NaN where one is not there.
     """
-    search = PresenceSearch(views, volume, rule, float(volume.origin_m[2]), most)
+    search = PresenceSearch(observer, most)
     sets, elapsed_s = [search.sets(masks) for masks in frames], np.diff(times_s)
     tracks = join_tracks(link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s), times_s)
     seen = np.isfinite(tracks[:, :, 0])

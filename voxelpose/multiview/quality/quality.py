@@ -28,7 +28,6 @@ from scipy.ndimage import maximum_filter
 
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import forward, quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
@@ -36,7 +35,7 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.posterior import landmark_sigma_m
 from silhouette_core.refinement.refine import RefineStart
-from silhouette_core.scoring.silhouette_error import posed_mesh
+from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.matcher import MatchSettings, match
@@ -80,12 +79,10 @@ def frame_evidence(
           square, the mean over the cameras that have the joint before them and know some of it.
         - joint_sigma_mm: (15,), standard deviations of the joints by the outlines.
     """
-    model, vertices_m = body.model, posed_mesh(body.model, pose)
     errors, near = [], []
+    bodies = body_masks(body.model, pose, frame.views)
     for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
-        seen = vertices_m @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
-        drawn, unknown = parts > 0, None
+        drawn, unknown = bodies[c], None
         if frame.views.unknown is not None:
             unknown = frame.views.unknown[c]
             drawn &= ~unknown

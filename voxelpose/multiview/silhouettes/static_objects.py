@@ -20,8 +20,8 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.tuning import CARVING, STATIC_OBJECTS
@@ -94,7 +94,7 @@ def find_static_objects(
     if not found.any():
         return None
     apart = _apart(found, grid, model, [pose for _, pose in chosen])
-    covered = [_covered(found, grid, views, c) for c in range(len(always))]
+    covered = [footprint(found, grid, camera) for camera in views.rig]
     if behind:
         return StaticObjects(covered, apart)
     pairs = enumerate(zip(covered, witnessed, strict=True))
@@ -145,15 +145,6 @@ def _large_pieces(voxels: NDArray[np.bool_], grid: VoxelGrid) -> NDArray[np.bool
     large = components.sizes * grid.voxel_size_m**3 >= STATIC_OBJECTS.least_m3
     large[0] = False
     return large[components.labels]
-
-
-def _covered(voxels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:
-    """Pixels (h, w) bool of a camera that voxels cover."""
-    camera = views.rig.cameras[c]
-    footprint = np.zeros(camera.size[::-1], np.uint8)
-    depth_m = mark_voxels(voxels, *grid.axes(), camera.projection, footprint)
-    size_px = camera.matrix[0, 0] * grid.voxel_size_m / max(depth_m, 0.1)
-    return dilated(footprint.view(np.bool_), int(np.ceil(2 * size_px)) | 1)
 
 
 def _widened(pixels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:

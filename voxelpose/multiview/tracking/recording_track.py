@@ -132,8 +132,7 @@ class TrackWork:
 
     def of_anybody(self) -> TrackWork:
         """The same of somebody of whom nothing was told: what was, is one person's of several."""
-        settings = replace(self.settings, stature_m=None, chest_m=None, sex="unknown")
-        return replace(self, settings=settings, known=None)
+        return replace(self, settings=self.settings.of_anybody, known=None)
 
     def finished(self, tracker: PoseTracker, start: Start) -> dict[str, object]:
         """Adapts the body a last time and refines every pose; facts for the summary."""

@@ -76,8 +76,8 @@ class ContactSheet:
         """
         people = _Motions(motions)
         self.models, self.time_s, filmed = people.models, people.time_s, [*people.time_s]
-        self.rows = [filmed[k] for k in even_moments(len(filmed), 6, margin=0)]
-        self.poses = [people.poses(frame) for frame in self.rows]
+        self.frames = [filmed[k] for k in even_moments(len(filmed), 6, margin=0)]
+        self.poses = [people.poses(frame) for frame in self.frames]
         skins = [
             kinematics.skin(model, *pose)
             for poses in self.poses
@@ -87,7 +87,7 @@ class ContactSheet:
         boxes = [_box(np.concatenate(skins), camera) for camera in cameras]
         aspects = [width / height for _, _, width, height in boxes]
         aspect = float(np.clip(np.median(aspects), 0.55, 1.4))
-        width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.rows)) - _GAP
+        width = (_WIDEST - _LABEL - 2 * _MARGIN) / max(4, len(self.frames)) - _GAP
         height = min(width / aspect, (_HIGHEST - _HEAD - _MARGIN) / len(cameras) - _GAP)
         self.tile = round(height * aspect), round(height)
         self.views = [
@@ -98,8 +98,8 @@ class ContactSheet:
 
     def add(self, frame: int, images: Mapping[str, canvas.Image]) -> None:
         """Keeps the tiles of one frame, if it is one of the moments."""
-        if frame in self.rows:
-            column = self.rows.index(frame)
+        if frame in self.frames:
+            column = self.frames.index(frame)
             for line, view in enumerate(self.views):
                 image = images[view.painter.camera.name]
                 self.tiles[line, column] = view.crop(image, self.poses[column])
@@ -107,7 +107,7 @@ class ContactSheet:
     def image(self, title: str) -> canvas.Image:
         """The finished sheet, (h, w, 3) uint8 BGR."""
         width, height = self.tile
-        sheet_width = 2 * _MARGIN + _LABEL + len(self.rows) * (width + _GAP) - _GAP
+        sheet_width = 2 * _MARGIN + _LABEL + len(self.frames) * (width + _GAP) - _GAP
         sheet_width = max(sheet_width, 2 * _MARGIN + canvas.text_width(title, 24, True) + _LEGEND)
         sheet_height = _HEAD + len(self.views) * (height + _GAP) - _GAP + _MARGIN
         sheet = np.full((sheet_height, sheet_width, 3), canvas.PAPER, np.uint8)
@@ -122,7 +122,7 @@ class ContactSheet:
             top = _HEAD + line * (height + _GAP)
             name = view.painter.camera.name
             canvas.write_text(sheet, name, _MARGIN, top + height // 2, 16, canvas.INK, bold=True)
-            for column, frame in enumerate(self.rows):
+            for column, frame in enumerate(self.frames):
                 left = _MARGIN + _LABEL + column * (width + _GAP)
                 if line == 0:
                     label = f"frame {frame} · {self.time_s[frame]:.2f} s"

@@ -11,7 +11,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.people.own_silhouettes import drawn, hull_pieces, own_and_unknown
+from voxelpose.multiview.people.own_silhouettes import hull_pieces, own_and_unknown
 
 VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
 
@@ -73,10 +73,3 @@ def test_the_hull_about_each_person_is_seen_where_the_person_is():
             known = ~unknown[c]
             wrong = (mine[c] ^ mask) & known
             assert wrong.sum() < 0.02 * mask.sum()
-
-
-def test_a_body_is_drawn_as_it_is_photographed():
-    model, seen_by = fitting_model(), views(3)
-    pose = stance(model)
-    for a, b in zip(drawn(model, pose, seen_by), photograph(seen_by, model, pose), strict=True):
-        np.testing.assert_array_equal(a, b)

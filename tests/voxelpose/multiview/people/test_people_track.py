@@ -1,5 +1,7 @@
 """Two people followed beside each other, from silhouettes to motion."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from tests.sources import GreySource
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator
 
+ROBOT = Path(__file__).parents[4] / "examples" / "bodies" / "robot_arm.urdf"
 PLACES = (-0.35, 0.0), (0.4, 0.15)
 TURNS = (
     {"left_upper_arm.abduction": 40.0, "left_thigh.flexion": 25.0, "right_forearm.flexion": 50.0},
@@ -47,7 +50,7 @@ def source():
 @pytest.mark.slow
 def test_two_people_are_followed_beside_each_other(source):
     """Each is where one of them stands, joints to 45 mm about the pelvis, in every frame."""
-    estimator, settings = MultiViewEstimator(), Settings(smooth=False)
+    estimator, settings = MultiViewEstimator(), Settings(stature_m=1.2, smooth=False)
     found = estimator.estimate_people(source, settings, SilentReporter(), None)
     assert len(found) == 2
     true = np.stack([joints_of(body, [pose])[0] for body, pose in PEOPLE])
@@ -67,3 +70,15 @@ def test_two_people_are_followed_beside_each_other(source):
 def test_more_people_than_there_are_cannot_be_followed(source):
     with pytest.raises(InputError, match="3 people were asked for, and 2 at most are seen apart"):
         MultiViewEstimator().estimate_people(source, Settings(), SilentReporter(), 3)
+
+
+def test_two_cameras_do_not_tell_people_apart():
+    source = Couple(VIEWS.rig.select(["cam_1", "cam_3"]), 2, silhouettes_given=True)
+    with pytest.raises(InputError, match="2 cameras are too few to tell 2 people apart"):
+        MultiViewEstimator().estimate_people(source, Settings(), SilentReporter(), 2)
+
+
+def test_two_robots_cannot_be_followed(source):
+    settings = Settings(options={"body": str(ROBOT)})
+    with pytest.raises(InputError, match="no person's cannot be followed"):
+        MultiViewEstimator().estimate_people(source, settings, SilentReporter(), 2)

@@ -13,7 +13,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import body_rule
+from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.people.presence import (
     PeopleSets,
     PresenceSearch,
@@ -32,7 +32,11 @@ def union(*silhouettes):
 
 
 def search(seen_by, most=6):
-    return PresenceSearch(seen_by, VOLUME, body_rule(len(seen_by.rig), 0), -0.05, most)
+    return PresenceSearch(observer(seen_by), most)
+
+
+def observer(seen_by):
+    return HullObserver(seen_by, VOLUME, 0.025, body_rule(len(seen_by.rig), 0))
 
 
 @pytest.mark.parametrize("cameras", [3, 4, 6])
@@ -95,9 +99,7 @@ def test_somebody_who_lies_is_not_taken_for_several():
 def test_nobody_is_nobody():
     seen_by = views(3)
     empty = [np.zeros(camera.size[::-1], bool) for camera in seen_by.rig]
-    assert (
-        find_people(seen_by, VOLUME, body_rule(3, 0), [empty] * 2, np.arange(2.0), 6).shape[0] == 0
-    )
+    assert find_people(observer(seen_by), [empty] * 2, np.arange(2.0), 6).shape[0] == 0
 
 
 def test_people_keep_their_numbers_while_they_walk_past_each_other():
@@ -114,7 +116,7 @@ def test_people_keep_their_numbers_while_they_walk_past_each_other():
                 )
             )
         )
-    found = find_people(seen_by, VOLUME, body_rule(4, 0), frames, times_s, 6)
+    found = find_people(observer(seen_by), frames, times_s, 6)
     assert found.shape == (2, 8, 2)
     for track in found:
         ahead = np.sign(track[-1, 0] - track[0, 0])
