@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from calib.moments import even_moments
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
 from voxelpose.multiview.people.presence import at_all_times, find_people
+from voxelpose.multiview.person.body_choice import Start
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
@@ -23,7 +27,7 @@ from voxelpose.multiview.silhouettes.observation_store import (
     carved_observations,
 )
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
-from voxelpose.multiview.tracking.recording_track import TrackWork
+from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 
 _ROUNDS = 2  # in which everybody is followed again beside the others as they were found
@@ -89,37 +93,65 @@ class PeopleTrack:
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
         stack = kept.enter_context(ExitStack())
-        pieces = self._hull_pieces()
-        found = [
-            self.work.tracked(beside) for beside in self._observations(pieces, stack, bodies=False)
-        ]
+        found = self._begun(stack)
         for _ in range(_ROUNDS):
             trackers = [tracker for tracker, _ in found]
             before, stack = stack, kept.enter_context(ExitStack())
-            observations = self._observations(self._drawn_pieces(trackers), stack, bodies=True)
-            for tracker, beside in zip(trackers, observations, strict=True):
-                tracker.observations = beside
+            silhouettes = self._silhouettes(self._drawn_pieces(trackers), stack, bodies=True)
+            for k, (tracker, own) in enumerate(zip(trackers, silhouettes, strict=True)):
+                tracker.observations = self._observations(k, own, stack)
+            for tracker in trackers:
                 self.work.again(tracker)
             before.close()
         return [(tracker, self.work.finished(tracker, start)) for tracker, start in found]
 
-    def _observations(
+    def _begun(self, kept: ExitStack) -> list[tuple[PoseTracker, Start]]:
+        """Everybody followed beside the others' pieces of hull, which may hide too much of a person
+        or leave too much of the others: of both ways, those that explain all silhouettes best
+        together.
+        """
+        ways = [self._silhouettes(self._hull_pieces(), kept, bodies=one) for one in (False, True)]
+        found: list[list[tuple[PoseTracker, Start]]] = []
+        for k, (wide, narrow) in enumerate(zip(*ways, strict=True)):
+            alike = np.array_equal(wide[0].pixels(), narrow[0].pixels())
+            asked = [wide] if alike else [wide, narrow]
+            found.append([self.work.tracked(self._observations(k, own, kept)) for own in asked])
+        best = self._best_together([[tracker for tracker, _ in one] for one in found])
+        return [one[k] for one, k in zip(found, best, strict=True)]
+
+    def _best_together(self, trackers: Sequence[Sequence[PoseTracker]]) -> tuple[int, ...]:
+        """Which of each person's trackers explain the silhouettes best, all bodies drawn."""
+        store, views = self.prepared.store, self.prepared.observer.views
+        choices = list(product(*(range(len(own)) for own in trackers)))
+        errors = np.zeros(len(choices))
+        for t in even_moments(len(store), REFIT_FRAMES).tolist():
+            masks = store[t]
+            nothing = [np.zeros_like(mask) for mask in masks]
+            drawn = [[_drawn(one, t, views) or nothing for one in own] for own in trackers]
+            for number, choice in enumerate(choices):
+                people = [own[k] for own, k in zip(drawn, choice, strict=True)]
+                for mask, *bodies in zip(masks, *people, strict=True):
+                    union = np.logical_or.reduce(bodies)
+                    either = np.count_nonzero(union | mask)
+                    errors[number] += np.count_nonzero(union ^ mask) / max(either, 1)
+        return choices[int(errors.argmin())]
+
+    def _silhouettes(
         self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack, *, bodies: bool
-    ) -> list[ObservationStore]:
-        """Observations of each person among others that are seen where `pieces` says."""
-        prepared, work = self.prepared, self.work
-        views, count = prepared.observer.views, len(self.places_m)
-        at = prepared.store, pieces, count, views
-        pairs = kept.enter_context(silhouettes_of(*at, bodies=bodies))
-        told = work.clock, work.reporter
-        return [
-            kept.enter_context(
-                carved_observations(
-                    prepared.observer, own, *told, OtherPeople(unknown, self.places_m[k])
-                )
-            )
-            for k, (own, unknown) in enumerate(pairs)
-        ]
+    ) -> list[tuple[MaskStore, MaskStore]]:
+        """Each person's silhouettes among others that are seen where `pieces` says."""
+        views, count = self.prepared.observer.views, len(self.places_m)
+        at = self.prepared.store, pieces, count, views
+        return kept.enter_context(silhouettes_of(*at, bodies=bodies))
+
+    def _observations(
+        self, person: int, silhouettes: tuple[MaskStore, MaskStore], kept: ExitStack
+    ) -> ObservationStore:
+        """Observations of a person with these silhouettes."""
+        own, unknown = silhouettes
+        others = OtherPeople(unknown, self.places_m[person])
+        at = self.prepared.observer, own, self.work.clock, self.work.reporter, others
+        return kept.enter_context(carved_observations(*at))
 
     def _hull_pieces(self) -> Iterator[list[Masks | None]]:
         """Where each frame's people are seen, by the hull about them."""
@@ -136,10 +168,15 @@ class PeopleTrack:
         store, views = self.prepared.store, self.prepared.observer.views
 
         def pieces(t: int) -> list[Masks | None]:
-            poses = [(tracker.body.model, tracker.poses[t]) for tracker in trackers]
-            return [pose and body_masks(model, pose, views) for model, pose in poses]
+            return [_drawn(tracker, t, views) for tracker in trackers]
 
         return _in_turn(pieces, store)
+
+
+def _drawn(tracker: PoseTracker, t: int, views: PinholeViews) -> Masks | None:
+    """The tracker's body in a frame, (h, w) bool in every camera; None where it is not there."""
+    pose = tracker.poses[t]
+    return None if pose is None else body_masks(tracker.body.model, pose, views)
 
 
 def _in_turn(

@@ -1,6 +1,7 @@
 """Two people followed beside each other, from silhouettes to motion."""
 
 from pathlib import Path
+from types import SimpleNamespace as namespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from silhouette_core.progress import SilentReporter
 from tests.sources import GreySource
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator
+from voxelpose.multiview.people.people_track import PeopleTrack
 
 ROBOT = Path(__file__).parents[4] / "examples" / "bodies" / "robot_arm.urdf"
 PLACES = (-0.35, 0.0), (0.4, 0.15)
@@ -82,3 +84,20 @@ def test_two_robots_cannot_be_followed(source):
     settings = Settings(options={"body": str(ROBOT)})
     with pytest.raises(InputError, match="no person's cannot be followed"):
         MultiViewEstimator().estimate_people(source, settings, SilentReporter(), 2)
+
+
+def test_of_all_combinations_the_one_that_explains_everybody_is_taken():
+    """A leg that lies in another's silhouette is no mistake there, and missing where it is."""
+    right = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE]
+    wrong = [
+        namespace(body=namespace(model=body), poses=[stance(body, {}, place)])
+        for body, place in zip(BODIES, PLACES, strict=True)
+    ]
+    lost = [namespace(body=namespace(model=body), poses=[None]) for body in BODIES]
+    people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
+    store = [[a | b for a, b in people]]
+    prepared = namespace(store=store, observer=namespace(views=VIEWS))
+    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)))
+    assert track._best_together([[wrong[0], right[0]], [right[1], wrong[1]]]) == (1, 0)
+    assert track._best_together([[right[0], lost[0]], [lost[1], wrong[1], right[1]]]) == (0, 2)
+    assert track._best_together([[wrong[0]], [wrong[1]]]) == (0, 0)
