@@ -8,6 +8,8 @@ from calib.documents import visible_entries
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
+CALIBRATION_SUFFIXES = (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", ".qca.txt", ".xcp")
+"""Of a recording's `calibration`; what it is is told by the content."""
 _SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
 _RESULT = "summary.json"  # a folder that has it is a result
 _UNREAD = frozenset(
@@ -87,9 +89,9 @@ def _calibrations(folder: Path) -> list[str]:
     """Words on files that look like calibrations but for their names."""
     return [
         f"{path.name} is not read by this name: if it is the calibration, name it"
-        f" calibration{path.suffix}"
+        f" calibration{path.suffix.lower()}"
         for path in visible_entries(folder)
-        if path.suffix.lower() in (".toml", ".yml", ".yaml", ".json", ".xml", ".txt")
+        if path.suffix.lower() in CALIBRATION_SUFFIXES
         and path.name not in _OURS
         and path.stem != "calibration"
         and _TELLING.search(path.name)

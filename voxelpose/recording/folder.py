@@ -14,7 +14,12 @@ from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.anipose import read_up
 from calib.upright import UprightFrame, up_from_cameras
-from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
+from voxelpose.recording.camera_files import (
+    CALIBRATION_SUFFIXES,
+    not_read,
+    pictures_by_camera,
+    renaming,
+)
 from voxelpose.recording.file_times import recorded_times
 from voxelpose.recording.frame_reader import (
     VIDEOS,
@@ -39,7 +44,7 @@ from voxelpose.recording.unknown_places import (
     unknown_polygons,
 )
 
-_CALIBRATIONS = tuple(f"calibration{end}" for end in (*".toml .yml .yaml .json .xml".split(), ""))
+_CALIBRATIONS = tuple(f"calibration{end}" for end in (*CALIBRATION_SUFFIXES, ""))
 
 
 @dataclass(frozen=True, eq=False)
@@ -414,7 +419,7 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
 def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
     """Error that leads to a calibration, or to `track` where a single camera filmed."""
     remedy = (
-        "put one there as calibration.toml (or .yml, .json, .xml), or make one, beginning with"
+        "put one there as calibration.toml (or .yml, .json, .xml, .txt, .xcp), or make one, beginning with"
         " `voxelpose calibrate board` (docs/calibration.md)"
     )
     if len(cameras) == 1:

@@ -80,6 +80,12 @@ def test_what_lies_beside_is_named(folder, old, new, words):
         Recording.open(folder, fps=25)
 
 
+@pytest.mark.parametrize("name", ["calibration.txt", "calibration.qca.txt", "calibration.xcp"])
+def test_a_calibration_is_told_by_its_content(folder, name):
+    (folder / "calibration.toml").rename(folder / name)
+    assert len(Recording.open(folder, fps=25).rig) == 2
+
+
 @pytest.mark.parametrize(
     "names",
     [("Cam_1", "Cam_2"), ("walk_cam_1", "walk_cam_2"), ("cam01", "cam02"), ("GH 1", "GH 2")],
