@@ -31,13 +31,15 @@ class PeopleSets:
     """Sets of people that may be in one frame, the most likely ones.
 
     Attributes:
-        axes_m: (n, 2) float64, places where somebody may stand, in the world's xy plane, m.
+        axes_m: (n, 2) float64, places where somebody may be, in the world's xy plane, m.
+        upright: (n,) bool, whether the hull is as high there as of somebody who sits or stands.
         members: K arrays of indices into `axes_m`.
         cost: (K,) float64, what each set costs: of the silhouettes, the share of a person in the
             mean camera that it leaves unexplained, and `PEOPLE.needed` for each of its people.
     """
 
     axes_m: NDArray[np.float64]
+    upright: NDArray[np.bool_]
     members: list[NDArray[np.int64]]
     cost: NDArray[np.float64]
 
@@ -63,26 +65,34 @@ class PresenceSearch:
     def sets(self, masks: list[NDArray[np.bool_]]) -> PeopleSets:
         """Sets of people that silhouettes (h, w) bool of all cameras allow, best first."""
         hull = self._observer.coarse_hull(masks)
-        axes = self._axes(hull)
+        axes, upright = self._axes(hull)
         pairs = zip(masks, self._cameras, strict=True)
         seen = [_reduced(mask, camera.size) for mask, camera in pairs]
         explained = [self._explained(hull, axis, seen) for axis in axes]
-        return self._ranked(axes, explained, seen)
+        members, cost = self._ranked(explained, seen)
+        return PeopleSets(axes, upright, members, cost)
 
-    def _axes(self, hull: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Places (n, 2) where the hull is thickest and somebody may stand, crouch or sit."""
+    def _axes(self, hull: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Places (n, 2) where the hull is thickest and somebody may stand, crouch or sit, and
+        whether (n,) upright.
+        """
         grid = self._observer.coarse
         disc = _disc(PERSON_COST.middle_m / grid.voxel_size_m)  # a trunk's
         columns = grid.voxel_size_m**3 * hull.sum(axis=2).astype(np.float32)
         volume_m3 = np.asarray(cv2.filter2D(columns, -1, disc.astype(np.float32), borderType=0))
         highest = volume_m3 >= maximum_filter(volume_m3, footprint=disc)
         x, y, z = grid.axes()
-        high = z >= self._observer.volume.origin_m[2] + PEOPLE.upright_m
-        tall = np.asarray(maximum_filter(hull[:, :, high].any(axis=2), footprint=disc), np.bool_)
-        places = np.argwhere(highest & tall & (volume_m3 >= CARVING.smallest_m3))
+
+        def reaches(height_m: float) -> NDArray[np.bool_]:
+            above = hull[:, :, z >= self._observer.volume.origin_m[2] + height_m].any(axis=2)
+            return np.asarray(maximum_filter(above, footprint=disc), np.bool_)
+
+        crouching = reaches(0.5 * PEOPLE.upright_m)
+        places = np.argwhere(highest & crouching & (volume_m3 >= CARVING.smallest_m3))
         thick = volume_m3[*places.T]
         places = places[np.argsort(-thick, kind="stable")[:_MOST_AXES]]
-        return np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
+        axes = np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
+        return axes, reaches(PEOPLE.upright_m)[*places.T]
 
     def _explained(
         self, hull: NDArray[np.bool_], axis_m: NDArray[np.float64], seen: list[NDArray[np.bool_]]
@@ -96,27 +106,25 @@ class PresenceSearch:
 
     def _ranked(
         self,
-        axes: NDArray[np.float64],
         explained: list[list[NDArray[np.bool_]]],
         seen: list[NDArray[np.bool_]],
-    ) -> PeopleSets:
-        """The cheapest sets of people at some axes."""
+    ) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
+        """The cheapest sets of people at some axes, and their costs."""
         packed = [[np.packbits(mask) for mask in masks] for masks in explained]
         whole = [np.packbits(mask) for mask in seen]
         empty = [np.zeros_like(bits) for bits in whole]
         grown: list[tuple[tuple[int, ...], list[NDArray[np.uint8]]]] = [((), empty)]
         found = list(grown)
-        for _ in range(min(self._most, len(axes))):
+        for _ in range(min(self._most, len(explained))):
             grown = [
                 ((*members, k), [a | b for a, b in zip(union, packed[k], strict=True)])
                 for members, union in grown
-                for k in range(members[-1] + 1 if members else 0, len(axes))
+                for k in range(members[-1] + 1 if members else 0, len(explained))
             ]
             found += grown
         cost = np.array([self._cost(len(members), union, whole) for members, union in found])
         order = np.argsort(cost, kind="stable")[:_MOST_SETS]
-        members = [np.array(found[k][0], np.int64) for k in order]
-        return PeopleSets(axes, members, cost[order])
+        return [np.array(found[k][0], np.int64) for k in order], cost[order]
 
     def _cost(
         self, count: int, union: list[NDArray[np.uint8]], whole: list[NDArray[np.uint8]]
@@ -186,8 +194,11 @@ def _moved(
 def link_sets(
     frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Places (N, T, 2) float64 of N people over time, NaN where one is not there."""
+    """Places (N, T, 2) float64 of N people over time, NaN where one is not there. What is upright
+    at no time is nobody.
+    """
     tracks: list[NDArray[np.float64]] = []
+    upright: list[bool] = []
     current: dict[int, int] = {}  # person by index of the axis
     for t, (frame, k) in enumerate(zip(frames, taken, strict=True)):
         members = frame.members[k]
@@ -204,9 +215,12 @@ def link_sets(
             if axis not in followed:
                 followed[axis] = len(tracks)
                 tracks.append(np.full((len(frames), 2), np.nan))
+                upright.append(False)
             tracks[followed[axis]][t] = frame.axes_m[axis]
+            upright[followed[axis]] |= bool(frame.upright[axis])
         current = followed
-    return np.stack(tracks) if tracks else np.empty((0, len(frames), 2))
+    people = [track for track, stood in zip(tracks, upright, strict=True) if stood]
+    return np.stack(people) if people else np.empty((0, len(frames), 2))
 
 
 def find_people(
@@ -249,7 +263,7 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
             cost = _moved(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
             costs.append(cost if 0 < away_s <= _HIDDEN_S else np.inf)
         best = int(np.argmin(costs)) if costs else 0
-        if not costs or costs[best] >= 2 * PEOPLE.appearing:
+        if not costs or costs[best] >= PEOPLE.appearing:
             people.append(track.copy())
             continue
         person = people[best]

@@ -124,11 +124,11 @@ def test_people_keep_their_numbers_while_they_walk_past_each_other():
         assert np.linalg.norm(track - line, axis=1).max() < 0.15
 
 
-def sets_of(axes, *costs):
+def sets_of(axes, table, upright=True):
     """A frame in which these sets are possible, as {members: cost}."""
-    (table,) = costs
     members = [np.array(one, np.int64) for one in table]
-    return PeopleSets(np.array(axes, float), members, np.array(list(table.values())))
+    stands = np.full(len(axes), upright)
+    return PeopleSets(np.array(axes, float), stands, members, np.array(list(table.values())))
 
 
 def test_time_decides_what_a_frame_leaves_open():
@@ -140,6 +140,20 @@ def test_time_decides_what_a_frame_leaves_open():
     assert [frame.members[k].tolist() for frame, k in zip(frames, taken, strict=True)] == [[0]] * 3
     (track,) = link_sets(frames, taken, elapsed_s)
     assert not track.any()
+
+
+def test_somebody_who_runs_is_kept():
+    """Most of the silhouette is hidden by others', and 2.5 m/s are run."""
+    frames = [sets_of([(0.25 * k, 0)], {(0,): 0.2, (): 0.55}) for k in range(10)]
+    assert likeliest_sets(frames, np.full(9, 0.1)) == [0] * 10
+
+
+def test_who_crouches_is_somebody_and_what_is_low_at_all_times_nobody():
+    stands, crouches = (sets_of([(0, 0)], {(0,): 0.2, (): 1.0}, up) for up in (True, False))
+    elapsed_s = np.array([0.1, 0.1])
+    (person,) = link_sets([crouches, stands, crouches], [0] * 3, elapsed_s)
+    assert np.isfinite(person).all()
+    assert not len(link_sets([crouches] * 3, [0] * 3, elapsed_s))
 
 
 def test_who_stays_for_a_moment_only_is_not_there():
