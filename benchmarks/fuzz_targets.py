@@ -519,7 +519,7 @@ def _use_scenes(folder: Path, thorough: bool) -> None:
     scenes = ResultScenes(folder / "out")
     try:
         if len(scenes.frames):
-            scenes.body(int(scenes.frames[0]))
+            scenes.bodies(int(scenes.frames[0]))
     finally:
         scenes.close()
 

@@ -166,9 +166,7 @@ def _add_animation(
         quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
     )
     places = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
-    time = packer.add(
-        ((motion.frames - first_frame) / motion.fps).astype(np.float32), bounds=True
-    )
+    time = packer.add(((motion.frames - first_frame) / motion.fps).astype(np.float32), bounds=True)
     for part in range(len(motion.model.names)):
         values = packer.add(
             rotations[:, part, [1, 2, 3, 0]].astype(np.float32)

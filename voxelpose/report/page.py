@@ -130,7 +130,7 @@ def _is_report(path: Path) -> bool:
 
 def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[str, object]:
     reporter.stage("pictures")
-    preview = make_preview(result, scenes)
+    preview = make_preview(result.folder, scenes)
     sheet = sheet_image(result.folder)
     reporter.stage("cameras")
     if scenes.changed:
