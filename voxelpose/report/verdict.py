@@ -148,7 +148,15 @@ def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Fi
     recording since, worst first.
     """
     seen = (_outlines(result), _parts(result), _joints(result), _cameras(cameras))
-    assessed = [*_changes(changed), _lost(result), *chain(*seen)]
+    return _worst_first([*_changes(changed), _lost(result), *chain(*seen)])
+
+
+def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
+    """As `findings`, without those of a result: of what several people have in common."""
+    return _worst_first([*_changes(changed), *_cameras(cameras)])
+
+
+def _worst_first(assessed: Sequence[Finding]) -> list[Finding]:
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 

@@ -166,7 +166,8 @@ class HullObserver:
     ) -> FrameObservation | None:
         """The bodies at several places of a frame, as of `observe`, as one."""
         components = self.components(masks)
-        bodies = {self.body(components, near_m) for near_m in places_m} - {None}
+        bodies = [self.body(components, near_m) for near_m in places_m]
+        bodies = [body for body in bodies if body is not None]
         if not bodies:
             return None
         grid = self.window(components, *bodies)

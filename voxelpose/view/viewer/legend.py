@@ -52,7 +52,7 @@ def person_colour(number: int) -> Colour:
 
 def legend_html(with_hypotheses: bool, people: int = 1) -> str:
     """Legend of the colours, as HTML; several people have one each, and parts none."""
-    ramp = ", ".join(_css(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
+    ramp = ", ".join(css_colour(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
     rows = [
         (HULL, "carved voxels: where all silhouettes allow a body"),
         (UNEXPLAINED, f"voxels that no part explains, {FAR}"),
@@ -73,7 +73,9 @@ def legend_html(with_hypotheses: bool, people: int = 1) -> str:
         '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;'
         'background:{};margin-right:0.5em"></span>'
     )
-    lines = "".join(f"<div>{swatch.format(_css(colour))}{words}</div>" for colour, words in rows)
+    lines = "".join(
+        f"<div>{swatch.format(css_colour(colour))}{words}</div>" for colour, words in rows
+    )
     bar = (
         '<div style="height:0.8em;border-radius:0.2em;background:linear-gradient(90deg,'
         f' {ramp})"></div>'
@@ -116,5 +118,6 @@ def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
     )
 
 
-def _css(colour: Colour | NDArray[np.uint8]) -> str:
+def css_colour(colour: Colour | NDArray[np.uint8]) -> str:
+    """A colour, RGB, as pages write it."""
     return "#{:02x}{:02x}{:02x}".format(*(int(v) for v in colour))
