@@ -11,8 +11,8 @@ from silhouette_core.estimator import Estimate, Settings
 from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose import fitting
-from voxelpose.cli.arguments import people
 from voxelpose.fitting import Output, fit, fit_people
+from voxelpose.multiview.people import number_of_people
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, open_people
 
@@ -109,8 +109,9 @@ def test_an_estimator_of_one_person_is_not_asked_for_two(recording, tmp_path, mo
 @pytest.mark.parametrize("text", ["0", "7", "two", "-1", ""])
 def test_numbers_of_people_that_are_refused(text):
     with pytest.raises(InputError, match="--people"):
-        people(text)
+        number_of_people(text)
 
 
 def test_numbers_of_people():
-    assert people("auto") is None and people("1") == 1 and people("6") == 6
+    numbers = [number_of_people(text) for text in ("auto", "1", "6")]
+    assert numbers == [None, 1, 6]

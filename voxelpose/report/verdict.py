@@ -58,7 +58,11 @@ def check_cameras(scenes: ResultScenes) -> CameraCheck:
     """Compares body and silhouettes, and the outlines, at moments spread over the recording; empty
     where that is missing. InputError where the recording cannot be read.
     """
-    times = np.array([*scenes.time_s.items()]).reshape(-1, 2)
+    # Where somebody has no pose, that part of the silhouettes says nothing of the cameras.
+    frames = [set(motion.frames.tolist()) for motion in scenes.motions] or [set()]
+    together = set.intersection(*frames)
+    moments = [at for at in scenes.time_s.items() if at[0] in together or not together]
+    times = np.array(moments).reshape(-1, 2)
     if not len(times) or scenes.recording is None:
         return CameraCheck()
     times = times[even_moments(len(times), _MOMENTS, margin=0)]
