@@ -24,7 +24,6 @@ _COMPONENTS = {
     "uint32": gltf.UNSIGNED_INT,
 }
 _LARGEST_SHORT = 65535  # as an index it restarts a strip
-_CLAY = 0.75, 0.72, 0.68
 
 
 def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
@@ -148,8 +147,9 @@ def _add_body(
         attributes=gltf.Attributes(**shape), indices=corners, material=len(document.materials)
     )
     document.meshes.append(gltf.Mesh(name="body", primitives=[primitive]))
-    # glTF's factors are linear.
-    linear = _CLAY if colour is None else [round((value / 255) ** 2.2, 4) for value in colour]
+    linear = [0.75, 0.72, 0.68]
+    if colour is not None:
+        linear = [round((value / 255) ** 2.2, 4) for value in colour]
     surface = gltf.PbrMetallicRoughness(
         baseColorFactor=[*linear, 1.0], metallicFactor=0.0, roughnessFactor=0.8
     )
