@@ -87,7 +87,8 @@ def test_a_folder_of_several_people_is_no_result_of_one(recording, tmp_path):
 def test_an_index_that_leads_elsewhere_is_refused(recording, tmp_path):
     fit_people(recording, Output(tmp_path / "out", pictures=False))
     path = tmp_path / "out" / "summary.json"
-    path.write_text(path.read_text().replace("person_1", "../walk"))
+    (tmp_path / "out" / "person_1").rename(tmp_path / "other")
+    path.write_text(path.read_text().replace("person_1", "../other"))
     with pytest.raises(InputError):
         open_people(tmp_path / "out")
 
