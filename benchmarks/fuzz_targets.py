@@ -492,7 +492,7 @@ def _use_motion(folder: Path, thorough: bool) -> None:
 
 
 def _use_result(folder: Path, thorough: bool) -> None:
-    from voxelpose.batch.batch_tables import _line  # the table of a batch
+    from voxelpose.batch.batch_tables import _lines  # the table of a batch
     from voxelpose.batch.jobs import Job
     from voxelpose.batch.run import Outcome
     from voxelpose.cli.summary import print_result
@@ -509,7 +509,7 @@ def _use_result(folder: Path, thorough: bool) -> None:
     headline(result, [_lost(result)]), _stages(result.summary["seconds"])
     _settings_table(result.settings)
     outcome = Outcome(Job("a", "b", "fit", {}), "done", "", 1.0, result.summary, {})
-    _line(outcome)
+    _lines(outcome)
 
 
 def _use_scenes(folder: Path, thorough: bool) -> None:
@@ -519,7 +519,7 @@ def _use_scenes(folder: Path, thorough: bool) -> None:
     scenes = ResultScenes(folder / "out")
     try:
         if len(scenes.frames):
-            scenes.body(int(scenes.frames[0]))
+            scenes.bodies(int(scenes.frames[0]))
     finally:
         scenes.close()
 

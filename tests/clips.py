@@ -1,5 +1,7 @@
 """Motions for tests, made without an estimator."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
@@ -21,6 +23,15 @@ FIRST_SUMMARY = {
     "seconds": {"pictures": 1.0, "total": 3.0, "stages": {"hulls": {"sum": 1.0}}},
 }
 """summary.json of a result of the first version."""
+
+
+def waving_couple(count: int = 6, fps: float = 25.0) -> list[Motion]:
+    """Two who wave beside each other; the second one, of 1.6 m, is not there in the first two
+    frames.
+    """
+    other = waving(count, 1.6, fps)
+    other = replace(other, root_m=other.root_m + np.array([1.1, 0.0, 0.0]))
+    return [waving(count, 1.7, fps), other.select(np.arange(2, count))]
 
 
 def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:

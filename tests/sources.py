@@ -89,13 +89,13 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
     return folder
 
 
-def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
-    """Writes a recording of a posed body before an empty room: lossless videos, backgrounds and
-    calibration.
+def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Path:
+    """Writes a recording of a posed body, or of some, before an empty room: lossless videos,
+    backgrounds and calibration. It lasts as long as the first one's motion.
     """
     (folder / "background").mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
-    rotation, origin = motion.parts()
+    bodies = [(one, *one.parts()) for one in (motion, *others)]
     for camera in rig:
         room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
@@ -105,15 +105,17 @@ def write_staged(folder: Path, motion: Motion, rig: Rig) -> Path:
             motion.fps,
             camera.size,
         )
-        for row in range(len(motion)):
-            seen = (
-                kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T
-                + camera.translation
-            )
-            parts, _ = render_parts(
-                seen, motion.model.faces, motion.model.face_part, camera.matrix, camera.size
-            )
-            writer.write(np.where(parts[..., None] > 0, np.array([90, 160, 230], np.uint8), room))
+        for frame in motion.frames:
+            picture = room
+            for one, rotation, origin in bodies:
+                for row in np.flatnonzero(one.frames == frame):
+                    skin = kinematics.skin(one.model, rotation[row], origin[row])
+                    mesh = one.model.faces, one.model.face_part
+                    seen = skin @ camera.rotation.T + camera.translation
+                    parts, _ = render_parts(seen, *mesh, camera.matrix, camera.size)
+                    colour = np.array([90, 160, 230], np.uint8)
+                    picture = np.where(parts[..., None] > 0, colour, picture)
+            writer.write(picture)
         writer.release()
     return folder
 
@@ -191,7 +193,7 @@ _OUTSIDE = """
 import time
 import numpy as np
 from silhouette_core.estimator import Estimate
-from tests.clips import waving
+from tests.clips import waving, waving_couple
 
 class Standing:
     name = "standing"
@@ -207,12 +209,18 @@ class Standing:
         motion = waving(source.frame_count, settings.stature_m or 1.7, source.fps)
         stage_s = {"standing": np.full(source.frame_count, 0.002)}
         return Estimate(motion.select(np.arange(1, len(motion))), stage_s, {"tried": np.arange(2)})
+
+    def estimate_people(self, source, settings, reporter, people):
+        if people in (None, 1):
+            return [self.estimate(source, settings, reporter)]
+        motions = waving_couple(source.frame_count, source.fps)
+        return [Estimate(motion, {"standing": np.full(4, 0.002)}, {}) for motion in motions]
 """
 
 
 def install_standing(folder: Path) -> None:
     """Puts an estimator of somebody else, named "standing", into a folder for sys.path; it loses
-    the first frame.
+    the first frame. Where two people are asked for, they are `tests.clips.waving_couple`.
     """
     (folder / "standing_estimator.py").write_text(_OUTSIDE)
     metadata = folder / "standing_estimator-1.0.dist-info"

@@ -33,6 +33,7 @@ from voxelpose.export.tables import (
     write_joints,
     write_people_joints,
 )
+from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.input_digests import input_digests
 from voxelpose.result_documents import (
@@ -227,21 +228,23 @@ def _write_people(
     folder: Path, output: Output, estimations: Sequence[_Estimation], reporter: Reporter
 ) -> None:
     """Writes a result for each of several people, and what shows them all."""
-    names = [f"person_{k + 1}" for k in range(len(estimations))]
+    names = person_names(len(estimations))
     for name, estimation in zip(names, estimations, strict=True):
         own = replace(output, folder=Path(output.folder) / name, pictures=False)
         (folder / name).mkdir()
         _write_files(folder / name, own, estimation, reporter)
     first, motions = estimations[0], [one.estimate.motion for one in estimations]
     write_people_joints(motions, folder / JOINTS)
+    estimated = time.perf_counter()
     if output.pictures:
         recording, rig = first.recording, first.estimate.rig
         filmed = recording if rig is None else replace(recording, rig=rig)
         title = f"{recording.folder.resolve().name} · {len(motions)} people"
         draw_pictures(filmed, motions, folder, title, reporter)
     summaries = {name: load_summary(folder / name / SUMMARY) for name in names}
-    total_s = time.perf_counter() - first.started
-    index = people_document(first.recording, first.estimator, summaries, total_s)
+    finished = time.perf_counter()
+    seconds = {"pictures": finished - estimated, "total": finished - first.started}
+    index = people_document(first.recording, first.estimator, summaries, seconds)
     (folder / SUMMARY).write_text(as_json(index), encoding="utf-8")
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, Literal
 
 from voxelpose.tuning import RELIABILITY
 
 Level = Literal["failed", "doubtful", "reliable"]
+LEVELS: tuple[Level, ...] = ("failed", "doubtful", "reliable")
+"""From the worst on."""
 _Table = Mapping[str, Any]
 _STATED = {"pose_error_mm", "joint_sigma_mm", "right_probability", "landmark_confidence"}
 """Of the quality, what says how far off poses are; overlap with the silhouettes does not."""
@@ -50,6 +52,17 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
         is_open = reason == _open_poses(error_mm)
         return Verdict("doubtful", reason, error_mm=error_mm if is_open else None)
     return Verdict("reliable", "", _uncertain(quality) if error_mm is None else (), error_mm)
+
+
+def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
+    """The verdict on several people's results, by their names: that of the least reliable one, the
+    first of these, who is named; where all are reliable, with the uncertain joints of all.
+    """
+    name, worst = min(verdicts.items(), key=lambda one: LEVELS.index(one[1].level))
+    if worst.reason:
+        return replace(worst, reason=f"{name}: {worst.reason}")
+    uncertain = [f"{name} {joint}" for name, one in verdicts.items() for joint in one.uncertain]
+    return replace(worst, uncertain=tuple(uncertain))
 
 
 def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator[str]:

@@ -138,7 +138,7 @@ def _range_of(values: NDArray) -> dict[str, float]:
 
 
 def people_document(
-    recording: Recording, estimator: str, summaries: Mapping[str, Mapping], total_s: float
+    recording: Recording, estimator: str, summaries: Mapping[str, Mapping], seconds: Mapping
 ) -> dict[str, object]:
     """Contents of summary.json of several people's results: an index, by the folders' names."""
     return {
@@ -151,5 +151,5 @@ def people_document(
             name: {key: summary[key] for key in ("frames", "body", "verdict")}
             for name, summary in summaries.items()
         },
-        "seconds": {"total": round(total_s, 3)},
+        "seconds": {name: round(value, 3) for name, value in seconds.items()},
     }

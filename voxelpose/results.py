@@ -22,6 +22,7 @@ from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 from silhouette_core.estimator import BackgroundKind
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
+from voxelpose.people_marks import person_names
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
@@ -32,7 +33,6 @@ _Positive = Annotated[float, Meta(gt=0, le=10**6)]
 _Seconds = Annotated[float, Meta(ge=0, le=10**9)]
 _Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
 _Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
-_PersonName = Annotated[str, Meta(pattern="^person_[0-9]{1,4}$")]
 _Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
 _Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
 _Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
@@ -113,6 +113,16 @@ class _Summary(msgspec.Struct):
     conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
     verdict: _Verdict = msgspec.field(default_factory=_Verdict)
     inputs: dict[_Name, _Name] = {}  # digests; none until 2026-11
+
+
+class _Total(msgspec.Struct):
+    total: _Seconds
+    pictures: _Seconds = 0.0
+
+
+class _Index(msgspec.Struct):  # of several people's results
+    people: dict[_Name, Any]
+    seconds: _Total
 
 
 class _Options(msgspec.Struct):
@@ -260,14 +270,25 @@ def holds_people(folder: Path) -> bool:
     return bool(_people_of(folder))
 
 
+def people_seconds(folder: Path) -> dict[str, float]:
+    """How long several people's results took, s: `total`, of which `pictures`.
+
+    Raises:
+        InputError: the folder has no index of several people, or it is damaged.
+    """
+    path = folder / SUMMARY
+    seconds = _checked(parse_json(load_text(path, _LARGEST_BYTES), path), _Index, path).seconds
+    return msgspec.to_builtins(seconds)
+
+
 def _people_of(folder: Path) -> list[str]:
     """Names of the folders in which the results of several people are; none of one person's."""
     try:
         people = parse_json(load_text(folder / SUMMARY, _LARGEST_BYTES), folder / SUMMARY)["people"]
-        names = msgspec.convert(people, dict[_PersonName, Any])
+        names = [*msgspec.convert(people, dict[str, Any])]
     except (InputError, KeyError, TypeError, msgspec.ValidationError):
         return []
-    return [*names]
+    return names if names == person_names(len(names)) else []
 
 
 def is_result(folder: Path) -> bool:

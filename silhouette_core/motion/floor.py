@@ -10,14 +10,16 @@ from silhouette_core.tuning import DYNAMICS
 _MOST_FRAMES = 60
 
 
-def floor_height(motion: Motion) -> float:
-    """Height of the floor, m, by the lowest points of the body in a frame with z up, at least one
-    pose; 0 where it stands within 0.1 m of z = 0.
+def floor_height(*motions: Motion) -> float:
+    """Height of the floor, m, by the lowest points of bodies on it in a frame with z up, at least
+    one pose of each; 0 where they stand within 0.1 m of z = 0.
     """
-    some = motion.select(even_moments(len(motion), _MOST_FRAMES, margin=0))
-    lowest = [
-        float(kinematics.skin(motion.model, rotation, origin)[:, 2].min())
-        for rotation, origin in zip(*some.parts(), strict=True)
-    ]
+    lowest = []
+    for motion in motions:
+        some = motion.select(even_moments(len(motion), _MOST_FRAMES, margin=0))
+        lowest += [
+            float(kinematics.skin(motion.model, rotation, origin)[:, 2].min())
+            for rotation, origin in zip(*some.parts(), strict=True)
+        ]
     height = float(np.quantile(lowest, DYNAMICS.standing))
     return 0.0 if abs(height) < DYNAMICS.floor_m else height

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -196,3 +196,9 @@ class Motion:
         return (
             None if other is None else other.select(np.flatnonzero(np.isin(other.frames, frames)))
         )
+
+
+def posed_times(motions: Sequence[Motion]) -> dict[int, float]:
+    """Time, s, of every frame in which somebody has a pose, in their order."""
+    times = [zip(one.frames.tolist(), one.time_s.tolist(), strict=True) for one in motions]
+    return dict(sorted({frame: at for own in times for frame, at in own}.items()))

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.sources import install_standing, ring, write_recording
+from tests.clips import waving_couple
+from tests.sources import install_standing, ring, write_recording, write_staged
 from voxelpose.cli import run
 
 
@@ -42,3 +43,14 @@ def standing4(shared: Path, tmp_path: Path) -> Path:
         for place, kind in kinds.items():
             (folder / place / f"{name}.avi").symlink_to(source / f"{name}_{kind}.avi")
     return folder
+
+
+@pytest.fixture
+def couple(desk: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The result `couple` of two people of the recording `dance` by three cameras."""
+    first, second = waving_couple(5)
+    write_staged(desk / "dance", first, ring(3, (320, 240)), second)
+    words = "fit dance --out couple --estimator standing --people 2 --no-pictures"
+    assert run(words.split()) == 0
+    capsys.readouterr()
+    return desk / "couple"

@@ -11,8 +11,8 @@ from silhouette_core.estimator import Estimate, Settings
 from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose import fitting
-from voxelpose.cli.arguments import people
 from voxelpose.fitting import Output, fit, fit_people
+from voxelpose.multiview.people import number_of_people
 from voxelpose.recording.folder import Recording
 from voxelpose.results import Result, open_people
 
@@ -87,7 +87,8 @@ def test_a_folder_of_several_people_is_no_result_of_one(recording, tmp_path):
 def test_an_index_that_leads_elsewhere_is_refused(recording, tmp_path):
     fit_people(recording, Output(tmp_path / "out", pictures=False))
     path = tmp_path / "out" / "summary.json"
-    path.write_text(path.read_text().replace("person_1", "../walk"))
+    (tmp_path / "out" / "person_1").rename(tmp_path / "other")
+    path.write_text(path.read_text().replace("person_1", "../other"))
     with pytest.raises(InputError):
         open_people(tmp_path / "out")
 
@@ -109,8 +110,9 @@ def test_an_estimator_of_one_person_is_not_asked_for_two(recording, tmp_path, mo
 @pytest.mark.parametrize("text", ["0", "7", "two", "-1", ""])
 def test_numbers_of_people_that_are_refused(text):
     with pytest.raises(InputError, match="--people"):
-        people(text)
+        number_of_people(text)
 
 
 def test_numbers_of_people():
-    assert people("auto") is None and people("1") == 1 and people("6") == 6
+    numbers = [number_of_people(text) for text in ("auto", "1", "6")]
+    assert numbers == [None, 1, 6]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from voxelpose.reliability import Verdict, verdict_of
+from voxelpose.reliability import Verdict, verdict_of, verdict_of_people
 
 
 def summary(lost=0, agreement=0.92, right=None, turn=3.0, error=None):
@@ -125,3 +125,11 @@ def test_grey_cameras_leave_a_doubt_where_nobody_looked_beforehand():
     numbers["facts"]["by_texture"] = {"cam_1": None}
     assert verdict_of(numbers).level == "doubtful"
     assert "leave --no-smooth out" in verdict_of(numbers).reason
+
+
+def test_the_least_reliable_person_is_named():
+    good, unsure = Verdict("reliable"), Verdict("reliable", uncertain=("neck",))
+    bad = Verdict("doubtful", "lost")
+    assert str(verdict_of_people({"a": good, "b": bad, "c": bad})) == "doubtful: b: lost"
+    words = "reliable, but for b neck: likely over 30 mm off"
+    assert str(verdict_of_people({"a": good, "b": unsure})) == words

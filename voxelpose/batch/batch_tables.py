@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.atomic import write_whole
 from voxelpose.batch.run import Outcome
+from voxelpose.reliability import LEVELS
 from voxelpose.report.page import REPORT, render_page, sheet_image
 from voxelpose.report.preview import data_uri
 from voxelpose.version import __version__
@@ -18,29 +19,38 @@ _SCORES = ("root_mm", "mpjpe_mm", "pa_mm", "joint_angle_deg", "flips", "lost")
 
 
 def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
-    """Writes the three tables; returns their paths. InputError where one cannot be written."""
-    order = ("failed", "doubtful", "reliable")
-    rows = sorted(outcomes, key=lambda row: (order.index(row.verdict.level), row.job.name))
-    lines = [_line(outcome) for outcome in rows]
+    """Writes the three tables, of several people with a row for each; returns their paths.
+    InputError where one cannot be written.
+    """
+    rows = sorted(outcomes, key=lambda row: (LEVELS.index(row.verdict.level), row.job.name))
+    cells = [_lines(outcome) for outcome in rows]
+    lines = [line for some in cells for line in some]
     columns = [name for name in lines[0] if any(line[name] for line in lines)]
     contents = {
         "table.csv": _csv(lines, columns),
         "table.md": _markdown(lines, columns),
-        "index.html": _page(rows, lines, folder),
+        "index.html": _page(rows, cells, folder),
     }
     for name, text in contents.items():
         write_whole(folder / name, text)
     return [folder / name for name in contents]
 
 
-def _line(outcome: Outcome) -> dict[str, str]:
+def _lines(outcome: Outcome) -> list[dict[str, str]]:
+    """Rows of a recording: one, or one of each of several people."""
+    if not outcome.people:
+        return [_line(outcome, outcome.job.name)]
+    return [_line(one, f"{one.job.name}/{name}") for name, one in outcome.people.items()]
+
+
+def _line(outcome: Outcome, name: str) -> dict[str, str]:
     """Cells of a row by column."""
     verdict, frames = outcome.verdict, outcome.summary.get("frames", {})
     posed, lost = frames.get("with_pose"), frames.get("lost", ())
     stature_m = outcome.summary.get("body", {}).get("stature_m")
     scores = {name: _number(outcome.score.get(name)) for name in _SCORES}
     return {
-        "recording": outcome.job.name,
+        "recording": name,
         "verdict": verdict.level,
         "reason": verdict.reason,
         "frames": "" if posed is None else f"{posed} of {posed + len(lost)}",
@@ -69,16 +79,16 @@ def _markdown(lines: Sequence[dict[str, str]], columns: Sequence[str]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def _page(rows: Sequence[Outcome], lines: Sequence[dict[str, str]], folder: Path) -> str:
+def _page(rows: Sequence[Outcome], cells: Sequence[list[dict[str, str]]], folder: Path) -> str:
     cards = []
-    for outcome, line in zip(rows, lines, strict=True):
+    for outcome, lines in zip(rows, cells, strict=True):
         name, sheet = outcome.job.name, sheet_image(folder / outcome.job.name)
         files = (f"{name}/{file}" for file in (REPORT, "contact_sheet.png", "summary.json"))
         cards.append(
             {
                 "verdict": outcome.verdict,
-                "line": line,
-                "score": outcome.score,
+                "name": name,
+                "lines": lines,
                 "picture": "" if sheet is None else data_uri(sheet, 480, ".webp", 70),
                 "link": next((file for file in files if (folder / file).exists()), ""),
             }

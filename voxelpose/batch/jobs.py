@@ -16,6 +16,7 @@ from calib.errors import InputError
 from calib.upright import direction_of
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.conditioning import Conditioning
+from voxelpose.multiview.people import number_of_people
 from voxelpose.recording.folder import Recording, frame_range, is_recording
 
 Command = Literal["fit", "track"]
@@ -50,6 +51,7 @@ _OPTIONS = {
         "tolerance": (int, "options.tolerance"),
         "repair": (str, "options.repair"),
         "body": (str, "options.body"),
+        "people": (int | str, ""),
     },
     "track": {
         "camera": (str, ""),
@@ -64,7 +66,7 @@ _WORDS = {
     int: "a whole number",
     bool: "true or false",
     str: "text",
-    int | str: 'a number of frames, or text as in "0.2s"',
+    int | str: "a whole number, or text",
 }
 _PLAIN_NAME = re.compile(r"[^\w.+-]+")
 
@@ -134,6 +136,12 @@ class Job:
         """Name of the estimator."""
         usual = "monocular" if self.command == "track" else "multiview"
         return str(self.settings.get("estimator", usual))
+
+    @property
+    def people(self) -> int | None:
+        """Number of people; None: as many as are seen."""
+        usual = 1 if self.command == "track" else "auto"
+        return number_of_people(str(self.settings.get("people", usual)), 'people = "{}"')
 
 
 def jobs_of(
@@ -238,6 +246,7 @@ def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
         frame_range(_text(settings, "frames"), 'frames = "{}"')
         if "up" in settings:
             direction_of(str(settings["up"]))
+        number_of_people(str(settings.get("people", "auto")), 'people = "{}"')
         Conditioning(**_fields(settings, command, "conditioning"))
     except InputError as error:
         raise InputError(f"{where}: {str(error)[:300]}") from None

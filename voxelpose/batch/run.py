@@ -2,6 +2,8 @@
 recordings in pieces that overlap, estimated side by side and joined.
 """
 
+from __future__ import annotations
+
 import json
 import shutil
 import time
@@ -21,11 +23,11 @@ from silhouette_core.estimator import Estimate
 from silhouette_core.motion.motion import Motion
 from silhouette_core.workers import WorkerEndedError, open_workers
 from voxelpose.batch.jobs import Job
-from voxelpose.evaluation import evaluate
-from voxelpose.fitting import Output, fit, write_estimate
+from voxelpose.evaluation import Score, evaluate, evaluate_people
+from voxelpose.fitting import Output, fit_people, write_estimate
 from voxelpose.recording.truth import truth_of
-from voxelpose.reliability import Verdict, verdict_of
-from voxelpose.results import Result, as_json, is_result
+from voxelpose.reliability import Verdict, verdict_of, verdict_of_people
+from voxelpose.results import Result, as_json, is_result, open_people, people_seconds
 from voxelpose.version import __version__
 
 PIECES = "pieces"
@@ -187,16 +189,19 @@ class Outcome:
     status: Literal["done", "kept", "failed"]
     message: str = ""  # why it failed, in a line; empty otherwise
     seconds: float = 0.0  # duration of the estimation
-    # summary.json of the result; empty if it failed.
+    # summary.json of the result; empty if it failed, and of several people.
     summary: Mapping[str, Any] = field(default_factory=dict)
     # Errors against the recording's truth; empty where there is none.
     score: Mapping[str, Any] = field(default_factory=dict)
+    people: Mapping[str, Outcome] = field(default_factory=dict)  # of several, of each by name
 
     @property
     def verdict(self) -> Verdict:
         """How far the result can be relied on."""
         if self.status == "failed":
             return Verdict("failed", self.message)
+        if self.people:
+            return verdict_of_people({name: one.verdict for name, one in self.people.items()})
         return verdict_of(self.summary)
 
 
@@ -227,14 +232,32 @@ class _Task:
         return is_result(self.folder) and made == self.identity
 
     def outcome(self, status: Literal["done", "kept"], seconds: float | None = None) -> Outcome:
-        summary: Any = Result.open(self.folder).summary
-        score: Mapping[str, Any] = {}
+        results, scores = open_people(self.folder), dict[str, Score]()
+        several, summary = len(results) > 1, dict[str, Any](results[0].summary)
         if (truth := truth_of(Path(self.job.recording))) is not None:
             # A truth that does not fit is no reason to fail.
             with suppress(InputError, ValueError):
-                score = asdict(evaluate(self.folder, truth))
-        total = float(summary["seconds"]["total"]) if seconds is None else seconds
-        return Outcome(self.job, status, "", total, summary, score)
+                if several:
+                    scores = evaluate_people(self.folder, truth)
+                else:
+                    scores = {self.folder.name: evaluate(self.folder, truth)}
+        if seconds is None:
+            spent = people_seconds(self.folder) if several else summary["seconds"]
+            seconds = float(spent["total"])
+        each = {
+            one.folder.name: Outcome(
+                self.job,
+                status,
+                "",
+                seconds,
+                one.summary,
+                asdict(scores[one.folder.name]) if scores else {},
+            )
+            for one in results
+        }
+        if several:
+            return Outcome(self.job, status, "", seconds, people=each)
+        return each[results[0].folder.name]
 
 
 def run_batch(
@@ -279,6 +302,9 @@ def _run_jobs(
     def keep_piece(key: tuple[int, int], outcome: Outcome) -> None:
         told(outcome, None)
         number, place = key
+        if outcome.people:
+            words = f"{len(outcome.people)} people are seen, and pieces follow one: set people = 1"
+            outcome = Outcome(outcome.job, "failed", f"{words}, or leave out --pieces")
         if outcome.status == "failed":
             words = f"piece {place + 1} of {len(divided[number])}: {outcome.message}"
             keep(number, Outcome(jobs[number], "failed", words))
@@ -356,7 +382,8 @@ def _run_task(task: _Task) -> Outcome:
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
-            fit(job.open(), output, job.estimator_settings(threads), job.estimator)
+            how = job.estimator_settings(threads), job.estimator
+            fit_people(job.open(), output, *how, people=job.people)
         if settings.report:
             from voxelpose.report.page import write_report  # its charts take seconds to import
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.multiview.people import MOST_PEOPLE
 
 if TYPE_CHECKING:
     from calib.board import Board
@@ -269,19 +268,3 @@ class BoardArguments:
 def corner_counts(text: str) -> tuple[int, int]:
     """Reads the value of --board, such as 8x5."""
     return two_numbers(text, "--board", "inner corners along and down, as in 8x5")
-
-
-def people(text: str) -> int | None:
-    """Number of people as an option tells it; None: as many as are seen.
-
-    Raises:
-        InputError: it is no number of people.
-    """
-    if text == "auto":
-        return None
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_PEOPLE:
-        raise InputError(
-            f"--people {text} is no number of people that are followed: give 1 to {MOST_PEOPLE}, or"
-            " auto"
-        )
-    return int(text)

@@ -21,9 +21,9 @@ class Batch:
 
     Each PATH is a recording, a folder of recordings, or a TOML list with the settings of each. DIR
     receives a folder with result and report for each, table.csv, table.md and index.html, which
-    shows all with their verdicts, the doubtful ones first. A recording that fails does not stop the
-    others. Run again, the same command does what is missing, what failed, and what has other
-    settings now.
+    shows all with their verdicts, the doubtful ones first, and each of several people. A recording
+    that fails does not stop the others. Run again, the same command does what is missing, what
+    failed, and what has other settings now.
 
       voxelpose batch subjects/*/walk --out walks --set stature=1.75
       voxelpose batch subjects.toml --out results --jobs 4
@@ -119,7 +119,8 @@ def _with_folder_settings(job: Job) -> Job:
 
 def _tell(outcome: Outcome, place: str) -> None:
     """Prints one line about a job."""
-    words = str(outcome.verdict)
+    words = f"{len(outcome.people)} people, " if outcome.people else ""
+    words += str(outcome.verdict)
     if outcome.status != "failed":
         words += " (kept)" if outcome.status == "kept" else f" ({outcome.seconds:.0f} s)"
     print(f"{place} {outcome.job.name}: {words}", flush=True)

@@ -37,7 +37,7 @@ class Export:
 
     Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit
     and --gap-method makes the files, not the result, from its unfiltered poses. export.json says
-    how.
+    how. Of several people person_1 and so on receive a file each; motion.glb holds all of them.
     """
 
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
@@ -66,14 +66,14 @@ class Export:
     def run(self) -> None:
         """Writes the files and prints their names."""
         from voxelpose.export.formats import export_motion
-        from voxelpose.results import Result
+        from voxelpose.results import open_people
 
         formats = [name.strip().lower() for name in self.to.split(",") if name.strip()]
         if not formats:
             raise InputError(f"--to names no format: give some of {_FORMATS}")
-        motion = self._conditioned(Result.open(self.result).motion)
+        motions = [self._conditioned(one.motion) for one in open_people(self.result)]
         overwrite = self.overwrite or self.out is None
-        for path in export_motion(motion, self.out or self.result, formats, overwrite):
+        for path in export_motion(motions, self.out or self.result, formats, overwrite):
             print(path)
 
     def _conditioned(self, motion: Motion) -> Motion:

@@ -193,5 +193,7 @@ class Fit(EstimationArguments):
         }
         usual = {"interference": True, "voxel_size_m": None, "tolerance": 0, "repair": "auto"}
         options = {name: value for name, value in given.items() if value != usual[name]}
-        cameras, people = arguments.camera_names(self.cameras), arguments.people(self.people)
+        from voxelpose.multiview.people import number_of_people
+
+        cameras, people = arguments.camera_names(self.cameras), number_of_people(self.people)
         self.estimate(cameras, options, self.estimator, people)

@@ -55,8 +55,14 @@ def print_result(result: Result, verbose: bool = False) -> None:
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    console.print(f"to see it in three dimensions: voxelpose view {folder}", soft_wrap=True)
-    console.print(f"to assess its quality: voxelpose report {folder}", soft_wrap=True)
+    _print_ways(result.folder)
+
+
+def _print_ways(folder: Path) -> None:
+    """Prints how to look further at a result."""
+    console, folder_text = rich_console(), plain(folder)
+    console.print(f"to see it in three dimensions: voxelpose view {folder_text}", soft_wrap=True)
+    console.print(f"to assess its quality: voxelpose report {folder_text}", soft_wrap=True)
 
 
 def print_people(folder: Path, results: Sequence[Result]) -> None:
@@ -76,8 +82,7 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
     for pattern, meaning in (*_OF_ALL, ("person_N/", "joints.csv, motion.bvh, … of each")):
         if any(folder.glob(pattern.replace("N/", "*"))):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    first = plain(results[0].folder)
-    console.print(f"to see one in three dimensions: voxelpose view {first}", soft_wrap=True)
+    _print_ways(folder)
 
 
 def _print_numbers(summary: Mapping[str, Any]) -> None:

@@ -21,8 +21,8 @@ class View(arguments.PageArguments):
     """Shows cameras, voxels, body and skeleton over time in the browser.
 
     The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends
-    it. The visual hull is carved from the recording of the result. For a recording without a
-    result, cameras and hull are shown.
+    it. The visual hull is carved from the recording of the result. Of several people all are shown,
+    or one by its own folder. For a recording without a result, cameras and hull are shown.
 
       voxelpose view walk_fit
       voxelpose view walk_fit --frame 40 --png hull.png
@@ -82,7 +82,7 @@ class View(arguments.PageArguments):
             litres = write_picture(scenes, frame, self.png)
             print(
                 f"{self.png}: frame {frame}, hull of {litres:.1f}"
-                f" litres{' and skeleton' if scenes.motion is not None else ''}"
+                f" litres{' and skeleton' if scenes.motions else ''}"
             )
         if self.video is not None:
             from voxelpose.view.images.hull_picture import write_film
@@ -103,9 +103,9 @@ class View(arguments.PageArguments):
 
     def _frame(self, scenes: ResultScenes, posed: bool) -> int:
         """Returns the number of the frame to show; the middle one where none is given."""
-        frames = scenes.motion.frames if posed and scenes.motion is not None else scenes.frames
+        frames = [*scenes.time_s] if posed and scenes.motions else scenes.frames.tolist()
         if self.frame is None:
-            return int(frames[len(frames) // 2])
+            return frames[len(frames) // 2]
         if self.frame not in frames:
             fault = "has no pose" if self.frame in scenes.frames else "is not there"
             raise InputError(

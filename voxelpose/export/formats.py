@@ -4,7 +4,7 @@ files were made, for formats that have no place to say so.
 
 import importlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
+from voxelpose.people_marks import person_names
 from voxelpose.version import __version__
 
 EXPORT_RECORD = "export.json"
@@ -37,25 +38,32 @@ def read_export_record(folder: Path) -> dict[str, object]:
 
 
 def write_export_record(
-    motion: Motion, names: Iterable[str], earlier: dict[str, object], path: Path
+    motions: Sequence[Motion], names: Iterable[str], earlier: dict[str, object], path: Path
 ) -> None:
-    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter."""
-    entry = {
-        "fps": motion.fps,
-        "frames": {
-            "first": int(motion.frames[0]),
-            "last": int(motion.frames[-1]),
-            "with_pose": int((~motion.filled).sum()),
-        },
-        "conditioning": describe_conditioning(motion),
-    }
-    files = earlier | dict.fromkeys(names, entry)
+    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter; of
+    files of several people an entry of each under their names.
+    """
+    entries = [
+        {
+            "fps": motion.fps,
+            "frames": {
+                "first": int(motion.frames[0]),
+                "last": int(motion.frames[-1]),
+                "with_pose": int((~motion.filled).sum()),
+            },
+            "conditioning": describe_conditioning(motion),
+        }
+        for motion in motions
+    ]
+    people = dict(zip(person_names(len(entries)), entries, strict=True))
+    files = earlier | dict.fromkeys(names, people if len(people) > 1 else entries[0])
     text = json.dumps({"voxelpose": __version__, "files": files}, indent=1)
     path.write_text(text + "\n", encoding="utf-8")
 
 
 # Files of every format, each with the module and the function that write it.
-_WRITERS = {
+_Files = dict[str, tuple[str, str]]
+_WRITERS: dict[str, _Files] = {
     "bvh": {"motion.bvh": ("bvh", "write_bvh")},
     "glb": {"motion.glb": ("gltf", "write_glb")},
     "trc": {"motion.trc": ("trc", "write_trc"), "motion.mot": ("opensim", "write_mot")},
@@ -66,6 +74,12 @@ _WRITERS = {
         "angles.csv": ("tables", "write_angles"),
     },
     "npz": {"motion.npz": ("tables", "write_npz")},
+}
+# Of several people, what holds them all, instead of a file of each, and beside one.
+_SCENE = "motion.glb"
+_OF_ALL: _Files = {
+    _SCENE: ("gltf", "write_glb"),
+    "joints.csv": ("tables", "write_people_joints"),
 }
 FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
@@ -81,13 +95,20 @@ _WRITERS["opensim"] = {
 
 
 def export_motion(
-    motion: Motion, folder: Path | str, formats: Iterable[str] = FORMATS, overwrite: bool = False
+    motion: Motion | Sequence[Motion],
+    folder: Path | str,
+    formats: Iterable[str] = FORMATS,
+    overwrite: bool = False,
 ) -> list[Path]:
-    """Writes a motion in several formats; returns the files' paths, with export.json, which says
-    how they were made.
+    """Writes a motion, or those of several people, in several formats; returns the files' paths,
+    with export.json, which says how they were made.
+
+    Files of several people are in folders `person_1` and so on, in their order. motion.glb holds
+    all of them, and so does a second joints.csv, with a column `person`; those are in the folder
+    itself.
 
     Args:
-        motion: at least one pose.
+        motion: at least one pose, each.
         folder: folder of the files; it is created if it does not exist.
         formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
             body that is no person's, `trc` writes no motion.mot.
@@ -97,7 +118,56 @@ def export_motion(
         InputError: a format is unknown or does not fit the body, the motion has no pose, a file
             exists, or the folder cannot be written to.
     """
-    folder, files = Path(folder), {}
+    motions = [motion] if isinstance(motion, Motion) else list(motion)
+    folder, files = Path(folder), _files_of(formats, motions)
+    if not motions or not all(map(len, motions)):
+        raise InputError("no frame of this result has a pose: there is nothing to export")
+    plan = _planned(motions, folder, files)
+    if not overwrite:
+        for place, (_, own) in plan.items():
+            for name in own:
+                if (place / name).exists():
+                    raise InputError(
+                        f"{place / name} exists: give --out another folder, or add --overwrite"
+                    )
+    earlier = {place: read_export_record(place) for place in plan}
+    made = [place for place in dict.fromkeys((folder, *plan)) if not place.exists()]
+    try:
+        with ExitStack() as complete:
+            for place, (whom, own) in plan.items():
+                place.mkdir(parents=True, exist_ok=True)
+                for name, (module, function) in own.items():
+                    module = importlib.import_module(f"voxelpose.export.{module}")
+                    path = complete.enter_context(replacing(place / name))
+                    getattr(module, function)(whom if len(whom) > 1 else whom[0], path)
+                record = complete.enter_context(replacing(place / EXPORT_RECORD))
+                write_export_record(whom, own, earlier[place], record)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    finally:
+        for place in reversed(made):
+            with suppress(OSError):  # it holds something
+                place.rmdir()
+    return [place / name for place, (_, own) in plan.items() for name in (*own, EXPORT_RECORD)]
+
+
+def _planned(
+    motions: Sequence[Motion], folder: Path, files: _Files
+) -> Mapping[Path, tuple[Sequence[Motion], _Files]]:
+    """Whose motions go into which files, by the folders that these are in."""
+    if len(motions) == 1:
+        return {folder: (motions, files)}
+    together = {name: writer for name, writer in _OF_ALL.items() if name in files}
+    each = {name: writer for name, writer in files.items() if name != _SCENE}
+    plan = {}
+    for name, motion in zip(person_names(len(motions)), motions, strict=True):
+        plan[folder / name] = [motion], each
+    return {place: one for place, one in (plan | {folder: (motions, together)}).items() if one[1]}
+
+
+def _files_of(formats: Iterable[str], motions: Sequence[Motion]) -> _Files:
+    """The files of formats that fit some bodies."""
+    files, persons = _Files(), all(motion.model.person is not None for motion in motions)
     for name in formats:
         if name == "fbx":
             raise InputError(
@@ -106,33 +176,9 @@ def export_motion(
             )
         if name not in _WRITERS:
             raise InputError(f"there is no format {name!r}: the formats are {', '.join(_WRITERS)}")
-        if name == "opensim" and motion.model.person is None:
+        if name == "opensim" and not persons:
             raise InputError("OpenSim's model is a person, this body is none: export trc instead")
         files |= _WRITERS[name]
-    if motion.model.person is None:
+    if not persons:
         files.pop("motion.mot", None)  # coordinates of a person's joints
-    if not len(motion):
-        raise InputError("no frame of this result has a pose: there is nothing to export")
-    if not overwrite:
-        for name in files:
-            if (folder / name).exists():
-                raise InputError(
-                    f"{folder / name} exists: give --out another folder, or add --overwrite"
-                )
-    earlier = read_export_record(folder)
-    made = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as complete:
-            for name, (module, function) in files.items():
-                writer = getattr(importlib.import_module(f"voxelpose.export.{module}"), function)
-                writer(motion, complete.enter_context(replacing(folder / name)))
-            record = complete.enter_context(replacing(folder / EXPORT_RECORD))
-            write_export_record(motion, files, earlier, record)
-    except OSError as error:
-        raise unwritable(folder, error) from error
-    finally:
-        if made:
-            with suppress(OSError):  # it holds something
-                folder.rmdir()
-    return [folder / name for name in (*files, EXPORT_RECORD)]
+    return files

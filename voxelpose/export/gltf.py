@@ -1,5 +1,6 @@
 """Binary glTF (GLB): skinned, animated body for Blender, three.js, Unity, Unreal and Godot."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import continuous_quaternions
 from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
+from voxelpose.people_marks import COLOURS, person_names
 from voxelpose.version import __version__
 
 _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
@@ -22,11 +24,11 @@ _COMPONENTS = {
     "uint32": gltf.UNSIGNED_INT,
 }
 _LARGEST_SHORT = 65535  # as an index it restarts a strip
-_BODY = 0  # node of the mesh; the node of part p is p + 1
 
 
-def write_glb(motion: Motion, path: Path) -> None:
-    """Writes a motion of at least one pose as a skinned, animated body in one file.
+def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
+    """Writes a motion of at least one pose, or those of several people, as skinned, animated bodies
+    in one file.
 
     Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
     27, have the names of the body's parts; without animation they are in the rest pose (upright,
@@ -34,23 +36,35 @@ def write_glb(motion: Motion, path: Path) -> None:
     rotates every node and translates the root (`pelvis`). Its time is zero at the first pose. The
     document's extras state filter and filling of gaps.
 
+    Of several people each has a skeleton and a body of another colour, as in the overlays, under a
+    node `person_1` and so on, whose extras state its filter and gaps; the animation moves all.
+
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
     """
-    motion = motion.upright()
-    model = motion.model
+    motions = [motion] if isinstance(motion, Motion) else motion
     document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator=f"voxelpose {__version__}"))
-    document.extras = {
-        "fps": motion.fps,
-        "first_frame": int(motion.frames[0]),
-        "conditioning": conditioning_words(motion),
-        "filled_frames": motion.frames[motion.filled].tolist(),
-    }
-    packer = _Packer(document)
-    _add_skeleton(document, packer, model)
-    _add_body(document, packer, model)
-    _add_animation(document, packer, motion)
-    document.scenes = [gltf.Scene(nodes=[_BODY, 1])]
+    first_frame = min(int(one.frames[0]) for one in motions)
+    document.extras = {"fps": motions[0].fps, "first_frame": first_frame}
+    packer, animation = _Packer(document), gltf.Animation(name="motion")
+    alone, top = len(motions) == 1, list[int]()
+    for k, (name, one) in enumerate(zip(person_names(len(motions)), motions, strict=True)):
+        upright, body = one.upright(), len(document.nodes)
+        how = {
+            "conditioning": conditioning_words(one),
+            "filled_frames": one.frames[one.filled].tolist(),
+        }
+        _add_skeleton(document, packer, upright.model)
+        _add_body(document, packer, upright.model, None if alone else COLOURS[k % len(COLOURS)])
+        _add_animation(animation, packer, upright, body + 1, first_frame)
+        if alone:
+            document.extras |= how
+            top = [body, body + 1]
+        else:
+            top.append(len(document.nodes))
+            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=how))
+    document.animations = [animation]
+    document.scenes = [gltf.Scene(nodes=top)]
     document.scene = 0
     document.buffers = [gltf.Buffer(byteLength=len(packer.data))]
     document.set_binary_blob(bytes(packer.data))
@@ -86,27 +100,32 @@ class _Packer:
 
 
 def _add_skeleton(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
+    """Adds a node of the mesh, and nodes of the parts after it."""
     joints = model.joints_m @ Y_UP_FROM_WORLD.T
-    document.nodes = [gltf.Node(name="body", mesh=0, skin=0)]
+    number, root = len(document.skins), len(document.nodes) + 1
+    document.nodes.append(gltf.Node(name="body", mesh=number, skin=number))
     for part, (name, parent) in enumerate(zip(model.names, model.tree.parents, strict=True)):
         offset = joints[part] - (joints[parent] if parent >= 0 else 0)
-        children = (np.flatnonzero(model.tree.parents == part) + 1).tolist()
+        children = (np.flatnonzero(model.tree.parents == part) + root).tolist()
         document.nodes.append(
             gltf.Node(name=name, translation=offset.tolist(), children=children or None)
         )
     bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
     bind[:, 3, :3] = -joints  # glTF stores columns first: the translation is the last row here
-    document.skins = [
+    document.skins.append(
         gltf.Skin(
             name="skeleton",
-            joints=list(range(1, len(joints) + 1)),
-            skeleton=1,
+            joints=list(range(root, root + len(joints))),
+            skeleton=root,
             inverseBindMatrices=packer.add(bind),
         )
-    ]
+    )
 
 
-def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
+def _add_body(
+    document: gltf.GLTF2, packer: _Packer, model: BodyModel, colour: Sequence[int] | None
+) -> None:
+    """Adds a mesh and its material of a colour, RGB; None: of clay."""
     weights = model.skin_weights.astype(np.float32)
     weights /= weights.sum(axis=1, keepdims=True)
     parts = np.where(weights > 0, model.skin_parts, 0).astype(np.uint8)
@@ -124,32 +143,36 @@ def _add_body(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
     }
     index = np.uint16 if len(model.vertices_m) < _LARGEST_SHORT else np.uint32
     corners = packer.add(model.faces.astype(index).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
-    primitive = gltf.Primitive(attributes=gltf.Attributes(**shape), indices=corners, material=0)
-    document.meshes = [gltf.Mesh(name="body", primitives=[primitive])]
-    surface = gltf.PbrMetallicRoughness(
-        baseColorFactor=[0.75, 0.72, 0.68, 1.0], metallicFactor=0.0, roughnessFactor=0.8
+    primitive = gltf.Primitive(
+        attributes=gltf.Attributes(**shape), indices=corners, material=len(document.materials)
     )
-    document.materials = [
+    document.meshes.append(gltf.Mesh(name="body", primitives=[primitive]))
+    linear = [0.75, 0.72, 0.68]
+    if colour is not None:
+        linear = [round((value / 255) ** 2.2, 4) for value in colour]
+    surface = gltf.PbrMetallicRoughness(
+        baseColorFactor=[*linear, 1.0], metallicFactor=0.0, roughnessFactor=0.8
+    )
+    document.materials.append(
         gltf.Material(name="body", pbrMetallicRoughness=surface, alphaCutoff=None)
-    ]
+    )
 
 
-def _add_animation(document: gltf.GLTF2, packer: _Packer, motion: Motion) -> None:
+def _add_animation(
+    animation: gltf.Animation, packer: _Packer, motion: Motion, root: int, first_frame: int
+) -> None:
+    """Adds the channels of a skeleton whose nodes begin with that of the root."""
     rotations = continuous_quaternions(
         quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
     )
-    root = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
-    time = packer.add(
-        ((motion.frames - motion.frames[0]) / motion.fps).astype(np.float32), bounds=True
-    )
-    animation = gltf.Animation(name="motion")
+    places = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
+    time = packer.add(((motion.frames - first_frame) / motion.fps).astype(np.float32), bounds=True)
     for part in range(len(motion.model.names)):
         values = packer.add(
             rotations[:, part, [1, 2, 3, 0]].astype(np.float32)
         )  # w comes last in glTF
-        _add_channel(animation, time, values, part + 1, "rotation")
-    _add_channel(animation, time, packer.add(root.astype(np.float32)), 1, "translation")
-    document.animations = [animation]
+        _add_channel(animation, time, values, root + part, "rotation")
+    _add_channel(animation, time, packer.add(places.astype(np.float32)), root, "translation")
 
 
 def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, path: str) -> None:

@@ -132,8 +132,9 @@ class MultiViewEstimator:
             motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         rig, estimates = _posed_as(source.rig, prepared.rig), []
+        floor_m = floor_height(*(motion for motion, _ in motions))  # on which everybody stands
         for (motion, ratio), (_, facts) in zip(motions, found, strict=True):
-            motion = replace(motion, floor_m=floor_height(motion)).in_world(prepared.upright)
+            motion = replace(motion, floor_m=floor_m).in_world(prepared.upright)
             facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
             estimates.append(Estimate(motion, stage_s, facts, rig=rig))
         return estimates

@@ -81,12 +81,12 @@ def time_chart(
 
 
 def part_chart(
-    overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64]
+    overlap: NDArray[np.float64], labels: Sequence[str], time_s: NDArray[np.float64], name: str
 ) -> str:
     """Chart, an svg element, of every part's fraction (T, P) inside the hull in the colours of the
-    viewer, a row per part with its label, over time (T,), s.
+    viewer, a row per part with its label, over time (T,), s; `name` is unique in the page.
     """
-    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": "parts"}):
+    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")
         axes = figure.add_subplot()
         half = 0.5 * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
@@ -98,7 +98,7 @@ def part_chart(
         axes.set_yticks(range(len(labels)), labels, fontsize=7.5)
         _time_axis(axes, time_s)
         words = "share of every body part inside the carved hull over time; a table follows"
-        return _svg(figure, axes, time_s, "parts", words)
+        return _svg(figure, axes, time_s, name, words)
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:

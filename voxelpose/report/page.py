@@ -1,7 +1,7 @@
 """The report's page, self-contained in one file."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,26 @@ from silhouette_core.motion.conditioning import conditioning_words, filter_warni
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.people_marks import person_names
 from voxelpose.recording.frame_reader import read_still
+from voxelpose.reliability import LEVELS, verdict_of_people
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.preview import data_uri, make_preview
-from voxelpose.report.verdict import check_cameras, findings, headline, noun_of
-from voxelpose.results import Result
+from voxelpose.report.verdict import (
+    CameraCheck,
+    Finding,
+    check_cameras,
+    findings,
+    headline,
+    noun_of,
+    recording_findings,
+)
+from voxelpose.result_documents import path_from
+from voxelpose.results import Result, open_people, people_seconds
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
-from voxelpose.view.viewer.legend import display_name
+from voxelpose.view.viewer.legend import css_colour, display_name, person_colour
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"
@@ -79,7 +90,7 @@ def write_report(
     overwrite: bool = False,
     reporter: Reporter | None = None,
 ) -> Path:
-    """Writes report.html, one self-contained page, about a result.
+    """Writes report.html, one self-contained page, about a result, of one person or several.
 
     Args:
         out: the file; None: report.html in the result.
@@ -89,7 +100,7 @@ def write_report(
     Raises:
         InputError: it is no result, or the file cannot be written.
     """
-    result = Result.open(folder)
+    folder, results = Path(folder), open_people(folder)
     out = out or folder / REPORT
     if out.exists() and not overwrite and not _is_report(out):
         raise InputError(
@@ -97,7 +108,7 @@ def write_report(
         )
     scenes = ResultScenes(folder, recording)
     try:
-        contents = _contents(result, scenes, reporter or SilentReporter())
+        contents = _contents(folder, results, scenes, reporter or SilentReporter())
     finally:
         scenes.close()
     write_whole(out, render_page("voxelpose.report", "page.html", contents))
@@ -128,46 +139,45 @@ def _is_report(path: Path) -> bool:
         return False
 
 
-def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[str, object]:
+def _contents(
+    folder: Path, results: Sequence[Result], scenes: ResultScenes, reporter: Reporter
+) -> dict[str, object]:
     reporter.stage("pictures")
-    preview = make_preview(result, scenes)
-    sheet = sheet_image(result.folder)
+    preview = make_preview(folder, scenes)
+    sheet = sheet_image(folder)
     reporter.stage("cameras")
     if scenes.changed:
         reporter.note(scenes.changed)
     cameras = check_cameras(scenes)
     reporter.stage("charts")
+    result, people = results[0], _people(results, cameras, scenes.changed)
     summary: Any = result.summary
-    assessed = findings(result, cameras, scenes.changed)
-    verdict, sentence = headline(result, assessed)
-    angles, quality, parts = _charts(result)
+    settings, files = result.settings, _FILES
+    common = {name: people[0][name] for name in ("verdict", "sentence")}
+    if len(people) > 1:
+        common = _overall(results, people, recording_findings(cameras, scenes.changed))
+        summary = summary | {"seconds": summary["seconds"] | people_seconds(folder)}
+        recording = (result.folder / str(settings["recording"])).resolve()
+        settings = {**settings, "recording": path_from(folder.resolve(), recording)}
+        files = files | {"person_*": "a result of each person"}
     return {
         "summary": summary,
         "title": summary["recording"],
         "made": time.strftime("%Y-%m-%d %H:%M"),
-        "verdict": verdict,
-        "sentence": sentence,
-        "findings": assessed,
+        "people": people,
+        **common,
         "preview": preview,
         "sheet": None if sheet is None else data_uri(sheet, 1500, ".jpg", 82),
-        "angles": angles,
-        "quality": quality,
-        "parts": parts,
-        "part_table": _part_table(result),
         "covered": LIMITS.covered,
         "doubtful": RELIABILITY.agreement,
         "cameras": cameras.lines,
         "agreement": cameras.summary,
         "missing": scenes.missing,
         "stages": _stages(summary["seconds"]),
-        "settings": _settings_table(result.settings),
-        "conditioning": conditioning_words(result.motion),
-        "warning": filter_warning(result.motion),
+        "settings": _settings_table(settings),
         "rig": [_camera(camera) for camera in result.rig],
         "files": [
-            (pattern, words)
-            for pattern, words in _FILES.items()
-            if any(result.folder.glob(pattern))
+            (pattern, words) for pattern, words in files.items() if any(folder.glob(pattern))
         ],
         "left": LEFT,
         "right": RIGHT,
@@ -177,17 +187,61 @@ def _contents(result: Result, scenes: ResultScenes, reporter: Reporter) -> dict[
     }
 
 
-def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | None]:
-    """Charts of angles with their notes, of quality, and of parts over time."""
+def _people(results: Sequence[Result], cameras: CameraCheck, changed: str) -> list[dict[str, Any]]:
+    """What the page says of each person; of one alone with what the recording says."""
+    people, alone = [], len(results) == 1
+    for k, (name, result) in enumerate(zip(person_names(len(results)), results, strict=True)):
+        assessed = findings(result, cameras, changed) if alone else findings(result, CameraCheck())
+        verdict, sentence = headline(result, assessed)
+        angles, quality, parts = _charts(result, "" if alone else f"{name}-")
+        people.append(
+            {
+                "name": name,
+                "label": display_name(name),
+                "colour": css_colour(person_colour(k)),
+                "summary": result.summary,
+                "verdict": verdict,
+                "sentence": sentence,
+                "findings": assessed,
+                "angles": angles,
+                "quality": quality,
+                "parts": parts,
+                "part_table": _part_table(result),
+                "conditioning": conditioning_words(result.motion),
+                "warning": filter_warning(result.motion),
+            }
+        )
+    return people
+
+
+def _overall(
+    results: Sequence[Result], people: Sequence[Mapping[str, Any]], shared: Sequence[Finding]
+) -> dict[str, object]:
+    """What the page says of several people together."""
+    levels = [LEVELS.index(person["verdict"].level) for person in people]
+    assessed = [*shared, *(finding for person in people for finding in person["findings"])]
+    return {
+        "verdict": verdict_of_people({person["label"]: person["verdict"] for person in people}),
+        "sentence": headline(results[int(np.argmin(levels))], assessed)[1],
+        "shared": shared,
+    }
+
+
+def _charts(
+    result: Result, prefix: str = ""
+) -> tuple[list[tuple[str, str]], list[str], str | None]:
+    """Charts of angles with their notes, of quality, and of parts over time; their names in the
+    page begin with a prefix.
+    """
     motion = result.motion
     person = is_person_tree(motion.model.tree)
-    angles = [] if person else _joint_charts(motion)
+    angles = [] if person else _joint_charts(motion, prefix)
     values_deg = anatomical_angles(motion) if person else {}
     for k, (title, note, name) in enumerate(_ANGLES if person else ()):
         sides = {"left": LEFT, "right": RIGHT} if "{}" in name else {"": MIDDLE}
         curves = {side: (values_deg[name.format(side)], colour) for side, colour in sides.items()}
         chart = TimeChart(title, "degrees", curves)
-        angles.append((time_chart(chart, motion.time_s, f"angle{k}"), note))
+        angles.append((time_chart(chart, motion.time_s, f"{prefix}angle{k}"), note))
     quality = []
     for name, title, below in (
         ("outline_agreement", "Outlines: body and silhouettes in common", RELIABILITY.agreement),
@@ -196,15 +250,15 @@ def _charts(result: Result) -> tuple[list[tuple[str, str]], list[str], str | Non
         if name in motion.quality:
             values = np.asarray(motion.quality[name], float)
             chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
-            quality.append(time_chart(chart, motion.time_s, name, (7.6, 2.0)))
+            quality.append(time_chart(chart, motion.time_s, prefix + name, (7.6, 2.0)))
     overlap, parts = motion.quality.get("part_overlap"), None
     if overlap is not None:
         labels = [display_name(name) for name in motion.model.names]
-        parts = part_chart(np.asarray(overlap, float), labels, motion.time_s)
+        parts = part_chart(np.asarray(overlap, float), labels, motion.time_s, f"{prefix}parts")
     return angles, quality, parts
 
 
-def _joint_charts(motion: Motion) -> list[tuple[str, str]]:
+def _joint_charts(motion: Motion, prefix: str) -> list[tuple[str, str]]:
     """Charts of the joints of a body that is no person's, with their notes."""
     charts, model = [], motion.model
     for part, name in enumerate(model.names):
@@ -216,7 +270,9 @@ def _joint_charts(motion: Motion) -> list[tuple[str, str]]:
             for k, colour in zip(columns.tolist(), (MIDDLE, LEFT, RIGHT), strict=False)
         }
         chart = TimeChart(display_name(name), "degrees", curves)
-        charts.append((time_chart(chart, motion.time_s, f"angle{part}"), "0° is the rest pose"))
+        charts.append(
+            (time_chart(chart, motion.time_s, f"{prefix}angle{part}"), "0° is the rest pose")
+        )
     return charts
 
 

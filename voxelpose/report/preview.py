@@ -7,15 +7,15 @@ and stays synchronous with the charts.
 import base64
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.moments import even_moments
-from voxelpose.results import Result
 from voxelpose.view.images.canvas import encoded, hatched, reduced
-from voxelpose.view.images.figure import FigurePainter
+from voxelpose.view.images.figure import PeoplePainter
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOST = 120  # pictures
@@ -35,13 +35,16 @@ class Preview:
     size: tuple[int, int]  # width and height, pixels
 
 
-def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
-    """Preview from the overlay videos, else from the recording; None where both are missing."""
+def make_preview(folder: Path, scenes: ResultScenes) -> Preview | None:
+    """Preview from the overlay videos in a folder, else from the recording; None where both are
+    missing.
+    """
     first, last = int(scenes.frames[0]), int(scenes.frames[-1])
     chosen = (first + even_moments(last - first + 1, _MOST, margin=0)).tolist()
-    names = result.rig.names[:: -(-len(result.rig) // _MOST_CAMERAS)]
-    if all((result.folder / f"overlay_{name}.webm").exists() for name in names):
-        tiled = _from_overlays(result, names, first, set(chosen))
+    names = scenes.rig.names[:: -(-len(scenes.rig) // _MOST_CAMERAS)]
+    videos = [folder.absolute() / f"overlay_{name}.webm" for name in names]
+    if all(video.exists() for video in videos):
+        tiled = _from_overlays(videos, first, set(chosen))
     elif scenes.recording is not None:
         tiled = _drawn(scenes, names, chosen)
     else:
@@ -54,10 +57,9 @@ def make_preview(result: Result, scenes: ResultScenes) -> Preview | None:
         frames.append(frame)
     if not pictures:
         return None
-    motion = result.motion
-    times = np.array(frames) / motion.fps
-    if len(motion) > 1:
-        times = np.interp(frames, motion.frames, motion.time_s)
+    times = np.array(frames) / scenes.fps
+    if len(scenes.time_s) > 1:
+        times = np.interp(frames, [*scenes.time_s], [*scenes.time_s.values()])
     times_s = tuple(np.round(times, 4).tolist())
     return Preview(tuple(pictures), tuple(frames), times_s, tuple(names), size)
 
@@ -72,10 +74,9 @@ def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) ->
 
 
 def _from_overlays(
-    result: Result, names: tuple[str, ...], first: int, chosen: set[int]
+    videos: list[Path], first: int, chosen: set[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
-    folder = result.folder.absolute()
-    captures = [cv2.VideoCapture(str(folder / f"overlay_{name}.webm")) for name in names]
+    captures = [cv2.VideoCapture(str(video)) for video in videos]
     try:
         for frame in range(first, max(chosen) + 1):
             if not all([capture.grab() for capture in captures]):
@@ -91,11 +92,9 @@ def _from_overlays(
 def _drawn(
     scenes: ResultScenes, names: tuple[str, ...], chosen: list[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
-    if scenes.motion is None:
-        return
-    rotation, origin = scenes.motion.parts()
-    for frame in chosen:
-        tiles, row = [], scenes.row(frame)
+    models = [motion.model for motion in scenes.motions]
+    for frame in chosen if models else ():
+        tiles, poses = [], scenes.part_poses(frame)
         for camera_frame in scenes.camera_frames(frame):
             camera, picture, mask = camera_frame.camera, camera_frame.picture, camera_frame.mask
             if camera.name in names and mask is not None:
@@ -104,9 +103,7 @@ def _drawn(
                 tile = np.ascontiguousarray(picture[..., ::-1], np.uint8)
                 if camera_frame.unknown is not None:
                     tile = hatched(tile, camera_frame.unknown)
-                if row is not None:
-                    painter = FigurePainter(scenes.motion.model, camera)
-                    tile = painter.paint(tile, rotation[row], origin[row])
+                PeoplePainter(models, camera).paint(tile, poses)
                 tiles.append(tile)
         yield frame, tiles
 

@@ -58,27 +58,35 @@ def check_cameras(scenes: ResultScenes) -> CameraCheck:
     """Compares body and silhouettes, and the outlines, at moments spread over the recording; empty
     where that is missing. InputError where the recording cannot be read.
     """
-    motion = scenes.motion
-    if motion is None or scenes.recording is None:
+    # Where somebody has no pose, that part of the silhouettes says nothing of the cameras.
+    frames = [set(motion.frames.tolist()) for motion in scenes.motions] or [set()]
+    together = set.intersection(*frames)
+    moments = [at for at in scenes.time_s.items() if at[0] in together or not together]
+    times = np.array(moments).reshape(-1, 2)
+    if not len(times) or scenes.recording is None:
         return CameraCheck()
-    rows = even_moments(len(motion), _MOMENTS, margin=0)
+    times = times[even_moments(len(times), _MOMENTS, margin=0)]
+    models = [motion.model for motion in scenes.motions]
     masks: dict[str, list[NDArray[np.bool_]]] = {name: [] for name in scenes.rig.names}
     compared: dict[str, list[tuple[float, float, float]]] = {name: [] for name in masks}
     cameras: dict[str, tuple[Camera, NDArray[np.bool_] | None]] = {}
-    for frame in motion.frames[rows].tolist():
-        body = scenes.body(frame)
+    for frame in times[:, 0].astype(int).tolist():
+        bodies = scenes.bodies(frame)
         for camera_frame in scenes.camera_frames(frame):
             camera, mask = camera_frame.camera, camera_frame.mask
-            if body is not None and mask is not None:
+            if mask is not None:
                 unknown = camera_frame.unknown
                 cameras[camera.name] = camera, unknown
-                drawn = body_parts(motion.model, body.vertices_m, camera, cull_back=True) > 0
+                drawn = np.zeros_like(mask)
+                for model, body in zip(models, bodies, strict=True):
+                    if body is not None:
+                        drawn |= body_parts(model, body.vertices_m, camera, cull_back=True) > 0
                 if unknown is not None:
                     drawn, mask = drawn & ~unknown, mask & ~unknown
                 masks[camera.name].append(mask)
                 if drawn.any() and mask.any():
                     compared[camera.name].append(_compare(drawn, mask))
-    pixels, culprits, words = _outline_errors(cameras, masks, motion.time_s[rows])
+    pixels, culprits, words = _outline_errors(cameras, masks, times[:, 1])
     means = {name: np.mean(values, axis=0) for name, values in compared.items() if values}
     middle = float(np.median([mean[0] for mean in means.values()])) if means else 0.0
     lines = []
@@ -144,7 +152,15 @@ def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Fi
     recording since, worst first.
     """
     seen = (_outlines(result), _parts(result), _joints(result), _cameras(cameras))
-    assessed = [*_changes(changed), _lost(result), *chain(*seen)]
+    return _worst_first([*_changes(changed), _lost(result), *chain(*seen)])
+
+
+def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
+    """As `findings`, without those of a result: of what several people have in common."""
+    return _worst_first([*_changes(changed), *_cameras(cameras)])
+
+
+def _worst_first(assessed: Sequence[Finding]) -> list[Finding]:
     return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
 
 

@@ -88,6 +88,7 @@ def test_the_floor_is_under_the_feet():
     assert floor_height(clip) == 0.0
     raised = replace(clip, root_m=clip.root_m + np.array([0, 0, 0.75]))
     assert floor_height(raised) == pytest.approx(0.75, abs=0.05)
+    assert floor_height(raised, clip) == 0.0  # several stand on one floor
     # Feet are found less well than the world is measured.
     low = replace(clip, root_m=clip.root_m - np.array([0, 0, 0.07]))
     assert floor_height(low) == 0.0

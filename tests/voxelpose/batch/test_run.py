@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from silhouette_core.body.joints import LANDMARK_NAMES
 from tests.other_bodies import TURNED_DEG, write_example_result
 from tests.sources import ring, write_recording
 from voxelpose.batch.batch_tables import write_tables
@@ -93,6 +94,42 @@ def test_tables_hold_what_there_is_of_a_body_that_is_no_persons(desk):
     assert "flips" not in row and "stature_m" not in row and "nan" not in str(row)
     page = (desk / "out" / "index.html").read_text()
     assert "joint_angle_deg 0.5" in page and "stature" not in page
+
+
+def test_several_people_have_a_row_each_and_are_kept(desk):
+    for name in ("dance", "walk"):
+        write_recording(desk / "in" / name, ring(2))
+    truth = [{name: [[0, 0, 1]] * 6 for name in LANDMARK_NAMES}] * 2
+    people = [{"stature": 1.7, "joints": joints} for joints in truth]
+    (desk / "in" / "dance" / "truth.json").write_text(json.dumps({"unit": "m", "people": people}))
+    words = ["in", "--out", "out", "--set", "estimator=standing", "--set", "people=2"]
+    assert run(["batch", *words, "--jobs", "1", "--no-pictures", "--no-report"]) == 0
+    with (desk / "out" / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = [f"{name}/person_{k}" for name in ("dance", "walk") for k in (1, 2)]
+    assert [row["recording"] for row in rows] == names
+    assert [row["frames"] for row in rows[:2]] == ["6 of 6", "4 of 6"]
+    assert all(float(row["root_mm"]) > 100 for row in rows[:2]) and not rows[2]["root_mm"]
+    page = (desk / "out" / "index.html").read_text()
+    assert page.count("<section") == 2 and page.count("<b>dance/person_2</b>") == 1
+    before = (desk / "out" / "dance" / "summary.json").stat().st_mtime_ns
+    jobs = jobs_of([desk / "in"], "fit", {**STANDING, "people": 2})
+    settings = BatchSettings(Path("out"), 1, pictures=False, report=False)
+    dance, walk = run_batch(jobs, settings, lambda outcome, n: None)
+    assert statuses([dance, walk]) == {"dance": "kept", "walk": "kept"}
+    assert (desk / "out" / "dance" / "summary.json").stat().st_mtime_ns == before
+    assert dance.seconds > 0 and dance.verdict.level == "doubtful"
+    assert dance.verdict.reason.startswith("person_1: ")
+
+
+def test_pieces_follow_one_person(desk):
+    write_recording(desk / "in" / "dance", ring(2), 60)
+    (job,) = jobs_of([desk / "in"], "fit", {**STANDING, "people": 2})
+    settings = BatchSettings(desk / "out", 1, pictures=False, report=False, piece_s=1.0)
+    (outcome,) = run_batch([job], settings, lambda outcome, n: None)
+    assert outcome.status == "failed"
+    assert "2 people are seen, and pieces follow one: set people = 1" in outcome.message
+    assert not (desk / "out" / "dance").exists()
 
 
 def test_an_interrupt_says_how_to_go_on(studio, capsys, monkeypatch):

@@ -4,6 +4,7 @@ wrote the file.
 
 import json
 import struct
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,25 @@ class Glb:
         assert json_length % 4 == binary_length % 4 == 0
         self.binary = data[28 + json_length : 28 + json_length + binary_length]
         assert self.document["buffers"][0]["byteLength"] <= binary_length
+
+    def only(self, person: str) -> "Glb":
+        """The file of several people as if it held one of them."""
+        nodes = self.document["nodes"]
+        (top,) = (k for k, node in enumerate(nodes) if node["name"] == person)
+        below = [top]
+        for number in below:
+            below += nodes[number].get("children", ())
+        (body,) = (nodes[number] for number in below if "mesh" in nodes[number])
+        animation = self.document["animations"][0]
+        own = [one for one in animation["channels"] if one["target"]["node"] in below]
+        one = copy(self)
+        one.document = self.document | {
+            "scenes": [{"nodes": [top]}],
+            "animations": [animation | {"channels": own}],
+            "meshes": [self.document["meshes"][body["mesh"]]],
+            "skins": [self.document["skins"][body["skin"]]],
+        }
+        return one
 
     def array(self, number: int) -> np.ndarray:
         accessor = self.document["accessors"][number]

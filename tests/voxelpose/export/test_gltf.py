@@ -59,6 +59,29 @@ def test_left_hand_is_toward_x_of_a_body_that_faces_z(written):
     assert rest[names.index("left_toes"), 2] > 0.05
 
 
+def test_each_of_several_people_is_moved_by_one_animation_on_one_clock(tmp_path):
+    motions = [waving(5), waving(5, 1.6).select(np.arange(2, 5))]
+    write_glb(motions, tmp_path / "motion.glb")
+    file = Glb(tmp_path / "motion.glb")
+    assert len(file.document["animations"]) == 1
+    colours = [
+        material["pbrMetallicRoughness"]["baseColorFactor"]
+        for material in file.document["materials"]
+    ]
+    assert len(colours) == 2 and colours[0] != colours[1]
+    for number, motion in enumerate(motions, 1):
+        own = file.only(f"person_{number}")
+        times_s, _ = own.channels()["pelvis", "rotation"]
+        np.testing.assert_allclose(times_s, motion.time_s, atol=1e-6)
+        rotation, origin = motion.parts()
+        world = own.world_matrices(1)
+        joints = world_from_gltf(np.array([world[name][:3, 3] for name in motion.model.names]))
+        np.testing.assert_allclose(joints, origin[1], atol=2e-6)
+        skin = kinematics.skin(motion.model, rotation[1], origin[1])
+        np.testing.assert_allclose(world_from_gltf(own.skinned(1)), skin, atol=5e-6)
+    assert len(trimesh.load(tmp_path / "motion.glb").geometry) == 2
+
+
 def test_quaternions_are_unit_and_take_the_short_way(written):
     spun = (
         np.radians(np.linspace(0, 700, 12)) / 2

@@ -17,6 +17,7 @@ from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
+from voxelpose.people_marks import COLOURS
 from voxelpose.reliability import verdict_of
 from voxelpose.report.charts import TimeChart, time_chart
 from voxelpose.report.verdict import check_cameras
@@ -138,6 +139,31 @@ def test_a_camera_that_was_moved_stands_out(desk):
     moved = check_cameras(ResultScenes("out"))
     assert [line.camera for line in moved.lines if line.apart] == ["cam_1"]
     assert "cam_1" in moved.summary
+
+
+def test_one_page_about_several_people(couple):
+    assert run(["report", "couple"]) == 0
+    text = (couple / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert len(page.ids) == len(set(page.ids))
+    sections = ("overview", "findings", "sheet", "person_1", "person_2", "cameras", "timings")
+    assert [name for name in page.ids if name in (*SECTIONS, *sections)] == [
+        *sections,
+        *("settings", "words"),
+    ]
+    targets = {reference[1:] for reference in page.references if reference.startswith("#")}
+    assert targets <= set(page.ids)
+    for name, colour in zip(("person_1", "person_2"), COLOURS, strict=False):
+        dot = f"background:#{colour[0]:02x}{colour[1]:02x}{colour[2]:02x}"
+        assert f'<h2 id="{name}"><span class="dot" style="{dot}"></span> Person' in text
+    words = re.sub("<[^>]*>", "", text)
+    assert "doubtful: person 1: its estimator states no errors" in words
+    assert "Person 2: doubtful: 2 of 5 frames have no pose" in words
+    assert text.count("data:image/webp") == 5 + 1  # drawn, of all frames
+    assert "<td>../dance</td>" in text  # from the page's own folder
+    check = check_cameras(ResultScenes("couple"))
+    assert [line.moments for line in check.lines] == [3, 3, 3]  # at which both have a pose
+    assert all(line.overlap > 0.9 and not line.apart for line in check.lines)
 
 
 def test_a_gap_interrupts_a_curve_and_the_label_has_the_range():

@@ -44,14 +44,14 @@ def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(fitted):
         f"cam_{k + 1}" for k in range(CAMERAS)
     ]
     for camera_frame in scene.camera_frames:
-        pixels, _ = camera_frame.camera.project(scene.body.joints_m)
+        pixels, _ = camera_frame.camera.project(scene.bodies[0].joints_m)
         columns, rows = np.rint(pixels).astype(int).T
         # The pose lies in the silhouettes, so frames are not mixed up.
         assert camera_frame.mask[rows, columns].mean() > 0.85
         red, mask = camera_frame.picture[..., 0], camera_frame.mask
         assert red[mask].mean() > red[~mask].mean() + 80  # the person is red in RGB
     hull = scene.hull
-    joints = voxels_at(hull.grid, scene.body.joints_m)
+    joints = voxels_at(hull.grid, scene.bodies[0].joints_m)
     assert hull.occupancy[tuple(joints.T)].mean() > 0.85
     assert len(hull.distance_m) == len(hull.unexplained_m) < np.count_nonzero(hull.occupancy)
     assert (
@@ -76,7 +76,7 @@ def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
     scenes = ResultScenes("out", voxel_size_m=0.04)
     scene = scenes.scene(0)
     assert (
-        scene.body is None
+        scene.bodies == (None,)
         and scene.hull.occupancy.any()
         and scene.notes == ("no pose was found in this frame",)
     )
@@ -97,7 +97,7 @@ def test_a_missing_recording(fitted):
     shutil.rmtree("walk")
     scenes = ResultScenes("out")
     scene = scenes.scene(1)
-    assert scene.hull is None and scene.body is not None and scene.camera_frames[0].picture is None
+    assert scene.hull is None and scene.is_posed and scene.camera_frames[0].picture is None
     assert "say where with --recording" in frame_html(scene)
     assert scenes.areas(1) == {} and camera_picture(scene.camera_frames[0], "both") is None
 
@@ -120,7 +120,7 @@ def test_a_recording_alone(fitted):
     scenes = ResultScenes("walk", voxel_size_m=0.04)
     scene = scenes.scene(1)
     assert (
-        scene.body is None
+        scene.bodies == ()
         and scene.hull.occupancy.any()
         and not scene.notes
         and len(scenes.frames) == FRAMES
@@ -232,8 +232,8 @@ def test_scenes_pictures_and_film_of_a_body_that_is_no_persons(desk, name):
     _, motion = write_example_result(desk, name, pictures=False)
     scenes = ResultScenes(f"{name}_fit", voxel_size_m=0.04)
     scene, model = scenes.scene(2), motion.model
-    assert scene.body.part_names == model.names
-    assert len(scene.body.bones) == len(model.tree.landmark_bones)
+    assert scene.bodies[0].part_names == model.names
+    assert len(scene.bodies[0].bones) == len(model.tree.landmark_bones)
     areas = scenes.areas(2)
     assert scenes.limb_names and set(scenes.limb_names) <= set(model.names)
     assert areas and set(areas) <= set(scenes.limb_names)

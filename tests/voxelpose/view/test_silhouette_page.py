@@ -11,7 +11,6 @@ import pytest
 
 from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.image.silhouettes import UndistortedView, as_recorded
-from silhouette_core.motion import kinematics
 from tests.browsing import drawing, new_page
 from tests.clips import waving
 from tests.sources import ring, write_staged
@@ -59,10 +58,8 @@ class Told:
 
 def bodies_of(scenes, frame) -> dict:
     """The silhouettes (h, w) bool of the fitted body by camera name."""
-    motion, row = scenes.motion, scenes.row(frame)
-    rotation, origin = motion.parts()
-    skin = kinematics.skin(motion.model, rotation[row], origin[row])
-    return {camera.name: body_parts(motion.model, skin, camera) > 0 for camera in scenes.rig}
+    model, (body,) = scenes.motions[0].model, scenes.bodies(frame)
+    return {camera.name: body_parts(model, body.vertices_m, camera) > 0 for camera in scenes.rig}
 
 
 def asked(page, **what) -> dict:

@@ -159,12 +159,24 @@ class HullObserver:
             near_m: (3,) where the body was last; of several hulls the one there is used. None: the
                 largest.
         """
+        return self.observe_people(masks, [near_m])
+
+    def observe_people(
+        self, masks: list[np.ndarray], places_m: Sequence[np.ndarray | None]
+    ) -> FrameObservation | None:
+        """The bodies at several places of a frame, as of `observe`, as one."""
         components = self.components(masks)
-        body = self.body(components, near_m)
-        if body is None:
+        bodies = [self.body(components, near_m) for near_m in places_m]
+        bodies = [body for body in bodies if body is not None]
+        if not bodies:
             return None
-        grid = self.window(components, body)
-        return self.select(*self.carve(masks, grid), grid, near_m)
+        grid = self.window(components, *bodies)
+        carved = self.carve(masks, grid)
+        found = [self.select(*carved, grid, near_m) for near_m in places_m]
+        found = [one for one in found if one is not None]
+        if len(found) < 2:
+            return found[0] if found else None
+        return replace(found[0], occupancy=np.any([one.occupancy for one in found], axis=0))
 
     def components(self, masks: list[np.ndarray]) -> np.ndarray:
         """Rows (n,) of dtype `COMPONENT` of the coarse hull of the whole volume."""
@@ -197,9 +209,10 @@ class HullObserver:
         best = int(weight.argmax())
         return best if components["volume_m3"][best] >= CARVING.smallest_m3 else None
 
-    def window(self, components: np.ndarray, body: int) -> VoxelGrid:
-        """Fine grid around one component of the coarse hull."""
-        low, high = components["bounds_m"][body]
+    def window(self, components: np.ndarray, *bodies: int) -> VoxelGrid:
+        """Fine grid around one component of the coarse hull, or some."""
+        bounds = components["bounds_m"][[*bodies]]
+        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
         return VoxelGrid.from_bounds(
             low - 2 * CARVING.coarse_m, high + 2 * CARVING.coarse_m, self.voxel_size_m
         )

@@ -1,4 +1,25 @@
 """Several people: where they are, whose pixels are whose, and each followed beside the others."""
 
+from calib.errors import InputError
+
 MOST_PEOPLE = 6
 """People that are looked for where their number is not told, and that may be told."""
+
+
+def number_of_people(text: str, setting: str = "--people {}") -> int | None:
+    """Number of people as a setting tells it; None: as many as are seen.
+
+    Args:
+        setting: how it is given, with {} in its place, for messages.
+
+    Raises:
+        InputError: it is no number of people.
+    """
+    if text == "auto":
+        return None
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_PEOPLE:
+        raise InputError(
+            f"{setting.format(text)} is no number of people that are followed: give 1 to"
+            f" {MOST_PEOPLE}, or auto"
+        )
+    return int(text)

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from voxelpose.people_marks import COLOURS
+
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
@@ -13,10 +15,7 @@ Colour = tuple[int, int, int]
 LEFT: Colour = (255, 158, 58)
 RIGHT: Colour = (38, 130, 255)
 MIDDLE: Colour = (196, 214, 110)
-PEOPLE: tuple[Colour, ...] = (
-    *((66, 200, 255), (230, 120, 220), (120, 210, 90)),
-    *((255, 200, 90), (110, 110, 250), (200, 200, 200)),
-)
+PEOPLE: tuple[Colour, ...] = tuple((blue, green, red) for red, green, blue in COLOURS)
 """Of several people, one after the other."""
 PAPER: Colour = (30, 25, 22)
 INK: Colour = (240, 236, 232)

@@ -16,7 +16,15 @@ from silhouette_core.motion import kinematics
 from silhouette_core.progress import Reporter
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
-from voxelpose.view.images.canvas import FAINT, Image, png, text_width, write_text
+from voxelpose.view.images.canvas import (
+    FAINT,
+    PEOPLE,
+    Colour,
+    Image,
+    png,
+    text_width,
+    write_text,
+)
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d
@@ -54,10 +62,13 @@ _BENT_DEG = {
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints (J, 3) m, world, not drawn where NaN, and numbers (B, 2) of the bones' ends."""
+    """Joints (J, 3) m, world, not drawn where NaN, numbers (B, 2) of the bones' ends, and the
+    bones' colours, BGR; none: all are red.
+    """
 
     joints_m: NDArray[np.float64]
     bones: NDArray[np.integer]
+    colours: tuple[Colour, ...] = ()
 
 
 def hull_picture(
@@ -115,8 +126,8 @@ def shaded_view(
         joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
         pixels = joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]
         pixels = np.rint(np.nan_to_num(pixels)).astype(int).tolist()
-        for a, b in _drawn(skeleton):
-            cv2.line(picture, pixels[a], pixels[b], _BONE, 2, cv2.LINE_AA)
+        for (a, b), colour in _drawn(skeleton):
+            cv2.line(picture, pixels[a], pixels[b], colour, 2, cv2.LINE_AA)
     return picture
 
 
@@ -137,21 +148,25 @@ def show_hull(
         shown = [mesh]
     else:
         # A closed surface would occlude the lines: it is drawn as a net.
+        drawn = _drawn(skeleton)
         lines = open3d.geometry.LineSet(
             open3d.utility.Vector3dVector(np.nan_to_num(skeleton.joints_m)),
-            open3d.utility.Vector2iVector(_drawn(skeleton)),
+            open3d.utility.Vector2iVector(np.reshape([ends for ends, _ in drawn], (-1, 2))),
         )
-        lines.paint_uniform_color(np.array(_BONE[::-1]) / 255)
+        colours = np.reshape([colour[::-1] for _, colour in drawn], (-1, 3)) / 255
+        lines.colors = open3d.utility.Vector3dVector(colours)
         net = open3d.geometry.LineSet.create_from_triangle_mesh(mesh)
         net.paint_uniform_color(_SKIN[::-1] / 255)
         shown = [net, lines]
     open3d.visualization.draw_geometries(shown, window_name=title)
 
 
-def _drawn(skeleton: Skeleton) -> NDArray[np.integer]:
-    """Bones (B, 2) both of whose ends are known."""
+def _drawn(skeleton: Skeleton) -> list[tuple[tuple[int, int], Colour]]:
+    """Bones both of whose ends are known, and their colours."""
     known = np.isfinite(skeleton.joints_m.sum(axis=1))
-    return skeleton.bones[np.logical_and(known[skeleton.bones[:, 0]], known[skeleton.bones[:, 1]])]
+    colours = skeleton.colours or (_BONE,) * len(skeleton.bones)
+    bones = zip(skeleton.bones.tolist(), colours, strict=True)
+    return [((a, b), colour) for (a, b), colour in bones if known[a] and known[b]]
 
 
 def _shade(
@@ -181,10 +196,20 @@ def hull_of(scene: Scene) -> CarvedHull:
 
 
 def skeleton_of(scene: Scene) -> Skeleton | None:
-    """The fitted skeleton of a scene; None where there is no pose."""
-    if scene.body is None:
+    """The fitted skeletons of a scene as one, of several people in their colours; None where there
+    is no pose.
+    """
+    joints, bones, colours, count = [], [], [], 0
+    for k, body in enumerate(scene.bodies):
+        if body is not None:
+            joints.append(body.joints_m)
+            bones.append(count + bone_ends(body.bones))
+            colours += [PEOPLE[k % len(PEOPLE)]] * len(body.bones)
+            count += len(body.joints_m)
+    if not joints:
         return None
-    return Skeleton(scene.body.joints_m, bone_ends(scene.body.bones))
+    many = len(scene.bodies) > 1
+    return Skeleton(np.concatenate(joints), np.concatenate(bones), tuple(colours) if many else ())
 
 
 def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
@@ -198,19 +223,22 @@ def write_picture(scenes: ResultScenes, frame: int, path: Path) -> float:
 
 
 def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
-    """Writes hull and skeleton of all frames, from three sides that follow the person, as WebM;
+    """Writes hull and skeleton of all frames, from three sides that follow one person, as WebM;
     returns the number of frames written: those without a hull are left out. InputError where there
     is nothing to show, or the file cannot be written.
     """
-    motion = scenes.motion
-    if motion is None:
+    motions, one = scenes.motions, scenes.motions[0] if len(scenes.motions) == 1 else None
+    if not motions:
         raise InputError(
             f"{scenes.title} is a recording without a fit: --video wants a result; --png shows one"
             " frame's hull"
         )
-    reach = motion.landmarks() - motion.root_m[:, None]
+    reach = [motion.landmarks() for motion in motions]
+    if one is not None:
+        reach[0] -= one.root_m[:, None]
     margin_m = 0.12  # around the joints: flesh, and the excess of the hull
-    low, high = reach.min((0, 1)) - margin_m, reach.max((0, 1)) + margin_m
+    low = np.min([points.min((0, 1)) for points in reach], axis=0) - margin_m
+    high = np.max([points.max((0, 1)) for points in reach], axis=0) + margin_m
     if path.suffix != ".webm":
         raise InputError(f"{path} must end in .webm: that is the format of the video")
     sides = (-90, -30, 30)
@@ -221,7 +249,9 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
             for frame in scenes.frames.tolist():
                 scene = scenes.scene(frame)
                 if scene.hull is not None:
-                    middle = motion.root_m[np.abs(motion.frames - frame).argmin()]
+                    middle = np.zeros(3)
+                    if one is not None:
+                        middle = one.root_m[np.abs(one.frames - frame).argmin()]
                     box_m, hull = (middle + low, middle + high), scene.hull
                     picture = hull_picture(
                         hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m

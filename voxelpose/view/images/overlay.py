@@ -24,7 +24,7 @@ from silhouette_core.image.plausibility import ImplausibleSilhouettesError, tell
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.jit import cores
 from silhouette_core.motion import kinematics
-from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion import Motion, posed_times
 from silhouette_core.progress import Reporter
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images import canvas
@@ -50,9 +50,7 @@ class _Motions:
         self.models = [motion.model for motion in motions]
         self._parts = [motion.parts() for motion in motions]
         self._rows = [{int(f): row for row, f in enumerate(motion.frames)} for motion in motions]
-        times = [zip(one.frames.tolist(), one.time_s.tolist(), strict=True) for one in motions]
-        #: time, s, of every frame in which somebody has a pose
-        self.time_s = dict(sorted({frame: at for own in times for frame, at in own}.items()))
+        self.time_s = posed_times(motions)
 
     def poses(self, frame: int) -> list[PartPoses | None]:
         """Everybody's pose in a frame."""

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.errors import InputError
+from voxelpose.people_marks import person_names
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
 from voxelpose.view.viewer.legend import area_text, display_name, legend_html, text_html
@@ -28,7 +29,12 @@ class Browser:
         scenes are closed with it. InputError where the address cannot be used.
         """
         self.scenes = scenes
-        self.choice = Choice(int(np.flatnonzero(scenes.frames == frame)[0]))
+        count = len(scenes.motions)
+        self._people = person_names(count) if count > 1 else []
+        self.choice = Choice(
+            int(np.flatnonzero(scenes.frames == frame)[0]),
+            shown=frozenset({*LAYERS, *self._people}),
+        )
         self._drawn: Choice | None = None
         self._wake = threading.Event()
         self._wake.set()
@@ -37,8 +43,8 @@ class Browser:
         beside = None if self._silhouettes is None else self._silhouettes.answers
         self._page = PageServer(address, f"{scenes.name} – voxelpose view", beside)
         self.server, self.url = self._page.viser, self._page.url
-        model = None if scenes.motion is None else scenes.motion.model
-        self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, model)
+        models = [motion.model for motion in scenes.motions]
+        self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, models)
         self._make_panel()
         self._set_up_view()
 
@@ -97,7 +103,7 @@ class Browser:
         self._wake.set()
 
     def _make_panel(self) -> None:
-        gui, frames, fitted = self.server.gui, self.scenes.frames, self.scenes.motion is not None
+        gui, frames, fitted = self.server.gui, self.scenes.frames, bool(self.scenes.motions)
         first, last = int(frames[0]), int(frames[-1])
         shown, single = int(frames[self.choice.row]), last == first
         with gui.add_folder("Time"):
@@ -121,13 +127,15 @@ class Browser:
                 if name == "hypotheses":
                     available = self.scenes.has_hypotheses
                 self._add_layer(name, label, available)
+            for name in self._people:
+                self._add_layer(name, display_name(name).capitalize(), available=True)
         parts = {display_name(name): name for name in self.scenes.limb_names}
-        with gui.add_folder("Where could a part be?", visible=fitted):
+        with gui.add_folder("Where could a part be?", visible=bool(parts)):
             part = gui.add_dropdown("Part", (_NO_PART, *parts))
             part.on_update(lambda _: self._choose(part=parts.get(part.value)))
             self._area = gui.add_markdown(area_text(None, {}))
         with gui.add_folder("Colours"):
-            gui.add_html(legend_html(self.scenes.has_hypotheses))
+            gui.add_html(legend_html(self.scenes.has_hypotheses, len(self._people)))
 
     def _add_layer(self, name: str, label: str, available: bool) -> None:
         box = self.server.gui.add_checkbox(label, True, visible=available)
@@ -140,17 +148,19 @@ class Browser:
 
     def _set_up_view(self) -> None:
         """Adds lights and a floor, and puts the viewpoint beside the first camera."""
-        motion = self.scenes.motion
+        motions = self.scenes.motions
         centers = np.array([camera.center_m for camera in self.scenes.rig])
-        if motion is None:
+        if not motions:
             middle, floor, size = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 0.0, 1.0
         else:
-            middle = np.median(motion.root_m, axis=0)
+            roots = np.concatenate([motion.root_m for motion in motions])
+            middle, motion = np.median(roots, axis=0), motions[0]
             person = motion.model.person
             # Hips are at 0.54 of the stature.
             floor = motion.floor_m if person is None else middle[2] - 0.54 * person.stature_m
             # A person of 1.75 m is seen from 3.2 m, other bodies from as many times their extent.
             floor, size = float(floor), motion.model.extent_m / 1.75
+            size += 0.4 * float(np.ptp(roots[:, :2], axis=0).max()) if self._people else 0.0
         self.server.scene.set_up_direction("+z")
         # Reflections and shadows cost more than they show.
         self.server.scene.configure_default_lights(cast_shadow=False)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.people_marks import COLOURS, person_names
 from voxelpose.view.images.canvas import Colour
 
 # RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
@@ -44,16 +45,27 @@ def display_name(part: str) -> str:
     return part.replace("_", " ")
 
 
-def legend_html(with_hypotheses: bool) -> str:
-    """Legend of the colours, as HTML."""
-    ramp = ", ".join(_css(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
+def person_colour(number: int) -> Colour:
+    """Colour, RGB, of one of several people, counted from 0."""
+    return COLOURS[number % len(COLOURS)]
+
+
+def legend_html(with_hypotheses: bool, people: int = 1) -> str:
+    """Legend of the colours, as HTML; several people have one each, and parts none."""
+    ramp = ", ".join(css_colour(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
     rows = [
         (HULL, "carved voxels: where all silhouettes allow a body"),
         (UNEXPLAINED, f"voxels that no part explains, {FAR}"),
-        (AREA, "where the chosen part could be (its movable area)"),
-        (DISPUTED, "where another part could be, too: they are matched together"),
-        (UNKNOWN, "part too small to be measured"),
     ]
+    if people > 1:
+        names = map(display_name, person_names(people))
+        rows += [(person_colour(k), name) for k, name in enumerate(names)]
+    else:
+        rows += [
+            (AREA, "where the chosen part could be (its movable area)"),
+            (DISPUTED, "where another part could be, too: they are matched together"),
+            (UNKNOWN, "part too small to be measured"),
+        ]
     if with_hypotheses:
         words = "other poses that the camera leaves open; the fainter, the less likely"
         rows.append((HYPOTHESIS, words))
@@ -61,7 +73,9 @@ def legend_html(with_hypotheses: bool) -> str:
         '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;'
         'background:{};margin-right:0.5em"></span>'
     )
-    lines = "".join(f"<div>{swatch.format(_css(colour))}{words}</div>" for colour, words in rows)
+    lines = "".join(
+        f"<div>{swatch.format(css_colour(colour))}{words}</div>" for colour, words in rows
+    )
     bar = (
         '<div style="height:0.8em;border-radius:0.2em;background:linear-gradient(90deg,'
         f' {ramp})"></div>'
@@ -70,10 +84,9 @@ def legend_html(with_hypotheses: bool) -> str:
         '<div style="display:flex;justify-content:space-between">'
         "<span>0 %</span><span>50</span><span>100 %</span></div>"
     )
-    return (
-        '<div style="padding:0 0.8em 0.6em;font-size:0.8em;line-height:1.6"><b>Part inside the'
-        f" hull</b>{bar}{ends}{lines}</div>"
-    )
+    parts = "" if people > 1 else f"<b>Part inside the hull</b>{bar}{ends}"
+    style = "padding:0 0.8em 0.6em;font-size:0.8em;line-height:1.6"
+    return f'<div style="{style}">{parts}{lines}</div>'
 
 
 def text_html(lines: Sequence[str]) -> str:
@@ -105,5 +118,6 @@ def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
     )
 
 
-def _css(colour: Colour | NDArray[np.uint8]) -> str:
+def css_colour(colour: Colour | NDArray[np.uint8]) -> str:
+    """A colour, RGB, as pages write it."""
     return "#{:02x}{:02x}{:02x}".format(*(int(v) for v in colour))

@@ -1,6 +1,6 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion import kinematics
-from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion import Motion, posed_times
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
@@ -27,10 +27,12 @@ from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
+from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording, open_readers
 from voxelpose.recording.input_digests import changes_since
-from voxelpose.results import Result, is_result
-from voxelpose.view.images.figure import skeleton_bones, skeleton_joints
+from voxelpose.results import Result, is_result, open_people
+from voxelpose.view.images.figure import PartPoses, skeleton_bones, skeleton_joints
+from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
 _KEPT = 24  # frames whose scenes stay in memory
@@ -38,7 +40,7 @@ _DEFAULT_FPS = 25
 
 
 class FittedBody:
-    """Skin, skeleton and volume of a motion's body."""
+    """Skin, skeleton and volume of one motion's body."""
 
     def __init__(self, motion: Motion, voxel_size_m: float) -> None:
         """Fills the body, one point per voxel of the given size."""
@@ -49,7 +51,7 @@ class FittedBody:
     def state(self, row: int) -> BodyState:
         """The body in a row of the motion."""
         model, quality = self.motion.model, self.motion.quality
-        placed = [array[row] for array in self._parts]
+        placed = self.parts(row)
         overlap = quality.get("part_overlap")
         agreement = quality.get("outline_agreement")
         return BodyState(
@@ -61,6 +63,11 @@ class FittedBody:
             None if agreement is None else float(agreement[row]),
         )
 
+    def parts(self, row: int) -> PartPoses:
+        """Where the parts are in a row of the motion."""
+        rotation, origin = self._parts
+        return rotation[row], origin[row]
+
     def pose(self, row: int) -> Pose:
         """The pose in a row of the motion."""
         motion = self.motion
@@ -69,14 +76,14 @@ class FittedBody:
 
     def points(self, row: int) -> NDArray[np.float64]:
         """Points (n, 3), metres, that fill the body in a row of the motion."""
-        placed = zip(self.volume.part_points, *(array[row] for array in self._parts), strict=True)
+        placed = zip(self.volume.part_points, *self.parts(row), strict=True)
         return np.concatenate(
             [points @ rotation.T + origin for points, rotation, origin in placed if len(points)]
         )
 
 
 class ResultScenes:
-    """Scenes of a result, or of a recording alone."""
+    """Scenes of a result, of one person or several, or of a recording alone."""
 
     def __init__(
         self,
@@ -93,19 +100,21 @@ class ResultScenes:
         self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
         self.missing = self.changed = ""  # why the recording is, and what did since the fit
-        self.motion = None  # the poses; None for a recording alone
+        self.motions: tuple[Motion, ...] = ()  # everybody's poses; none for a recording alone
         settings: Mapping[str, Any] = {}
         self.facts: Mapping[str, Any] = {}  # what the fit noted in summary.json
         self._hypotheses: Mapping[int, tuple[Hypothesis, ...]] = {}
         if is_result(folder):
-            result = Result.open(folder)
+            results = open_people(folder)  # who have the cameras and the frames in common
+            result = results[0]
             settings, self.facts = result.settings, result.summary["facts"]  # type: ignore[assignment]
-            frame, self.motion = result.motion.upright_frame, result.motion.upright()
+            frame = result.motion.upright_frame
+            self.motions = tuple(one.motion.upright() for one in results)
             self.rig, self.fps = frame.rig(result.rig), result.motion.fps
-            tree = self.motion.model.tree
+            tree = result.motion.model.tree
             self._hypotheses = {
                 number: tuple(replace(pose, joints_m=frame.points(pose.joints_m)) for pose in poses)
-                for number, poses in read_hypotheses(folder / HYPOTHESES, tree).items()
+                for number, poses in read_hypotheses(result.folder / HYPOTHESES, tree).items()
             }
             self._reopen(result, recording, unit)
         else:
@@ -127,13 +136,17 @@ class ResultScenes:
             segmenter = settings.get("segmenter")
             self.reader = CameraFrames(self.recording, self.background, self.lenses, segmenter)
         self._cameras = tuple(view.pinhole for view in self.lenses.values())
-        self._fitted = None if self.motion is None else FittedBody(self.motion, self.voxel_size_m)
+        self._fitted = [FittedBody(motion, self.voxel_size_m) for motion in self.motions]
+        #: time, s, of every frame in which somebody has a pose
+        self.time_s = posed_times(self.motions)
         unknown = self.reader.unknown if self.reader else None
         self.views = PinholeViews.from_rig(Rig(self._cameras), unknown)
         tolerance = int(options.get("tolerance", 0))
         self.rule = body_rule(len(self.rig), tolerance, self.views.partly_unknown)
-        limbs = () if self._fitted is None else self._fitted.volume.limbs[1:]
-        self.limb_names = tuple(limb.name for limb in limbs)  # of those that have a movable area
+        # Of those that have a movable area; none of several people, whose hulls touch.
+        self.limb_names: tuple[str, ...] = ()
+        if len(self._fitted) == 1:
+            self.limb_names = tuple(limb.name for limb in self._fitted[0].volume.limbs[1:])
         self.has_hypotheses = bool(self._hypotheses)  # of a monocular track
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
@@ -146,26 +159,33 @@ class ResultScenes:
         """Pictures and silhouettes of a frame, without carving."""
         return self.reader.read(frame) if self.reader else tuple(map(CameraFrame, self._cameras))
 
-    def body(self, frame: int) -> BodyState | None:
-        """The fitted body of a frame; None where it was not found."""
-        row = self.row(frame)
-        return None if row is None or self._fitted is None else self._fitted.state(row)
+    def bodies(self, frame: int) -> tuple[BodyState | None, ...]:
+        """The fitted bodies of a frame; None where one was not found."""
+        return tuple(found and found[0].state(found[1]) for found in self._found(frame))
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
-        """Movable areas of a frame by the name of the limb's first part; none without a hull. The
-        limbs above are as in the pose. Source: Iiyama, Kameda and Minoh, section 3.
+        """Movable areas of a frame by the name of the limb's first part; none without a hull, or of
+        several people. The limbs above are as in the pose.
+
+        Source: Iiyama, Kameda and Minoh, section 3.
         """
         return self._areas(frame)
 
-    def pose(self, frame: int) -> Pose | None:
-        """The fitted pose of a frame; None where it was not found."""
-        row = self.row(frame)
-        return None if row is None or self._fitted is None else self._fitted.pose(row)
+    def poses(self, frame: int) -> list[Pose | None]:
+        """The fitted poses of a frame; None where one was not found."""
+        return [found and found[0].pose(found[1]) for found in self._found(frame)]
 
-    def row(self, frame: int) -> int | None:
-        """Row of the motion that holds a frame, or None."""
-        rows = [] if self.motion is None else np.flatnonzero(self.motion.frames == frame).tolist()
-        return rows[0] if rows else None
+    def part_poses(self, frame: int) -> list[PartPoses | None]:
+        """Where the parts of the fitted bodies are in a frame; None where one was not found."""
+        return [found and found[0].parts(found[1]) for found in self._found(frame)]
+
+    def _found(self, frame: int) -> list[tuple[FittedBody, int] | None]:
+        """The fitted bodies with the rows of their motions that hold a frame."""
+        found: list[tuple[FittedBody, int] | None] = []
+        for fitted in self._fitted:
+            rows = np.flatnonzero(fitted.motion.frames == frame).tolist()
+            found.append((fitted, rows[0]) if rows else None)
+        return found
 
     def close(self) -> None:
         """Stops reading."""
@@ -199,39 +219,46 @@ class ResultScenes:
 
     def _make_scene(self, frame: int) -> tuple[Scene, FrameObservation | None]:
         notes = [words for words in (self.missing, self.changed) if words]
-        camera_frames, row = self.camera_frames(frame), self.row(frame)
-        if self.motion is not None and row is None:
+        camera_frames, found = self.camera_frames(frame), self._found(frame)
+        posed = [one for one in found if one is not None]
+        if self.motions and not posed:
             notes.append("no pose was found in this frame")
+        elif len(posed) < len(found):
+            names = zip(person_names(len(found)), found, strict=True)
+            lost = [display_name(name) for name, one in names if one is None]
+            notes.append(f"no pose of {', '.join(lost)} was found in this frame")
         if self.recording is not None and frame not in self.recording.numbers:
             notes.append("a camera lost this frame: the one before is shown")
         for one in camera_frames:
             if one.unknown is not None and one.unknown.any():
                 share = 100 * one.unknown.mean()
                 notes.append(f"{share:.0f} % of {one.camera.name} is marked as unknown")
-        observation = self._observe(camera_frames, row, notes)
-        hull = None if observation is None else self._hull(observation, row)
-        time_s = frame / self.fps
-        if self.motion is not None and row is not None:
-            time_s = float(self.motion.time_s[row])
+        observation = self._observe(camera_frames, posed, notes)
+        hull = None if observation is None else _hull(observation, posed)
+        time_s = self.time_s.get(frame, frame / self.fps)
         hypotheses = self._hypotheses.get(frame, ())
         scene = Scene(
-            frame, time_s, camera_frames, hull, self.body(frame), hypotheses, tuple(notes)
+            frame, time_s, camera_frames, hull, self.bodies(frame), hypotheses, tuple(notes)
         )
         return scene, observation
 
     def _observe(
-        self, camera_frames: tuple[CameraFrame, ...], row: int | None, notes: list[str]
+        self,
+        camera_frames: tuple[CameraFrame, ...],
+        posed: Sequence[tuple[FittedBody, int]],
+        notes: list[str],
     ) -> FrameObservation | None:
         """Observation of a frame, carved as by the multi-view estimator; if none, notes why."""
         masks = [frame.mask for frame in camera_frames if frame.mask is not None]
         if len(self.rig) < 2:
             notes.append("one camera leaves no voxels to carve")
         elif masks:
-            near_m = None if row is None or self.motion is None else self.motion.root_m[row]
+            places_m = [fitted.motion.root_m[row] for fitted, row in posed] or [None]
             try:
                 at = self.volume(masks), self.voxel_size_m, self.rule
                 observer = HullObserver(self.views, *at)
-                observation = observer.observe(self.views.without_unknown(masks), near_m)
+                seen = self.views.without_unknown(masks)
+                observation = observer.observe_people(seen, places_m)
             except InputError as error:
                 notes.append(str(error))
             else:
@@ -241,35 +268,42 @@ class ResultScenes:
         return None
 
     def volume(self, masks: list[NDArray[np.bool_]]) -> VoxelGrid:
-        """Where the body may be: around the motion, or around silhouettes (h, w) bool, one per
+        """Where bodies may be: around the motions, or around silhouettes (h, w) bool, one per
         camera, where there is none.
         """
         coarse_m = 2 * self.voxel_size_m
-        if self.motion is None:
+        if not self.motions:
             unknown = self.views.unknown
             return place_grid(self.views.rig, masks, coarse_m, rule=self.rule, unknown=unknown)
-        root = self.motion.root_m
+        root = np.concatenate([motion.root_m for motion in self.motions])
         reach_m = 1.3  # of a body from its root: an arm's length above the head
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
 
-    def _hull(self, observation: FrameObservation, row: int | None) -> CarvedHull:
-        """Surface of an observed hull, and the voxels that the body of a row leaves unexplained."""
-        grid, occupancy = observation.grid, observation.occupancy
-        vertices, faces = surface(*grid.cropped(occupancy))
-        unexplained, distance = np.zeros((0, 3)), np.zeros(0)
-        if row is not None and self._fitted is not None:
-            quality = assess(self._fitted.volume, self._fitted.pose(row), observation)
-            unexplained = grid.centres(quality.unexplained_voxels)
-            distance = np.asarray(KDTree(self._fitted.points(row)).query(unexplained)[0], float)
-        return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
-
     def _make_areas(self, frame: int) -> dict[str, LimbArea]:
-        observation, row = self._observed_scene(frame)[1], self.row(frame)
-        if observation is None or row is None or self._fitted is None:
+        observation, found = self._observed_scene(frame)[1], self._found(frame)
+        if observation is None or len(found) != 1 or found[0] is None:
             return {}
-        hull = observation.grid, observation.occupancy
-        areas = movable_areas(self._fitted.volume, *hull, self._fitted.pose(row))
+        (fitted, row), hull = found[0], (observation.grid, observation.occupancy)
+        areas = movable_areas(fitted.volume, *hull, fitted.pose(row))
         return {area.limb.name: area for area in areas}
+
+
+def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]) -> CarvedHull:
+    """Surface of an observed hull, and the voxels that bodies in rows leave unexplained."""
+    grid, occupancy = observation.grid, observation.occupancy
+    vertices, faces = surface(*grid.cropped(occupancy))
+    unexplained, distance = np.zeros((0, 3)), np.zeros(0)
+    if posed:
+        free = occupancy.copy()
+        for fitted, row in posed:
+            own = np.zeros_like(free)
+            quality = assess(fitted.volume, fitted.pose(row), observation)
+            own[tuple(quality.unexplained_voxels.T)] = True
+            free &= own
+        unexplained = grid.centres(np.argwhere(free))
+        points = np.concatenate([fitted.points(row) for fitted, row in posed])
+        distance = np.asarray(KDTree(points).query(unexplained)[0], float)
+    return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
 
 
 def _open_recording(

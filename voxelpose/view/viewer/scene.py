@@ -1,6 +1,6 @@
 """Contents of one frame of a result, its cameras' pictures, and their drawing with viser."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -21,6 +21,7 @@ from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
+from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.tuning import REPORT
@@ -95,10 +96,16 @@ class Scene:
     time_s: float  # its time, seconds
     camera_frames: tuple[CameraFrame, ...]
     hull: CarvedHull | None  # None without silhouettes of two cameras
-    body: BodyState | None  # None where no pose was found
+    # Of everybody that was fitted; None where no pose was found.
+    bodies: tuple[BodyState | None, ...]
     # Other poses that one camera leaves open, the likeliest first.
     hypotheses: tuple[Hypothesis, ...]
     notes: tuple[str, ...]  # what is missing, in words
+
+    @property
+    def is_posed(self) -> bool:
+        """Whether somebody has a pose."""
+        return any(body is not None for body in self.bodies)
 
 
 _NOTHING = np.zeros((0, 3))
@@ -107,23 +114,13 @@ _NOTHING = np.zeros((0, 3))
 def frame_html(scene: Scene) -> str:
     """Description of a frame, as HTML; texts from files are escaped."""
     lines = [f"Frame {scene.frame}, {scene.time_s:.2f} s"]
-    if scene.body is not None:
-        agreement = scene.body.outline_agreement
-        if agreement is not None and np.isfinite(agreement):
-            lines.append(
-                f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
-                " silhouettes."
-            )
-        weak = [
-            legend.display_name(name)
-            for name, overlap in zip(scene.body.part_names, scene.body.overlap, strict=True)
-            if overlap < REPORT.covered
-        ]
-        if weak:
-            lines.append(f"Little inside the hull: {', '.join(weak)}.")
+    names = person_names(len(scene.bodies)) if len(scene.bodies) > 1 else [""]
+    for name, body in zip(names, scene.bodies, strict=False):
+        whose = f"{legend.display_name(name).capitalize()}: " if name else ""
+        lines += [whose + words for words in _body_words(body)]
     if scene.hull is not None:
         lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
-        if scene.body is not None:
+        if scene.is_posed:
             far = scene.hull.litres(scene.hull.distance_m > legend.OUTLYING_CM / 100)
             lines.append(f"{far:.0f} litres of it are {legend.FAR}.")
     lines += [f"⚠ {note}" for note in scene.notes]
@@ -134,28 +131,49 @@ def frame_html(scene: Scene) -> str:
     return legend.text_html(lines)
 
 
+def _body_words(body: BodyState | None) -> Iterator[str]:
+    """How well a body agrees with what was seen."""
+    if body is None:
+        return
+    agreement = body.outline_agreement
+    if agreement is not None and np.isfinite(agreement):
+        yield (
+            f"Outline agreement {100 * agreement:.0f} %: how well the body's outline covers the"
+            " silhouettes."
+        )
+    weak = [
+        legend.display_name(name)
+        for name, overlap in zip(body.part_names, body.overlap, strict=True)
+        if overlap < REPORT.covered
+    ]
+    if weak:
+        yield f"Little inside the hull: {', '.join(weak)}."
+
+
 @dataclass(frozen=True)
 class Choice:
     """Selection of what is shown."""
 
     row: int = 0  # of `ResultScenes.frames`
     pictures: Pictures = "both"
-    shown: frozenset[str] = frozenset(LAYERS)  # names of `LAYERS`
+    shown: frozenset[str] = frozenset(LAYERS)  # names of `LAYERS`, and of several people
     part: str | None = None  # name of the limb whose movable area is shown; None: none
 
 
 class SceneRenderer:
     """The nodes of one viser scene."""
 
-    def __init__(self, api: viser.SceneApi, voxel_size_m: float, model: BodyModel | None) -> None:
+    def __init__(
+        self, api: viser.SceneApi, voxel_size_m: float, models: Sequence[BodyModel]
+    ) -> None:
         self._api = api
         self._voxel_size_m = voxel_size_m
         self._frusta: dict[str, viser.CameraFrustumHandle] = {}
-        self._names = () if model is None else model.names
-        self._skin = (
-            [] if model is None else [_part_mesh(model, p) for p in range(len(self._names))]
-        )
-        self._meshes: list[viser.MeshHandle] = []
+        names = person_names(len(models)) if len(models) > 1 else [""]
+        self._bodies = [
+            _DrawnBody(api, model, name, legend.person_colour(k) if name else None)
+            for k, (name, model) in enumerate(zip(names, models, strict=False))
+        ]
         self._hypotheses = 0
 
     def draw(self, scene: Scene, areas: dict[str, LimbArea], choice: Choice) -> None:
@@ -163,8 +181,8 @@ class SceneRenderer:
         for camera_frame in scene.camera_frames:
             self._camera(camera_frame, choice)
         self._hull(scene, choice.shown)
-        self._body(scene.body, choice.shown)
-        self._skeleton(scene.body if "skeleton" in choice.shown else None)
+        for drawn, body in zip(self._bodies, scene.bodies, strict=True):
+            drawn.draw(body, choice.shown)
         self._other_poses(scene.hypotheses if "hypotheses" in choice.shown else ())
         area, size = areas.get(choice.part or ""), self._voxel_size_m
         reach = disputed = _NOTHING
@@ -186,45 +204,19 @@ class SceneRenderer:
 
     def _hull(self, scene: Scene, shown: frozenset[str]) -> None:
         hull, dots, outlying = scene.hull, _NOTHING, _NOTHING
-        if hull is not None and "hull" in shown and scene.body is None:
+        if hull is not None and "hull" in shown and not scene.is_posed:
             self._api.add_mesh_simple(
                 "/hull/surface", hull.vertices_m, hull.faces, color=legend.HULL
             )
         else:
             self._api.remove_by_name("/hull/surface")
         # Dots where there is a body inside: a surface, even a transparent one, would hide it.
-        if hull is not None and "hull" in shown and scene.body is not None:
+        if hull is not None and "hull" in shown and scene.is_posed:
             dots = hull.vertices_m
         if hull is not None and "unexplained" in shown:
             outlying = hull.unexplained_m[hull.distance_m > legend.OUTLYING_CM / 100]
         self._points("hull/dots", dots, legend.HULL, 0.003)
         self._points("unexplained", outlying, legend.UNEXPLAINED, 0.3 * self._voxel_size_m)
-
-    def _body(self, body: BodyState | None, shown: frozenset[str]) -> None:
-        if body is None or "body" not in shown:
-            for mesh in self._meshes:
-                mesh.visible = False
-            return
-        if not self._meshes:
-            for name, (inside, faces) in zip(self._names, self._skin, strict=True):
-                self._meshes.append(
-                    self._api.add_mesh_simple(f"/body/{name}", body.vertices_m[inside], faces)
-                )
-        for mesh, (inside, _), colour in zip(
-            self._meshes, self._skin, legend.overlap_colours(body.overlap), strict=True
-        ):
-            mesh.vertices = body.vertices_m[inside].astype(np.float32)
-            mesh.color = tuple(colour.tolist())
-            mesh.opacity = 0.7 if "skeleton" in shown else None
-            mesh.visible = True
-
-    def _skeleton(self, body: BodyState | None) -> None:
-        if body is None or not body.bones:
-            self._api.remove_by_name("/skeleton")
-            return
-        ends = body.joints_m[bone_ends(body.bones)]
-        colours = np.array([[colour[::-1]] * 2 for _, _, colour in body.bones], np.uint8)
-        self._api.add_line_segments("/skeleton", ends, colours, thickness=0.015)
 
     def _other_poses(self, hypotheses: tuple[Hypothesis, ...]) -> None:
         likeliest = max((hypothesis.probability for hypothesis in hypotheses), default=1.0)
@@ -243,6 +235,55 @@ class SceneRenderer:
             self._api.add_point_cloud(f"/{name}", points, colour, point_size=size, **look)
         else:
             self._api.remove_by_name(f"/{name}")
+
+
+class _DrawnBody:
+    """The nodes of one body."""
+
+    def __init__(
+        self, api: viser.SceneApi, model: BodyModel, name: str, colour: Colour | None
+    ) -> None:
+        """Prepares; of several people a body has a name and a colour, RGB, of its own. Without,
+        parts are coloured by their share inside the hull.
+        """
+        self._api, self._model, self._name, self._colour = api, model, name, colour
+        self._place = f"/{name}" if name else ""
+        self._skin = [_part_mesh(model, part) for part in range(len(model.names))]
+        self._meshes: list[viser.MeshHandle] = []
+
+    def draw(self, body: BodyState | None, shown: frozenset[str]) -> None:
+        """Shows what is chosen of a body; None: no pose was found."""
+        if self._name and self._name not in shown:
+            body = None
+        self._body(body if "body" in shown else None, "skeleton" in shown)
+        self._skeleton(body if "skeleton" in shown else None)
+
+    def _body(self, body: BodyState | None, is_thin: bool) -> None:
+        if body is None:
+            for mesh in self._meshes:
+                mesh.visible = False
+            return
+        if not self._meshes:
+            for name, (inside, faces) in zip(self._model.names, self._skin, strict=True):
+                at = f"/body{self._place}/{name}"
+                self._meshes.append(self._api.add_mesh_simple(at, body.vertices_m[inside], faces))
+        colours = legend.overlap_colours(body.overlap)
+        if self._colour is not None:
+            colours[:] = self._colour
+        for mesh, (inside, _), colour in zip(self._meshes, self._skin, colours, strict=True):
+            mesh.vertices = body.vertices_m[inside].astype(np.float32)
+            mesh.color = tuple(colour.tolist())
+            mesh.opacity = 0.7 if is_thin else None
+            mesh.visible = True
+
+    def _skeleton(self, body: BodyState | None) -> None:
+        at = f"/skeleton{self._place}"
+        if body is None or not body.bones:
+            self._api.remove_by_name(at)
+            return
+        ends = body.joints_m[bone_ends(body.bones)]
+        colours = np.array([[colour[::-1]] * 2 for _, _, colour in body.bones], np.uint8)
+        self._api.add_line_segments(at, ends, colours, thickness=0.015)
 
 
 def add_camera(
