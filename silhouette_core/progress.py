@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -37,6 +37,27 @@ class SilentReporter:
 
     def note(self, text: str) -> None:
         """Does nothing."""
+
+
+class OverallProgress:
+    """How far work of several stages is, by the share of the time that each of them usually takes,
+    in their order.
+    """
+
+    def __init__(self, shares: Mapping[str, float]) -> None:
+        self._shares, self._part = shares, 0.0
+
+    def part(self, stage: str, done: int, total: int | None) -> float:
+        """Part of the whole, 0 to 1, after `done` of the `total` steps of a stage (None: unknown);
+        a stage without a share does not move it, and one that is run again does not move it back.
+        """
+        if stage in self._shares:
+            names = list(self._shares)
+            before = sum(self._shares[name] for name in names[: names.index(stage)])
+            within = min(1.0, done / total) if total else 0.0
+            now = (before + self._shares[stage] * within) / sum(self._shares.values())
+            self._part = max(self._part, now)
+        return self._part
 
 
 class StageClock:

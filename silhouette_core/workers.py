@@ -246,6 +246,16 @@ def interrupts_put_off() -> Iterator[None]:
             signal.raise_signal(number)
 
 
+def end_with_parent() -> None:
+    """Ends this process once the one that began it is gone, even if that was killed; for a thread
+    of its own.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
 def _client(address: str) -> Any:
     try:
         from distributed import Client  # type: ignore[import-not-found]

@@ -21,6 +21,7 @@ from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {
     "demo": "render a small recording, fit it and score it: a first result",
+    "studio": "everything in the browser, from recorded files to exported motion",
     "fit": "estimate the motion of a person from several cameras",
     "setup": "draw regions, click points and check a recording in the browser",
     "calibrate": "calibrate cameras, convert and check calibrations",
@@ -50,6 +51,10 @@ examples:
   voxelpose fit RECORDING --out OUT --stature 1.75     your own recording
   voxelpose COMMAND --help                             arguments of a command
 """
+_BEGINNING = """\
+  voxelpose studio         everything in the browser, from recorded files to exported motion
+  voxelpose demo           a first result, without any data
+  voxelpose --help         all commands"""
 
 # Reasons of the system that are no bug, wherever they appear.
 _OF_THE_SYSTEM = (
@@ -101,7 +106,10 @@ def run(arguments: Sequence[str]) -> int:
     Raises:
         SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
     """
-    name, *rest = arguments or ["--help"]
+    if not arguments:
+        print(f"{_HELP.splitlines()[0]}\n\n{_BEGINNING}")
+        return 0
+    name, *rest = arguments
     if name in ("-h", "--help"):
         print(_HELP.format(commands=_listing(COMMANDS)), end="")
         return 0

@@ -13,7 +13,8 @@ from calib.errors import InputError
 
 if TYPE_CHECKING:
     from calib.board import Board
-    from voxelpose.setup_page.setup_session import SetupServer
+    from voxelpose.setup_page.setup_server import SetupServer
+    from voxelpose.studio.studio_server import StudioServer
     from voxelpose.view.serving.gate import Address
     from voxelpose.view.viewer.browser import Browser
 
@@ -148,7 +149,7 @@ class PageArguments:
 
         return Address(self.host, self.port, self.token)
 
-    def serve(self, title: str, page: Browser | SetupServer) -> None:
+    def serve(self, title: str, page: Browser | SetupServer | StudioServer) -> None:
         """Prints a page's address, opens it, and runs it until Ctrl-C."""
         try:
             print(f"{title}: {page.url} (Ctrl-C ends it)", flush=True)

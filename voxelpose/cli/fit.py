@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Suppress, arg
 
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
-# Of a hundred seconds of the recording of `voxelpose demo`, 2026-11, with pictures.
-_SHARES = {
+if TYPE_CHECKING:
+    from silhouette_core.estimator import BackgroundKind
+    from silhouette_core.progress import Reporter
+    from voxelpose.results import Result
+
+SHARES = {  # a hundred seconds of the recording of `voxelpose demo`, 2026-11, with pictures
     "multiview": {
         "opening": 2,
         "background": 8,
@@ -52,6 +56,18 @@ _SHARES = {
         "pictures": 7,
     },
 }
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What an estimation command is asked for."""
+
+    recording: Path
+    cameras: tuple[str, ...] | None
+    options: Mapping[str, bool | int | float | str]  # of the estimator
+    estimator: str
+    people: int | None = 1  # None: as many as are seen
+    background: BackgroundKind | None = None  # None: that of the option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,57 +114,61 @@ class EstimationArguments:
     sources: Suppress[Mapping[str, str]] = field(default_factory=dict)
     """Files that options were taken from, by their names; see `folder_settings`."""
 
-    def estimate(
-        self,
-        cameras: tuple[str, ...] | None,
-        options: Mapping[str, bool | int | float | str],
-        estimator: str,
-        people: int | None = 1,
-    ) -> None:
-        """Estimates the motion, writes the result, prints a summary."""
-        with Progress(_SHARES.get(estimator)) as progress:
-            progress.note_compilation(estimator)
-            progress.stage("opening")
-            from silhouette_core.estimator import Settings
-            from silhouette_core.image.segmenter import resolved_segmenter
-            from silhouette_core.motion.body_source import resolved_body
-            from silhouette_core.motion.conditioning import Conditioning
-            from voxelpose.fitting import Output, fit_people
-            from voxelpose.recording.folder import Recording, frame_range
+    def asked(self) -> Asked:
+        """What is to be estimated, of the command's own options. InputError where they contradict
+        each other.
+        """
+        raise NotImplementedError
 
-            settings = Settings(
-                stature_m=self.stature,
-                chest_m=self.chest,
-                sex=self.sex,
-                background=self.background,
-                segmenter=self.segmenter and resolved_segmenter(self.segmenter),
-                smooth=self.smooth,
-                up=arguments.up_direction(self.up),
-                threads=self.threads,
-                backend=self.backend,
-                conditioning=Conditioning(
-                    self.filter, self.cutoff, self.filter_order, self.gap_limit, self.gap_method
-                ),
-                options=dict(options)
-                | ({} if self.body is None else {"body": resolved_body(self.body)}),
-            )
-            frames = frame_range(self.frames)
-            recording = Recording.open(
-                self.recording, frames, cameras, self.unit, self.fps, self.label
-            )
-            if recording.calibration_path is None:
-                progress.note(
-                    f"{self.recording} holds no calibration: a level camera with a field of view of"
-                    " 53 degrees is assumed, and distances are only rough"
-                )
-            output = Output(self.out, self.overwrite, self.pictures, self.sources)
-            results = fit_people(recording, output, settings, estimator, progress, people)
+    def run(self) -> None:
+        """Estimates the motion, writes the result, prints a summary."""
+        asked = self.asked()
+        with Progress(SHARES.get(asked.estimator)) as progress:
+            progress.note_compilation(asked.estimator)
+            results = self.estimate(progress, asked)
         from voxelpose.cli.summary import print_people, print_result
 
         if len(results) > 1:
             print_people(self.out, results)
         else:
             print_result(results[0], self.verbose)
+
+    def estimate(self, reporter: Reporter, asked: Asked | None = None) -> list[Result]:
+        """Estimates the motion and writes the result; returns one for each person."""
+        asked = asked or self.asked()
+        reporter.stage("opening")
+        from silhouette_core.estimator import Settings
+        from silhouette_core.image.segmenter import resolved_segmenter
+        from silhouette_core.motion.body_source import resolved_body
+        from silhouette_core.motion.conditioning import Conditioning
+        from voxelpose.fitting import Output, fit_people
+        from voxelpose.recording.folder import Recording, frame_range
+
+        settings = Settings(
+            stature_m=self.stature,
+            chest_m=self.chest,
+            sex=self.sex,
+            background=asked.background or self.background,
+            segmenter=self.segmenter and resolved_segmenter(self.segmenter),
+            smooth=self.smooth,
+            up=arguments.up_direction(self.up),
+            threads=self.threads,
+            backend=self.backend,
+            conditioning=Conditioning(
+                self.filter, self.cutoff, self.filter_order, self.gap_limit, self.gap_method
+            ),
+            options=dict(asked.options)
+            | ({} if self.body is None else {"body": resolved_body(self.body)}),
+        )
+        folder, frames = asked.recording, frame_range(self.frames)
+        recording = Recording.open(folder, frames, asked.cameras, self.unit, self.fps, self.label)
+        if recording.calibration_path is None:
+            reporter.note(
+                f"{folder} holds no calibration: a level camera with a field of view of 53 degrees"
+                " is assumed, and distances are only rough"
+            )
+        output = Output(self.out, self.overwrite, self.pictures, self.sources)
+        return fit_people(recording, output, settings, asked.estimator, reporter, asked.people)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,8 +203,8 @@ class Fit(EstimationArguments):
     estimator: Annotated[str, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""
 
-    def run(self) -> None:
-        """Estimates the motion."""
+    def asked(self) -> Asked:
+        """See `EstimationArguments.asked`."""
         given = {
             "interference": self.interference,
             "voxel_size_m": self.voxel,
@@ -196,4 +216,4 @@ class Fit(EstimationArguments):
         from voxelpose.multiview.people import number_of_people
 
         cameras, people = arguments.camera_names(self.cameras), number_of_people(self.people)
-        self.estimate(cameras, options, self.estimator, people)
+        return Asked(self.recording, cameras, options, self.estimator, people)

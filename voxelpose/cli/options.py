@@ -51,7 +51,7 @@ class Option:
         try:
             value = msgspec.convert(given, self.kind, dec_hook=path_from)
         except (msgspec.ValidationError, NotImplementedError, OverflowError):
-            near = nearest(str(given), _choices(self.kind))
+            near = nearest(str(given), choices_of(self.kind))
             raise InputError(
                 f"{where}: {self.name} = {str(given)[:60]!r} must be {_wanted(self.kind)}{near}"
             ) from None
@@ -107,13 +107,14 @@ def _inner(kind: Any) -> Any:
     return kind
 
 
-def _choices(kind: Any) -> tuple[str, ...]:
+def choices_of(kind: Any) -> tuple[str, ...]:
+    """The words of which a value is one; none where it is any."""
     return get_args(_inner(kind)) if get_origin(_inner(kind)) is Literal else ()
 
 
 def _wanted(kind: Any) -> str:
     kind = _inner(kind)
-    if choices := _choices(kind):
+    if choices := choices_of(kind):
         return f"one of {', '.join(choices)}"
     if get_origin(kind) is tuple:
         first, *others = get_args(kind)
@@ -199,7 +200,7 @@ def parse_with_settings(
     command = load_command(section)
 
     def parsed(values: Mapping[str, Any] | None) -> Any:
-        default = None if values is None else _instance(command, values)
+        default = None if values is None else made_of(command, values)
         names_alone = (tyro.conf.OmitArgPrefixes,)  # of an option, without its group's
         return tyro.cli(
             command, prog=program, description="", args=words, default=default, config=names_alone
@@ -243,8 +244,10 @@ def _grouped(command: Any) -> Any:
     return make_dataclass(command.__name__, groups)
 
 
-def _instance(command: Any, values: Mapping[str, Any]) -> Any:
-    """An instance of a command's class whose other values are the usual ones, or missing."""
+def made_of(command: Any, values: Mapping[str, Any]) -> Any:
+    """An instance of a command's class, by its fields, whose other values are the usual ones, or
+    missing.
+    """
     import tyro
 
     missing = {

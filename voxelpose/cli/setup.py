@@ -31,7 +31,8 @@ class Setup(PageArguments):
         """Serves the page until it is interrupted."""
         address = self.address()
         from voxelpose.setup_page.opened_folder import OpenedFolder
-        from voxelpose.setup_page.setup_session import SetupServer, SetupSession
+        from voxelpose.setup_page.setup_server import SetupServer
+        from voxelpose.setup_page.setup_session import SetupSession
 
         settings = partial(folder_settings, "fit", self.recording)
         known = settings()

@@ -12,6 +12,8 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
+from silhouette_core.progress import OverallProgress
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -91,7 +93,7 @@ class Progress:
             shares: of the time that stages usually take, in their order, for one bar over all;
                 others do not move it. None: every stage begins anew.
         """
-        self._shares = shares
+        self._overall = None if shares is None else OverallProgress(shares)
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
         self._beside: subprocess.Popen[bytes] | None = None
@@ -108,7 +110,7 @@ class Progress:
                 console=rich_console(stderr=True),
                 speed_estimate_period=3600,
             )
-            self._task = self._bar.add_task("", total=sum(shares.values()) if shares else None)
+            self._task = self._bar.add_task("", total=1.0 if shares else None)
 
     def __enter__(self) -> Progress:
         if self._bar is not None:
@@ -133,7 +135,7 @@ class Progress:
         """Ends the previous stage and starts a new one."""
         self._finish()
         self._name, self._total, self._done, self._started = name, total, 0, time.perf_counter()
-        if self._bar is not None and self._shares is None:
+        if self._bar is not None and self._overall is None:
             self._bar.reset(self._task, total=total)
         if self._bar is not None:
             self._bar.update(self._task, description=name)
@@ -186,14 +188,8 @@ class Progress:
         if self._bar is None:
             return
         completed = float(self._done)
-        if self._shares is not None:
-            if self._name not in self._shares:
-                return
-            names = list(self._shares)
-            before = sum(self._shares[name] for name in names[: names.index(self._name)])
-            part = min(1.0, self._done / self._total) if self._total else 0.0
-            # A stage that is run a second time does not move the bar back.
-            completed = max(self._bar.tasks[0].completed, before + self._shares[self._name] * part)
+        if self._overall is not None:
+            completed = self._overall.part(self._name, self._done, self._total)
         self._bar.update(self._task, completed=completed)
 
     def _finish(self) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from voxelpose.cli.arguments import Method, OptionalName, method_options
-from voxelpose.cli.fit import EstimationArguments
+from voxelpose.cli.fit import Asked, EstimationArguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,15 +42,13 @@ class Track(EstimationArguments):
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """Leave out the colours inside the outline, which show arms before the body."""
 
-    def run(self) -> None:
-        """Estimates the motion."""
+    def asked(self) -> Asked:
+        """See `EstimationArguments.asked`."""
         from voxelpose.recording.folder import one_camera
 
         estimator, options = method_options(
             self.method, self.start, self.outline_only, self.library
         )
         folder, camera = one_camera(self.recording, self.camera)
-        command = replace(self, recording=folder)
-        if self.method == "paper" and self.background == "auto":
-            command = replace(command, background="paper")
-        command.estimate((camera,), options, estimator)
+        paper = self.method == "paper" and self.background == "auto"
+        return Asked(folder, (camera,), options, estimator, background="paper" if paper else None)

@@ -1,17 +1,15 @@
 """An object in a process of its own, whose interpreter it shares with nobody."""
 
-import os
 import signal
 import threading
 import traceback
 from collections.abc import Callable
-from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.util import Finalize
 from typing import Any
 
 from silhouette_core.jit import set_threads
-from silhouette_core.workers import SPAWN, interrupts_put_off
+from silhouette_core.workers import SPAWN, end_with_parent, interrupts_put_off
 
 _CLOSE_S = 10  # after which a process that does not end is killed
 
@@ -88,19 +86,11 @@ def begin_process() -> None:
     """Keeps a process to one core, leaves interrupts to the one that began it, and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 def _ended() -> RuntimeError:
     return RuntimeError("a process of the live session has ended")
-
-
-def _end_with_parent() -> None:
-    """Ends this process once the one that began it is gone, even if that was killed."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _serve(pipe: Connection, make: Callable[..., Any], arguments: tuple[object, ...]) -> None:

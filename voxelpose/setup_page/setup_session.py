@@ -1,8 +1,8 @@
-"""What the page shows and saves of one recording folder, and its server behind the gate."""
+"""What the page shows and saves of one recording folder."""
 
 import base64
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -17,7 +17,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page import page_requests
-from voxelpose.setup_page.check_job import CheckJob
+from voxelpose.setup_page.check_findings import find_disagreement
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
     check_points,
@@ -34,24 +34,9 @@ from voxelpose.setup_page.drawn_places import (
     save_choices,
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
-from voxelpose.setup_page.page_requests import (
-    LARGEST_BODY,
-    GroundRequest,
-    PointsRequest,
-    SaveRequest,
-    SilhouetteRequest,
-    StageRequest,
-)
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.gate import Address, Gate
-from voxelpose.view.serving.page_answers import (
-    Content,
-    PageAnswers,
-    check_camera_names,
-    json_content,
-    moment_of,
-    parse_request,
-)
+from voxelpose.view.serving.page_answers import check_camera_names
+from voxelpose.view.serving.page_job import PageJob
 from voxelpose.view.viewer import previews
 
 SettingValues = Mapping[str, tuple[Any, str]]
@@ -63,10 +48,18 @@ _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up
 class SetupSession:
     """A recording folder behind the page."""
 
-    def __init__(self, opened: OpenedFolder, settings: Callable[[], SettingValues]) -> None:
+    def __init__(
+        self,
+        opened: OpenedFolder,
+        settings: Callable[[], SettingValues],
+        job: PageJob | None = None,
+        studio: str | None = None,
+    ) -> None:
         """Reads what the folder holds besides pictures; `settings` reads those of `fit` for it.
-        InputError where a file of the folder is damaged.
+        Checks are run by `job`, the studio's, whose page is at the address `studio`; None: it is
+        set up alone. InputError where a file of the folder is damaged.
         """
+        self._own_job, self._studio = None if job else PageJob(), studio
         self._opened, self._settings = opened, settings
         self._recording = opened.recording
         self.folder = self._recording.folder
@@ -75,13 +68,14 @@ class SetupSession:
         self._backgrounds = previews.BackgroundModels(self._learned)
         self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
-        self.check = CheckJob(self._recording)
+        self._job = job or self._own_job or PageJob()
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
 
     def close(self) -> None:
-        """Ends what is running."""
-        self.check.close()
+        """Ends what is running, but for the studio's job."""
+        if self._own_job is not None:
+            self._own_job.close()
 
     def state(self) -> dict[str, Any]:
         """All that the page shows at first, and after saving. InputError where a file was damaged
@@ -94,6 +88,7 @@ class SetupSession:
         return {
             "folder": str(self.folder),
             "name": self.folder.resolve().name,
+            "studio": self._studio,
             "moments": recording.frame_count,
             "numbers": None if many else recording.numbers.tolist(),
             "times_s": None if many else recording.times_s.tolist(),
@@ -232,8 +227,18 @@ class SetupSession:
     def start_check(self) -> dict[str, Any]:
         """Begins the check of the cameras. InputError where it is not possible."""
         self._need("check")
-        self.check.start()
-        return self.check.status()
+        self._job.start("check", self.folder.name, find_disagreement, self._recording)
+        return self.check_status()
+
+    def check_status(self) -> dict[str, Any]:
+        """How far the check of this folder is, or what it found; see `PageJob.status`."""
+        return self._job.status("check", self.folder.name)
+
+    def stop_check(self) -> dict[str, Any]:
+        """Ends the check of this folder, if it is running."""
+        if self.check_status()["state"] == "running":
+            self._job.stop()
+        return self.check_status()
 
     def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
         """Writes what is asked for, all of which is checked before; returns the files, what is left
@@ -291,62 +296,3 @@ class SetupSession:
             "source": "the calibration's [metadata]" if stated else "how the cameras stand",
             "choices": up_choices(self._recording.rig),
         }
-
-
-class SetupServer:
-    """Serves the page until it is closed."""
-
-    def __init__(self, session: SetupSession, address: Address) -> None:
-        """Starts, in a thread of its own; the session is closed with it. InputError where the
-        address cannot be used.
-        """
-        self._session = session
-        self._ended = threading.Event()
-        answers = PageAnswers("voxelpose.setup_page", self._got, self._posted)
-        self._gate = Gate(address, answers.serve, LARGEST_BODY)
-        self.url, self.port = self._gate.url, self._gate.port
-
-    def run(self) -> None:
-        """Waits until somebody interrupts, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Ends all connections and threads."""
-        self._ended.set()
-        self._gate.close()
-        self._session.close()
-
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
-        """What is asked for; None where it can only be a file."""
-        session = self._session
-        match path:
-            case ("api", "state"):
-                return json_content(session.state())
-            case ("api", "check"):
-                return json_content(session.check.status())
-            case ("api", "check", "picture"):
-                return session.check.picture(), "image/png"
-            case ("picture", camera):
-                return session.picture(camera, moment_of(query)), "image/jpeg"
-            case ("painted", kind, camera):
-                return session.painted(camera, kind), "image/png"
-        return None
-
-    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
-        """The answer to JSON that the page has sent; None where nobody takes it."""
-        session = self._session
-        match path:
-            case ("api", "silhouettes"):
-                return json_content(session.silhouettes(parse_request(body, SilhouetteRequest)))
-            case ("api", "stage"):
-                return json_content(session.stage(parse_request(body, StageRequest)))
-            case ("api", "points"):
-                return json_content(session.errors(parse_request(body, PointsRequest)))
-            case ("api", "ground"):
-                return json_content(session.ground(parse_request(body, GroundRequest)))
-            case ("api", "save"):
-                return json_content(session.save(parse_request(body, SaveRequest)))
-            case ("api", "check", "start"):
-                return json_content(session.start_check())
-        return None

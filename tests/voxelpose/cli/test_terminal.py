@@ -135,7 +135,7 @@ def test_one_bar_over_all_stages_which_never_moves_back(monkeypatch):
             progress.stage(name, total)
             progress.advance(steps)
             moved.append(bar.completed)
-        assert moved == [3, 3, 7, 7] and bar.total == 8
+        assert moved == [3 / 8, 3 / 8, 7 / 8, 7 / 8] and bar.total == 1
         assert progress.where() == "during reading, after 1 of 4 steps"
     assert len(progress._bar.tasks) == 1 and bar.finished
 

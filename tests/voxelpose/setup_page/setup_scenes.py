@@ -12,7 +12,8 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli.options import folder_settings
 from voxelpose.setup_page.opened_folder import OpenedFolder
-from voxelpose.setup_page.setup_session import SettingValues, SetupServer, SetupSession
+from voxelpose.setup_page.setup_server import SetupServer
+from voxelpose.setup_page.setup_session import SettingValues, SetupSession
 from voxelpose.view.serving.gate import Address
 
 SIZE = 320, 240

@@ -1,7 +1,9 @@
 """The setup page's server: who may ask, and what it makes of requests that somebody damaged."""
 
+import base64
 import json
 import socket
+import time
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -111,7 +113,6 @@ def test_the_page_loads_nothing_from_elsewhere(local):
         "/picture/cam_1",
         "/painted/region/cam_1",
         "/painted/x/cam_9",
-        "/api/check/picture",
     ],
 )
 def test_pictures_that_are_not_there_are_said_in_a_line(local, path):
@@ -228,9 +229,16 @@ def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
         assert content["state"] == "done" and content["summary"] == expected.agreement.summary
         assert [line["camera"] for line in content["cameras"]] == ["cam_1", "cam_2", "cam_3"]
         assert content["notes"] == list(expected.notes)
-        assert ask(server, "/api/check/picture")[1][:4] == b"\x89PNG"
+        assert base64.b64decode(content["picture"])[:4] == b"\x89PNG"
 
 
-def test_a_check_that_is_running_ends_with_the_session(tmp_path):
+def test_a_check_can_be_stopped_and_ends_with_the_session(tmp_path):
     with served(staged(tmp_path / "walk")) as server:
+        assert ask(server, "/api/check/start", {})[1]["state"] == "running"
+        status, content = ask(server, "/api/check/start", {})
+        assert status == 400 and "the check of walk is still running" in content["error"]
+        assert ask(server, "/api/check/stop", {})[0] == 200
+        while ask(server, "/api/check")[1]["state"] == "running":
+            time.sleep(0.05)
+        assert ask(server, "/api/check")[1]["state"] == "stopped"
         assert ask(server, "/api/check/start", {})[1]["state"] == "running"

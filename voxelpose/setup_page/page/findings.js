@@ -81,7 +81,8 @@ export function checkPanel(app) {
   const running = check.state === "running";
   const label = running ? "Checking …" : check.state === "idle" ? "Check the cameras" : "Check again";
   body.push(make("div", { class: "row" },
-    button(label, () => app.startCheck(), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) })));
+    button(label, () => app.startCheck(), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) }),
+    running && button("Stop", () => app.stopCheck(), { id: "stop_check" })));
   if (app.store.dirtyParts.some((part) => part !== "points") && !state.refused.check) {
     body.push(make("p", { class: "note" }, "It reads the folder: save first what is to count."));
   }
@@ -113,7 +114,7 @@ function findings(app, check) {
       + " `voxelpose calibrate sync`."));
   }
   for (const note of check.notes) body.push(make("p", { class: "note" }, note));
-  body.push(make("img", { class: "shot", src: `/api/check/picture?${app.checkNumber}`, alt: "Every camera with the outlines that the others predict", onclick: (event) => app.enlargePicture(event.target.src) }));
+  body.push(make("img", { class: "shot", src: `data:image/png;base64,${check.picture}`, alt: "Every camera with the outlines that the others predict", onclick: (event) => app.enlargePicture(event.target.src) }));
   return body;
 }
 

@@ -7,6 +7,7 @@ import { Loupe } from "./loupe.js";
 import { Overlays } from "./overlays.js";
 import { placesPanel, pointsPanel } from "./panels.js";
 import { make } from "./parts.js";
+import { addRail, addressOf } from "./rail.js";
 import { pointActions } from "./point_actions.js";
 import { DrawingPointer, polygonsOf } from "./drawing_pointer.js";
 import { Store } from "./store.js";
@@ -35,7 +36,6 @@ class App {
     this.silhouetteNote = "";
     this.height = 0;
     this.check = { state: "idle" };
-    this.checkNumber = 0;
     this.moment = Math.floor(state.moments / 2);
     this.loupe = new Loupe(by("loupe"));
     this.pointer = new DrawingPointer(this);
@@ -44,6 +44,7 @@ class App {
     this.store.addEventListener("change", () => this.changed());
     this.changed();
     this.overlays.loadMoment();
+    getJson("api/check").then((check) => Object.assign(this, { check }).watchCheck()).catch(() => {});
   }
 
   build() {
@@ -51,6 +52,11 @@ class App {
     by("recording").textContent = state.name;
     by("recording").title = state.folder;
     document.title = `${state.name} – voxelpose setup`;
+    if (state.studio) {
+      addRail("check", state.studio, state.name);
+      by("next").hidden = false;
+      by("next").href = addressOf("fit", state.studio, state.name);
+    }
     addCameras(this, state.cameras, (name) => this.scene(name));
     addMoments(this, state.moments);
     by("empty_label").hidden = !state.cameras.some((camera) => camera.empty);
@@ -69,7 +75,7 @@ class App {
     onConnection((reachable) => {
       by("banner").hidden = reachable;
       by("banner").textContent = "The program has ended or cannot be reached. What you drew is still"
-        + " here: start `voxelpose setup` again at the same port, and save.";
+        + " here: start it again at the same port, and save.";
     });
     by("fault").hidden = !state.fault;
     by("fault").replaceChildren(make("span", {}, `\`fit\` would refuse this folder: ${state.fault}`));
@@ -329,17 +335,30 @@ class App {
 
   async startCheck() {
     try {
-      this.check = await postJson("/api/check/start", {});
-      this.checkNumber++;
-      while (this.check.state === "running") {
-        this.show();
-        await new Promise((done) => setTimeout(done, 300));
-        this.check = await getJson("/api/check");
-      }
+      this.check = await postJson("api/check/start", {});
+      await this.watchCheck();
     } catch (error) {
       this.check = { state: "failed", error: error.message };
     }
     this.show();
+  }
+
+  // Shows a check until its end; one that was begun before the page was loaded, too.
+  async watchCheck() {
+    while (this.check.state === "running") {
+      this.show();
+      await new Promise((done) => setTimeout(done, 300));
+      this.check = await getJson("api/check");
+    }
+    this.show();
+  }
+
+  async stopCheck() {
+    try {
+      await postJson("api/check/stop", {});
+    } catch (error) {
+      this.notice(error.message);
+    }
   }
 
   async save() {
@@ -348,7 +367,7 @@ class App {
     const sent = structuredClone(this.store.doc);
     this.status("saving …");
     try {
-      const { written, removed, left_out, state } = await postJson("/api/save", this.store.changes());
+      const { written, removed, left_out, state } = await postJson("api/save", this.store.changes());
       const words = [];
       if (written.length) words.push(`written: ${written.join(", ")}`);
       if (removed.length) words.push(`removed: ${removed.join(", ")}`);
@@ -368,7 +387,7 @@ class App {
 Object.assign(App.prototype, pointActions);
 
 try {
-  window.app = new App(await getJson("/api/state"));
+  window.app = new App(await getJson("api/state"));
 } catch (error) {
   by("banner").hidden = false;
   by("banner").textContent = error.message;

@@ -61,7 +61,7 @@ export class Overlays {
       await Promise.all([...app.views.values()].map(async (view) => {
         const there = !empty || app.cameraState(view.name).empty;
         const query = empty ? "" : `?moment=${app.moment}`;
-        const image = there ? await loadImage(`/picture/${encodeURIComponent(view.name)}${query}`) : null;
+        const image = there ? await loadImage(`picture/${encodeURIComponent(view.name)}${query}`) : null;
         if (!current()) return;
         view.image = image;
         view.draw();
@@ -74,7 +74,7 @@ export class Overlays {
   async forgetPainted() {
     for (const { name, painted_region, painted_unknown } of this.app.store.state.cameras) {
       const view = this.app.views.get(name);
-      const load = (kind) => loadImage(`/painted/${kind}/${encodeURIComponent(name)}?${Math.random()}`);
+      const load = (kind) => loadImage(`painted/${kind}/${encodeURIComponent(name)}?${Math.random()}`);
       queueMicrotask(async () => {
         const target = view ?? this.app.views.get(name);
         target.painted = painted_region ? await load("region") : null;
@@ -131,7 +131,7 @@ export class Overlays {
     const { app } = this;
     const { doc, state } = app.store;
     const up = doc.fit.up ?? state.settings.up?.value ?? null;
-    const answer = await postJson("/api/ground", { up, height_m: app.height });
+    const answer = await postJson("api/ground", { up, height_m: app.height });
     if (!current()) return;
     for (const view of app.views.values()) {
       view.ground = answer.cameras[view.name] || [];
@@ -141,7 +141,7 @@ export class Overlays {
 
   async errors(current) {
     const { app } = this;
-    const found = await postJson("/api/points", { points: app.store.doc.points });
+    const found = await postJson("api/points", { points: app.store.doc.points });
     if (!current()) return;
     app.errors = found;
     app.show();

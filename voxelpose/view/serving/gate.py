@@ -16,7 +16,7 @@ from asyncio import StreamReader, StreamWriter
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
@@ -25,6 +25,7 @@ from calib.errors import InputError
 UNFRAMED = "frame-ancestors 'none'"
 """Policy of every page: none is shown within another's, whose visitors would press its buttons."""
 _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
+_FILE = "application/octet-stream"
 _HEAD_BYTES = 16384
 _HEAD_S = 10
 _MOST_LINKS = 100
@@ -116,9 +117,15 @@ class GateRequest:
         """Whether a WebSocket is asked for."""
         return "upgrade" in self.headers
 
-    def reply(self, keys: GateKeys, largest_body: int = 0) -> Reply | None:
-        """Answer of the gate to a request, which may send so many bytes to the page; None: it may
-        pass.
+    def below(self, parts: int) -> GateRequest:
+        """The request as for a page that lies so many parts of the path deep."""
+        path, mark, query = self.target.partition("?")
+        rest = "/".join(path.split("/")[parts + 1 :])
+        return replace(self, target=f"/{rest}{mark}{query}")
+
+    def reply(self, keys: GateKeys, largest_body: int = 0, largest_upload: int = 0) -> Reply | None:
+        """Answer of the gate to a request, which may send so many bytes to the page, as JSON or as
+        a file; None: it may pass.
 
         Another site's page is turned away by its Origin, and a name that somebody has pointed at
         this machine (DNS rebinding) by its Host.
@@ -126,7 +133,7 @@ class GateRequest:
         host = self.headers.get("host", "")
         if not host:
             return Reply("400 Bad Request", "This is not understood.")
-        fault = self._check_body(largest_body)
+        fault = self._check_body(largest_upload if self.is_upload else largest_body)
         if fault is not None:
             return fault
         origin = self.headers.get("origin")
@@ -141,27 +148,35 @@ class GateRequest:
         return self._check_token(keys, keys.token)
 
     @property
+    def is_upload(self) -> bool:
+        """Whether a file is sent, as it is."""
+        return self._kind == _FILE
+
+    @property
+    def _kind(self) -> str:
+        return self.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+    @property
     def body_bytes(self) -> int:
         """Length of what follows the head; of a request that may pass."""
         return int(self.headers.get("content-length", "0"))
 
     def _check_body(self, largest_body: int) -> Reply | None:
         """Answer to a method or a body that the page does not take. Only a page of the same origin
-        can send JSON: browsers ask before another's may, and are told no.
+        can send JSON or files of this kind: browsers ask before another's may, and are told no.
         """
         length = self.headers.get("content-length", "0")
         if self.method == "GET" and length == "0" and "transfer-encoding" not in self.headers:
             return None
         if not largest_body:
             return Reply("400 Bad Request", "This page takes GET only.")
-        kind = self.headers.get("content-type", "").partition(";")[0].strip().lower()
         stated = length.isascii() and length.isdigit() and len(length) < 16
         if (
             self.method != "POST"
             or self.upgrade
             or not stated
             or "transfer-encoding" in self.headers
-            or kind != "application/json"
+            or self._kind not in ("application/json", _FILE)
         ):
             return Reply("400 Bad Request", "This page takes GET, and POST of JSON.")
         if int(length) > largest_body:
@@ -270,11 +285,15 @@ class Address:
 class Gate:
     """Lets requests pass that may."""
 
-    def __init__(self, address: Address, handle: Handler, largest_body: int = 0) -> None:
+    def __init__(
+        self, address: Address, handle: Handler, largest_body: int = 0, largest_upload: int = 0
+    ) -> None:
         """Listens, from a thread of its own, in which `handle` answers what may pass; a page may
-        send so many bytes of JSON with one request. InputError where the address cannot be used.
+        send so many bytes of JSON with one request, or of a file. InputError where the address
+        cannot be used.
         """
-        self._address, self._handle, self._largest_body = address, handle, largest_body
+        self._address, self._handle = address, handle
+        self._largest = largest_body, largest_upload
         self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
@@ -361,7 +380,7 @@ class Gate:
             async with asyncio.timeout(_HEAD_S):
                 head = await reader.readuntil(b"\r\n\r\n")
             request = GateRequest.parse(head)
-            reply = request.reply(self._keys, self._largest_body)
+            reply = request.reply(self._keys, *self._largest)
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:

@@ -21,7 +21,7 @@ Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Corner = tuple[Pixel, Pixel]
 _BODY_S = 60
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
-_HEADERS = {
+PAGE_HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
         f" img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; {UNFRAMED}"
@@ -61,7 +61,7 @@ class PageAnswers:
         return not self._folder or request.target.startswith(f"/{self._folder}/")
 
     async def serve(self, request: GateRequest, reader: StreamReader, writer: StreamWriter) -> None:
-        """Reads what follows a request's head, and answers it."""
+        """Reads what follows a request's head, which is no file, and answers it."""
         try:
             async with asyncio.timeout(_BODY_S):
                 body = await reader.readexactly(request.body_bytes)
@@ -80,14 +80,14 @@ class PageAnswers:
             else:
                 content = self._got(path, dict(request.query)) or self._file("/".join(path))
         except (InputError, OSError) as error:
-            return _error("400 Bad Request", str(error))
+            return error_reply("400 Bad Request", str(error))
         except Exception:
             traceback.print_exc()
             words = "a bug: the terminal shows its traceback; the page goes on"
-            return _error("500 Internal Server Error", words)
+            return error_reply("500 Internal Server Error", words)
         if content is None:
-            return _error("404 Not Found", "this is not there")
-        return Reply("200 OK", *content, _HEADERS)
+            return error_reply("404 Not Found", "this is not there")
+        return Reply("200 OK", *content, PAGE_HEADERS)
 
     def _file(self, name: str) -> Content | None:
         name = name or "index.html"
@@ -134,5 +134,6 @@ def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
             )
 
 
-def _error(status: str, text: str) -> Reply:
-    return Reply(status, *json_content({"error": text}), _HEADERS)
+def error_reply(status: str, text: str) -> Reply:
+    """An answer that says in a line why there is no other."""
+    return Reply(status, *json_content({"error": text}), PAGE_HEADERS)

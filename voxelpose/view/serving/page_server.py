@@ -72,15 +72,18 @@ def move_bones(
 
 class PageServer:
     """Serves viser's scene and panel to those whom the gate lets pass, at a `url` that includes the
-    token.
+    token; or, as a part of other pages, to those whom their gate lets pass.
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
     """
 
-    def __init__(self, address: Address, title: str, beside: PageAnswers | None = None) -> None:
-        """Starts both, with `beside` another page, in a folder of its own. InputError as of `Gate`
-        and `guard_connections`.
+    def __init__(
+        self, address: Address | None, title: str, beside: PageAnswers | None = None
+    ) -> None:
+        """Starts both, with `beside` another page, in a folder of its own; without an address there
+        is no gate, and `answer` is called by another. InputError as of `Gate` and
+        `guard_connections`.
         """
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
@@ -88,8 +91,9 @@ class PageServer:
         self._title, self._beside = f"<title>{escape(title)}</title>".encode(), beside
         try:
             guard_connections(self.viser, self._peers)
-            self.gate = Gate(address, self._answer, 0 if beside is None else _LARGEST_BODY)
-            self.url = self.gate.url
+            body = 0 if beside is None else _LARGEST_BODY
+            self.gate = None if address is None else Gate(address, self.answer, body)
+            self.url = "" if self.gate is None else self.gate.url
         except BaseException:
             self._stop_viser()
             raise
@@ -104,16 +108,18 @@ class PageServer:
 
     def close(self) -> None:
         """Ends all connections and threads."""
-        self.gate.close()
+        if self.gate is not None:
+            self.gate.close()
         self._stop_viser()
 
     def _stop_viser(self) -> None:
         with redirect_stdout(io.StringIO()):
             self.viser.stop()
 
-    async def _answer(
+    async def answer(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
+        """Answers a request that may pass; its path is as below this page."""
         if self._beside is not None and self._beside.answers(request) and not request.upgrade:
             await self._beside.serve(request, reader, writer)
         elif request.upgrade:

@@ -24,9 +24,10 @@ _NO_PART = "none"
 class Browser:
     """Serves scenes to browsers."""
 
-    def __init__(self, scenes: ResultScenes, address: Address, frame: int) -> None:
+    def __init__(self, scenes: ResultScenes, address: Address | None, frame: int) -> None:
         """Starts the server; nothing is drawn before the first `step`, which shows a frame. The
-        scenes are closed with it. InputError where the address cannot be used.
+        scenes are closed with it. Without an address it is a part of other pages, which pass
+        requests on to `answer`. InputError where the address cannot be used.
         """
         self.scenes = scenes
         count = len(scenes.motions)
@@ -42,7 +43,7 @@ class Browser:
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
         beside = None if self._silhouettes is None else self._silhouettes.answers
         self._page = PageServer(address, f"{scenes.name} – voxelpose view", beside)
-        self.server, self.url = self._page.viser, self._page.url
+        self.server, self.url, self.answer = self._page.viser, self._page.url, self._page.answer
         models = [motion.model for motion in scenes.motions]
         self._renderer = SceneRenderer(self.server.scene, scenes.voxel_size_m, models)
         self._make_panel()

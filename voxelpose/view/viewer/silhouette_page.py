@@ -224,7 +224,7 @@ class SilhouettePage:
         """HTML that opens the page at a frame."""
         style = "display:block;padding:0 0.8em 0.6em;font-size:0.85em"
         return (
-            f'<a href="/{FOLDER}/?frame={frame}" target="{FOLDER}" style="{style}">Why is a pixel'
+            f'<a href="{FOLDER}/?frame={frame}" target="{FOLDER}" style="{style}">Why is a pixel'
             " the person? Silhouettes step by step</a>"
         )
 

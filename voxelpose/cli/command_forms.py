@@ -1,0 +1,154 @@
+"""Commands of estimation as forms: their options in groups, as tables for a page, and commands made
+of what was typed into it.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import itertools
+import re
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
+
+from calib.errors import InputError
+from voxelpose.cli.arguments import GROUPS
+from voxelpose.cli.options import Option, choices_of, folder_settings, made_of, options_of
+
+if TYPE_CHECKING:
+    from silhouette_core.progress import Reporter
+    from voxelpose.cli.fit import EstimationArguments
+    from voxelpose.results import Result
+
+_NOT_IN_FORMS = {"out", "overwrite", "verbose"}
+_FILES = {"body", "segmenter", "library"}  # options whose value may name a file
+_INPUTS = {bool: "checkbox", int: "number", float: "number"}
+
+
+def option_helps(command: type) -> dict[str, str]:
+    """Help of a command's options by their fields."""
+    helps: dict[str, str] = {}
+    for kind in reversed(command.__mro__[:-1]):
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        statements = getattr(body, "body", [])
+        for field, after in itertools.pairwise(statements):
+            if isinstance(field, ast.AnnAssign) and isinstance(after, ast.Expr):
+                helps[ast.unparse(field.target)] = ast.literal_eval(after.value)
+    for field, hint in get_type_hints(command, include_extras=True).items():
+        marks = getattr(hint, "__metadata__", ()) if get_origin(hint) is not None else ()
+        for mark in marks:
+            if text := getattr(mark, "help", None):
+                helps.setdefault(field, text)
+    return {field: " ".join(text.split()) for field, text in helps.items()}
+
+
+class CommandForms:
+    """`fit` and `track` for the studio's page; see `studio_session.Commands`."""
+
+    def form(self, command: str, project: Path) -> list[dict[str, Any]]:
+        """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`),
+        `usual` value and the `value` by the files of a project, `help`.
+        """
+        kind = _class_of(command)
+        helps, values = option_helps(kind), folder_settings(command, project)
+        group = {field: name for name, fields in GROUPS.items() for field in fields.split()}
+        order = [*GROUPS, "expert"]
+        rows = []
+        for option in options_of(kind).values():
+            if option.field in _NOT_IN_FORMS:
+                continue
+            choices = choices_of(option.kind)
+            value = values[option.name].value if option.name in values else None
+            usual = None if option.default is MISSING else option.default
+            rows.append(
+                {
+                    "name": option.name,
+                    "group": group.get(option.field, "expert"),
+                    "input": "choice" if choices else _input_of(option),
+                    "whole": option.kind in (int, int | None),
+                    "choices": choices,
+                    "usual": usual,
+                    "value": str(value) if isinstance(value, Path) else value,
+                    "help": helps.get(option.field, ""),
+                }
+            )
+        return sorted(rows, key=lambda row: order.index(row["group"]))
+
+    def command(
+        self,
+        command: str,
+        project: Path,
+        out: Path,
+        given: Mapping[str, Any],
+        inside: Callable[[str], Path],
+    ) -> Any:
+        """A command that overwrites, of what files say and what is `given`, by options' names;
+        `inside` finds a file that a setting names. InputError where a value makes no sense.
+        """
+        kind = _class_of(command)
+        options = options_of(kind)
+        found = folder_settings(command, project)
+        values = {options[name].field: setting.value for name, setting in found.items()}
+        for name, value in given.items():
+            if name not in options or options[name].field in _NOT_IN_FORMS:
+                raise InputError(f"{command} has no setting {name[:40]!r} on this page")
+            values[options[name].field] = options[name].value_from(value, project, "the page")
+        for field in _FILES & values.keys():
+            if isinstance(values[field], str | Path) and not _is_name(field, str(values[field])):
+                path = inside(str(given.get(field, values[field])))
+                values[field] = path if field == "library" else str(path)
+        taken = {name: setting.file for name, setting in found.items() if name not in given}
+        fixed = {"recording": project, "out": out, "overwrite": True, "sources": taken}
+        return made_of(kind, values | fixed)
+
+    def shares(self, command: EstimationArguments) -> Mapping[str, float] | None:
+        """Shares of the time of a command's stages."""
+        from voxelpose.cli.fit import SHARES
+
+        return SHARES.get(command.asked().estimator)
+
+    def work(self) -> Callable[[Reporter, Any], Sequence[Result]]:
+        """Function that runs a command."""
+        return run_estimation
+
+    def values(self, project: Path) -> Mapping[str, tuple[Any, str]]:
+        """Settings of `fit` by the files of a project."""
+        return folder_settings("fit", project)
+
+    def formats(self) -> dict[str, str]:
+        """What `export` writes, by the names of the formats, as its help says."""
+        from voxelpose.cli.export import Export
+
+        return dict(re.findall(r"^  (\w+)  (.+)$", inspect.getdoc(Export) or "", re.MULTILINE))
+
+
+def run_estimation(reporter: Reporter, command: EstimationArguments) -> Sequence[Result]:
+    """Runs a command, without a word on the terminal; returns its results."""
+    return command.estimate(reporter)
+
+
+def _class_of(command: str) -> Any:
+    from voxelpose.cli.options import load_command
+
+    return load_command(command)
+
+
+def _input_of(option: Option) -> str:
+    kinds = getattr(option.kind, "__args__", (option.kind,))
+    return next((_INPUTS[kind] for kind in kinds if kind in _INPUTS), "text")
+
+
+def _is_name(field: str, value: str) -> bool:
+    """Whether a value is a name that the program knows, and no file's."""
+    if field == "library":
+        return False
+    if field == "segmenter":
+        from silhouette_core.image.segmenter import resolved_segmenter
+
+        return Path(value).name == value and resolved_segmenter(value) == value
+    from silhouette_core.body.presets import body_preset
+
+    return body_preset(value) is not None

@@ -1,0 +1,89 @@
+"""The page of one recording folder: what it is answered, and its server behind the gate."""
+
+import threading
+from collections.abc import Mapping, Sequence
+
+from voxelpose.setup_page.page_requests import (
+    LARGEST_BODY,
+    GroundRequest,
+    PointsRequest,
+    SaveRequest,
+    SilhouetteRequest,
+    StageRequest,
+)
+from voxelpose.setup_page.setup_session import SetupSession
+from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.page_answers import (
+    Content,
+    PageAnswers,
+    json_content,
+    moment_of,
+    parse_request,
+)
+
+
+class SetupPage:
+    """A session's page; its `answers` are to requests of it."""
+
+    def __init__(self, session: SetupSession) -> None:
+        """Reads the page's files."""
+        self.session = session
+        self.answers = PageAnswers("voxelpose.setup_page", self._got, self._posted)
+
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+        """What is asked for; None where it can only be a file."""
+        session = self.session
+        match path:
+            case ("api", "state"):
+                return json_content(session.state())
+            case ("api", "check"):
+                return json_content(session.check_status())
+            case ("picture", camera):
+                return session.picture(camera, moment_of(query)), "image/jpeg"
+            case ("painted", kind, camera):
+                return session.painted(camera, kind), "image/png"
+        return None
+
+    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+        """The answer to JSON that the page has sent; None where nobody takes it."""
+        session = self.session
+        match path:
+            case ("api", "silhouettes"):
+                return json_content(session.silhouettes(parse_request(body, SilhouetteRequest)))
+            case ("api", "stage"):
+                return json_content(session.stage(parse_request(body, StageRequest)))
+            case ("api", "points"):
+                return json_content(session.errors(parse_request(body, PointsRequest)))
+            case ("api", "ground"):
+                return json_content(session.ground(parse_request(body, GroundRequest)))
+            case ("api", "save"):
+                return json_content(session.save(parse_request(body, SaveRequest)))
+            case ("api", "check", "start"):
+                return json_content(session.start_check())
+            case ("api", "check", "stop"):
+                return json_content(session.stop_check())
+        return None
+
+
+class SetupServer:
+    """Serves the page until it is closed."""
+
+    def __init__(self, session: SetupSession, address: Address) -> None:
+        """Starts, in a thread of its own; the session is closed with it. InputError where the
+        address cannot be used.
+        """
+        self._session = session
+        self._ended = threading.Event()
+        self._gate = Gate(address, SetupPage(session).answers.serve, LARGEST_BODY)
+        self.url, self.port = self._gate.url, self._gate.port
+
+    def run(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
+
+    def close(self) -> None:
+        """Ends all connections and threads."""
+        self._ended.set()
+        self._gate.close()
+        self._session.close()

@@ -1,0 +1,1 @@
+"""The page of `voxelpose studio`: from recorded files to exported motion, step by step."""

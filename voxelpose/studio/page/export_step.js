@@ -1,0 +1,46 @@
+// Export: formats to choose, and one archive to keep.
+
+import { jobPanel } from "./job_panel.js";
+import { button, make } from "./parts.js";
+import { none, resultsOf } from "./view_step.js";
+
+const USUAL = ["bvh", "glb", "csv"];
+
+export async function exportStep(studio, state, project, chosen) {
+  const results = resultsOf(state, project, chosen);
+  if (!results.length) return [make("h2", {}, "Export"), ...none(project)];
+  const select = make("select", { id: "result" }, ...results.map((result) => make("option", { value: result.name }, result.name)));
+  const box = (name, title, words, checked) => make("label", {}, make("input", { type: "checkbox", name, checked, "data-format": name }), make("span", {}, title, make("small", {}, words)));
+  const formats = Object.entries(state.formats).map(([name, words]) => box(name, name, words, USUAL.includes(name)));
+  const more = [
+    box("report", "report", "report.html: angles, quality and advice in one page for every browser", true),
+    box("pictures", "pictures", "contact sheet and overlay videos, as the fit drew them", false),
+  ];
+  const panel = make("div", { "aria-live": "polite" });
+  const isOn = (name) => document.querySelector(`[data-format=${name}]`).checked;
+  const start = button("Export", () => studio.send("api/export", { result: select.value, formats: Object.keys(state.formats).filter(isOn), report: isOn("report"), pictures: isOn("pictures") }), { class: "main", id: "start" });
+  const finished = (job) => {
+    const query = `result=${encodeURIComponent(job.of)}`;
+    return [
+      make("h3", {}, `${job.of} is exported`),
+      make("p", {}, `${job.files.join(", ")}; ${(job.bytes / 1e6).toFixed(1)} MB. The files are in the result's folder, too.`),
+      make("div", { class: "row end" },
+        job.files.includes("report.html") && make("a", { class: "button quiet", href: `report?${query}`, target: "report" }, "Open the report"),
+        make("a", { class: "button main", id: "download", href: `download?${query}`, download: "" }, "Download the archive")),
+    ];
+  };
+  studio.watch((job) => {
+    const shown = job.state === "running" || (job.kind === "export" && results.some((result) => result.name === job.of));
+    panel.replaceChildren(...(shown ? [jobPanel(studio, job, project, finished)] : []));
+    start.disabled = job.state === "running";
+  });
+  return [
+    make("h2", {}, "Export"),
+    make("p", { class: "lead" }, "One archive with the formats that you choose."),
+    panel,
+    make("section", { class: "group" },
+      make("div", { class: "field" }, make("label", { htmlFor: "result" }, "result"), select), make("p"),
+      make("div", { class: "formats" }, ...formats, ...more)),
+    make("div", { class: "row end" }, start),
+  ];
+}

@@ -1,0 +1,116 @@
+// Fit: settings in their groups, the estimation as it goes, and the verdict.
+
+import { getJson } from "./api.js";
+import { jobPanel } from "./job_panel.js";
+import { button, checkbox, make, refusal } from "./parts.js";
+import { resultLink, verdictTag } from "./projects_step.js";
+import { addressOf } from "./rail.js";
+
+const GROUPS = { basic: "", person: "The person", camera: "Cameras", output: "Filter and output", expert: "Expert" };
+
+export async function fitStep(studio, state, project) {
+  const known = await getJson(`api/project?project=${encodeURIComponent(project)}`);
+  const step = { studio, state, project, known, command: known.command ?? "fit", typed: {}, holder: make("div"), panel: make("div", { "aria-live": "polite" }) };
+  step.form = await getJson(formPath(step));
+  draw(step);
+  let before = null;
+  studio.watch(async (job) => {
+    const ended = before === "running" && job.state !== "running";
+    before = job.state;
+    if (ended) step.state = await getJson("api/state").catch(() => step.state);
+    showJob(step, job);
+    if (ended) draw(step);
+  });
+  return [
+    make("h2", {}, "Fit"),
+    make("p", { class: "lead" }, "The program finds the person's pose in every frame. The usual settings do in most cases; the height of the person helps most."),
+    step.panel, step.holder,
+  ];
+}
+
+const formPath = (step) => `api/form?project=${encodeURIComponent(step.project)}&command=${step.command}`;
+
+function showJob(step, job) {
+  const mine = job.of === step.project && ["fit", "track"].includes(job.kind);
+  const shown = mine || job.state === "running";
+  step.panel.replaceChildren(...(shown ? [jobPanel(step.studio, job, step.project, () => verdicts(step, job))] : []));
+  const start = step.holder.querySelector("#start");
+  if (start) start.disabled = job.state === "running" || !step.known.cameras.length;
+}
+
+function verdicts(step, job) {
+  const results = step.state.results.filter((result) => (job.results ?? []).includes(result.name));
+  return results.flatMap((result) => [
+    make("div", { class: "row wrap verdict" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, result.frames)),
+    make("p", {}, result.words),
+    make("div", { class: "row end" }, make("a", { class: "button main", href: resultLink("view", result), id: results.length > 1 ? "" : "next" }, results.length > 1 ? `View ${result.name}` : "Next: View")),
+  ]);
+}
+
+// A name that no result has.
+function freeName(step) {
+  const taken = new Set(step.state.results.map((result) => result.name.split("/")[0]));
+  let name = `${step.project}_${step.command}`;
+  for (let number = 2; taken.has(name); number++) name = `${step.project}_${step.command}_${number}`;
+  return name;
+}
+
+function draw(step) {
+  const { known, form } = step;
+  const out = make("input", { type: "text", id: "out", value: freeName(step), maxLength: 80 });
+  const replace = make("input", { type: "checkbox", id: "replace" });
+  const groups = Object.entries(GROUPS).map(([group, title]) => {
+    const fields = form.filter((row) => row.group === group).map((row) => field(step, row));
+    if (group !== "basic") return fields.length > 0 && make("details", {}, make("summary", {}, title, make("small", {}, `${fields.length} settings`)), make("div", { class: "fields" }, ...fields));
+    return make("section", { class: "group" }, make("div", { class: "fields" }, ...methods(step), ...fields,
+      make("div", { class: "field" }, make("label", { htmlFor: "out" }, "name of the result"), out,
+        make("label", { class: "note" }, replace, "replace an earlier result of this name"))));
+  });
+  const start = async () => {
+    if (step.holder.querySelector("input:invalid, input.wrong")) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
+    const settings = Object.fromEntries(Object.entries(step.typed));
+    const asked = { project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings };
+    if (await step.studio.send("api/fit", asked)) step.panel.scrollIntoView({ block: "nearest" });
+  };
+  const fault = known.fault && (step.command === "fit" || !known.cameras.length);
+  step.holder.replaceChildren(
+    ...(fault ? [refusal(known.fault), make("p", {}, make("a", { class: "button main", href: addressOf("import", "./", step.project) }, "Mend it: Import"))] : []),
+    ...groups.filter(Boolean),
+    make("div", { class: "row end" }, button(step.command === "fit" ? "Start the fit" : "Start tracking", start, { class: "main", id: "start", disabled: step.studio.job.state === "running" || !known.cameras.length })));
+}
+
+// Several cameras, or one of them.
+function methods(step) {
+  if (step.known.cameras.length < 2) return [];
+  const select = make("select", { id: "command" }, make("option", { value: "fit" }, "all cameras"), make("option", { value: "track" }, "one camera"));
+  select.value = step.command;
+  select.addEventListener("change", async () => {
+    Object.assign(step, { command: select.value, typed: {} });
+    step.form = await getJson(formPath(step));
+    draw(step);
+  });
+  return [make("div", { class: "field" }, make("label", { htmlFor: "command" }, "made from"), select)];
+}
+
+function field(step, row) {
+  const id = `set_${row.name}`;
+  const set = (value) => (step.typed[row.name] = value);
+  const help = make("p", { class: "note" }, row.help);
+  const value = step.typed[row.name] ?? row.value;
+  if (row.input === "checkbox") return make("div", { class: "field" }, checkbox(row.name, value ?? row.usual, set, { id }), help);
+  let input;
+  if (row.input === "choice" || row.name === "camera") {
+    const choices = row.name === "camera" ? step.known.cameras.map((camera) => camera.name) : row.choices;
+    const none = row.usual === null && (row.name !== "camera" || choices.length > 1);
+    input = make("select", { id }, none && make("option", { value: "" }, row.name === "camera" ? "choose" : "as found"), ...choices.map((choice) => make("option", { value: choice }, choice)));
+    input.value = value ?? row.usual ?? (none ? "" : choices[0]);
+  } else {
+    const numeric = row.input === "number" ? { step: row.whole ? "1" : "any" } : {};
+    input = make("input", { type: row.input, id, value: value ?? "", placeholder: row.usual ?? "", ...numeric });
+  }
+  input.addEventListener("change", () => {
+    const text = input.value.trim();
+    set(text === "" ? null : row.input === "number" ? Number(text) : text);
+  });
+  return make("div", { class: "field" }, make("label", { htmlFor: id }, row.name), input, help);
+}

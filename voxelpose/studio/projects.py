@@ -1,0 +1,202 @@
+"""Projects: the recordings in the folder that the studio reads and writes, and their results."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from calib.atomic import unwritable
+from calib.documents import visible_entries
+from calib.errors import InputError, check_name
+from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.folder import calibration_path, is_recording
+from voxelpose.recording.frame_reader import VIDEOS
+from voxelpose.reliability import verdict_of
+from voxelpose.results import (
+    SETTINGS,
+    SUMMARY,
+    holds_people,
+    is_result,
+    load_settings,
+    load_summary,
+)
+
+SINGLE_FILES = "subject.toml", "timestamps.csv"
+_UNFINISHED = {"background", *SINGLE_FILES, "voxelpose.toml"}  # all that a new project may hold
+_LONGEST = 80
+_FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]|^[.\s-]|[.\s]$')
+_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_PERSON = re.compile(r"person_[0-9]{1,4}")
+
+
+def check_plain_name(name: str) -> None:
+    """Checks that a name can be a file's or folder's, and nothing else, on every system.
+
+    Raises:
+        InputError: it cannot.
+    """
+    check_name(name)
+    if not name or len(name) > _LONGEST or _FORBIDDEN.search(name) or _OF_WINDOWS.fullmatch(name):
+        raise InputError(
+            f"{name[:40]!r} cannot be a name: take letters, digits, - and _, up to {_LONGEST}, as"
+            " in anna_walk_1"
+        )
+
+
+class StudioFolder:
+    """The folder outside of which nothing is read or written.
+
+    Attributes:
+        root: its path, without links.
+    """
+
+    def __init__(self, root: Path) -> None:
+        """InputError where there is no such folder, or it is itself a recording or a result."""
+        self.root = root.resolve()
+        if not self.root.is_dir():
+            raise InputError(f"there is no folder {root}: make it, or give another")
+        if is_recording(self.root) or is_result(self.root):
+            kind = "result" if is_result(self.root) else "recording"
+            raise InputError(
+                f"{root} is itself a {kind}: give the folder in which recordings and results lie,"
+                f" {self.root.parent}"
+            )
+
+    def project(self, name: str) -> Path:
+        """Folder of a project; InputError where there is none of this name."""
+        check_plain_name(name)
+        folder = self._inside(self.root / name)
+        if not folder.is_dir() or is_result(folder):
+            raise InputError(f"there is no project {name!r}: choose another, or make it")
+        return folder
+
+    def new_project(self, name: str) -> None:
+        """Makes a folder. InputError where the name cannot be one, or is taken."""
+        check_plain_name(name)
+        folder = self.root / name
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            raise InputError(f"there is a {name!r} already: choose another name") from None
+        except OSError as error:
+            raise unwritable(folder, error) from error
+
+    def result(self, name: str) -> Path:
+        """Folder of a result by its name in `results`. InputError where there is none, or its
+        recording lies elsewhere.
+        """
+        parts = name.split("/")
+        for part in parts:
+            check_plain_name(part)
+        folder = self._inside(self.root.joinpath(*parts))
+        if len(parts) > 3 or not is_result(folder) or holds_people(folder):
+            raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
+        self._inside(self._recording_of(folder))
+        return folder
+
+    def out(self, name: str, overwrite: bool) -> Path:
+        """Where a result of this name is to be written. InputError where it must not."""
+        check_plain_name(name)
+        out = self.root / name
+        self._inside(out)
+        if out.exists() and not overwrite:
+            raise InputError(f"there is a {name!r} already: choose another name, or replace it")
+        return out
+
+    def projects(self) -> list[dict[str, Any]]:
+        """All projects: `name`, number of `cameras`, whether `calibrated`."""
+        found = []
+        for folder in visible_entries(self.root):
+            if not folder.is_dir() or is_result(folder) or not self.holds(folder):
+                continue
+            new = not {path.name for path in visible_entries(folder)} - _UNFINISHED
+            if new or is_recording(folder):
+                cameras = _camera_count(folder)
+                calibrated = calibration_path(folder) is not None
+                found.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
+        return found
+
+    def results(self) -> list[dict[str, Any]]:
+        """All results, those of several people one by one, also in a batch's folder, the latest
+        first: `name`, its `project` (None: not here), `level`, `words`, `frames`, time it was
+        `made`; or an `error`.
+        """
+        found = [self._described(folder) for folder in self._result_folders()]
+        return sorted(found, key=lambda result: -result["made"])
+
+    def holds(self, path: Path) -> bool:
+        """Whether a path, its links followed, lies within."""
+        return path.resolve().is_relative_to(self.root)
+
+    def file_inside(self, project: Path, text: str) -> Path:
+        """A file or result that a setting names, relative to its project or to the root.
+        InputError where there is none, or it lies outside.
+        """
+        check_name(text)
+        if "\0" not in text:
+            for path in (project / text, self.root / text):
+                if path.exists():
+                    return self._inside(path)
+        raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
+
+    def _inside(self, path: Path) -> Path:
+        if not self.holds(path):
+            raise InputError(
+                f"{path.name[:80]!r} lies outside of {self.root}: start the studio in a folder that"
+                " holds it"
+            )
+        return path
+
+    def _result_folders(self) -> Iterator[Path]:
+        for folder in visible_entries(self.root):
+            if not folder.is_dir() or not self.holds(folder):
+                continue
+            if is_result(folder):
+                yield from _people(folder)
+            elif not is_recording(folder):  # that of a batch
+                for inner in visible_entries(folder):
+                    if inner.is_dir() and self.holds(inner) and is_result(inner):
+                        yield from _people(inner)
+
+    def _described(self, folder: Path) -> dict[str, Any]:
+        known: dict[str, Any] = {
+            "name": folder.relative_to(self.root).as_posix(),
+            "project": None,
+            "made": (folder / SUMMARY).stat().st_mtime,
+            "sheet": (folder / "contact_sheet.png").exists(),
+        }
+        try:
+            recording = self._recording_of(folder)
+            if recording.parent == self.root:
+                known["project"] = recording.name
+            summary = load_summary(folder / SUMMARY)
+        except InputError as error:
+            return known | {"level": "failed", "words": str(error)}
+        verdict, frames = verdict_of(summary), summary["frames"]
+        posed = frames["with_pose"]
+        return known | {
+            "level": verdict.level,
+            "words": str(verdict),
+            "frames": f"{posed} of {posed + len(frames['lost'])} frames",
+        }
+
+    def _recording_of(self, folder: Path) -> Path:
+        settings = load_settings(folder / SETTINGS)
+        return (folder / settings.get("recording", "")).resolve()
+
+
+def _people(folder: Path) -> list[Path]:
+    """The folder of a result, or those of the people in it."""
+    if not holds_people(folder):
+        return [folder]
+    return [inner for inner in visible_entries(folder) if _PERSON.fullmatch(inner.name)]
+
+
+def _camera_count(folder: Path) -> int:
+    try:
+        cameras = pictures_by_camera(folder) or pictures_by_camera(folder / "masks")
+    except InputError:  # two files of one camera
+        return sum(path.suffix.lower() in VIDEOS for path in visible_entries(folder))
+    return len(cameras)

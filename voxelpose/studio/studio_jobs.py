@@ -1,0 +1,76 @@
+"""What the studio has done in a process of its own: an estimation, an export."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from calib.atomic import replacing
+from calib.errors import InputError
+from silhouette_core.progress import Reporter
+from voxelpose.export.formats import export_motion
+from voxelpose.recording.folder import Recording
+from voxelpose.report.page import REPORT, write_report
+from voxelpose.results import Result
+from voxelpose.view.serving.page_job import StepError
+
+EXPORTED = "export.zip"
+"""File of a result's folder that holds the latest export."""
+_PICTURES = "contact_sheet.png", "overlay_*.webm"
+_OF_CHECK = "silhouette", "background", "region", "cameras do not agree", "calibrate check"
+
+
+def estimate(
+    reporter: Reporter, work: Callable[[Reporter, Any], Sequence[Result]], command: Any, root: Path
+) -> dict[str, Any]:
+    """Runs a command of estimation into a folder below `root`; returns the names of the `results`.
+    StepError where a user can correct something.
+    """
+    try:
+        results = work(reporter, command)
+    except InputError as error:
+        line = " ".join(str(error).split())
+        raise StepError(line, _step_of(line, command.recording)) from error
+    return {"results": [each.folder.resolve().relative_to(root).as_posix() for each in results]}
+
+
+def _step_of(line: str, recording: Path) -> str:
+    """Step that mends an error of an estimation."""
+    try:
+        Recording.open(recording)
+    except InputError as fault:
+        if " ".join(str(fault).split()) == line:  # of the files alone, whatever is set
+            return "import"
+    return "check" if any(word in line for word in _OF_CHECK) else "fit"
+
+
+def export(
+    reporter: Reporter, folder: Path, formats: Sequence[str], report: bool, pictures: bool
+) -> dict[str, Any]:
+    """Writes the files of formats, the report and what the fit drew into one archive in the
+    result's folder; returns the `files` in it and their `bytes`. InputError where a format does not
+    fit, or files cannot be written.
+    """
+    if not formats and not report and not pictures:
+        raise InputError("nothing is chosen: choose a format, the report or the pictures")
+    reporter.stage("files")
+    motion = Result.open(folder).motion
+    paths = export_motion(motion, folder, formats, overwrite=True) if formats else []
+    if report:
+        paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
+    if pictures:
+        paths += sorted(path for pattern in _PICTURES for path in folder.glob(pattern))
+    if not paths:
+        raise InputError("this result has no pictures: fit again with `pictures`, or choose more")
+    reporter.stage("archive", len(paths))
+    with (
+        replacing(folder / EXPORTED) as partial,
+        zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for path in paths:
+            archive.write(path, path.name)
+            reporter.advance()
+    size = (folder / EXPORTED).stat().st_size
+    return {"files": [path.name for path in paths], "bytes": size}

@@ -1,0 +1,226 @@
+"""The studio's server behind the gate: its page, the set-up of a project, the viewer of a result,
+files in and out, and the job as it goes.
+"""
+
+import asyncio
+import threading
+import traceback
+from asyncio import StreamReader, StreamWriter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+
+from calib.errors import InputError
+from voxelpose.report.page import REPORT
+from voxelpose.setup_page.page_requests import LARGEST_BODY
+from voxelpose.studio.studio_jobs import EXPORTED
+from voxelpose.studio.studio_session import (
+    ExportAsked,
+    FileAsked,
+    FitAsked,
+    Named,
+    StudioSession,
+)
+from voxelpose.studio.uploads import LARGEST_UPLOAD, receive
+from voxelpose.view.serving.gate import UNFRAMED, Address, Gate, GateRequest, Reply
+from voxelpose.view.serving.page_answers import (
+    PAGE_HEADERS,
+    Content,
+    PageAnswers,
+    error_reply,
+    json_content,
+    parse_request,
+)
+
+_LOOK_S = 0.2  # between looks at the job
+_BEAT_S = 10  # between signs of life, by which an end of the other side is noticed
+_PIECE = 2**18
+_REPORT_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
+    f" sandbox allow-scripts; {UNFRAMED}"
+)
+
+
+class StudioServer:
+    """Serves the studio until it is closed."""
+
+    def __init__(self, session: StudioSession, address: Address) -> None:
+        """Starts, in a thread of its own; the session is closed with it. InputError where the
+        address cannot be used.
+        """
+        self._session = session
+        self._ended = threading.Event()
+        self._answers = PageAnswers("voxelpose.studio", self._got, self._posted)
+        self._gate = Gate(address, self._answer, LARGEST_BODY, LARGEST_UPLOAD)
+        self.url, self.port = self._gate.url, self._gate.port
+
+    def run(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
+
+    def close(self) -> None:
+        """Ends all connections, threads and processes."""
+        self._ended.set()
+        self._gate.close()
+        self._session.close()
+
+    async def _answer(
+        self, request: GateRequest, reader: StreamReader, writer: StreamWriter
+    ) -> None:
+        """Answers what may pass."""
+        try:
+            reply = await self._passed_on(request, reader, writer)
+        except (InputError, OSError) as error:
+            reply = error_reply("400 Bad Request", " ".join(str(error).split()))
+        except (asyncio.IncompleteReadError, TimeoutError):
+            return  # who asked is gone
+        except Exception:
+            traceback.print_exc()
+            words = "a bug: the terminal shows its traceback; the page goes on"
+            reply = error_reply("500 Internal Server Error", words)
+        if reply is not None:
+            writer.write(reply.encoded())
+            await writer.drain()
+
+    async def _passed_on(
+        self, request: GateRequest, reader: StreamReader, writer: StreamWriter
+    ) -> Reply | None:
+        """Passes a request on to who answers it; the answer, where nobody has written one."""
+        session, query = self._session, dict(request.query)
+        match request.path:
+            case ("upload",) if request.is_upload:
+                return await self._upload(request, query, reader)
+            case _ if request.is_upload:
+                return error_reply("400 Bad Request", "no file is taken here")
+            case ("view", *parts) if "-" in parts:
+                depth = parts.index("-") + 2
+                await self._view("/".join(parts[: depth - 2]), request, depth, reader, writer)
+            case _ if request.upgrade:
+                return error_reply("400 Bad Request", "no WebSocket is here")
+            case ("check", name, *rest):
+                page = await asyncio.to_thread(session.setup, name, not rest)
+                await page.answers.serve(request.below(2), reader, writer)
+            case ("events",):
+                await self._tell(writer)
+            case ("download",):
+                folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
+                await _send(writer, folder / EXPORTED, f"{folder.name}.zip")
+            case ("report",):
+                folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
+                content = await asyncio.to_thread((folder / REPORT).read_bytes)
+                headers = PAGE_HEADERS | {"Content-Security-Policy": _REPORT_POLICY}
+                return Reply("200 OK", content, "text/html; charset=utf-8", headers)
+            case _:
+                await self._answers.serve(request, reader, writer)
+        return None
+
+    async def _upload(
+        self, request: GateRequest, query: Mapping[str, str], reader: StreamReader
+    ) -> Reply:
+        """Takes a file of a project."""
+        given = {key: query.get(key, "") for key in ("project", "name", "place")}
+        try:
+            asked = msgspec.convert(given | {"bytes": request.body_bytes}, FileAsked)
+        except msgspec.ValidationError as error:
+            raise InputError(f"the page sent what is not understood: {str(error)[:200]}") from None
+        target = await asyncio.to_thread(self._session.target, asked)
+        await receive(self._session.folder, reader, asked.bytes, target, asked.name)
+        return Reply("200 OK", *json_content({"written": target.name}), PAGE_HEADERS)
+
+    async def _view(
+        self,
+        name: str,
+        request: GateRequest,
+        depth: int,
+        reader: StreamReader,
+        writer: StreamWriter,
+    ) -> None:
+        """Passes a request on to the viewer of a result, which is opened for its page alone: what
+        an older page asks for does not close a newer one's.
+        """
+        viewer = self._session.viewer
+        if len(request.path) == depth and not request.upgrade:
+            await asyncio.to_thread(self._session.open_viewer, name)
+        if viewer.browser is None or viewer.name != name:
+            raise InputError("another result is open in the viewer: load this page again")
+        await viewer.browser.answer(request.below(depth), reader, writer)
+
+    async def _tell(self, writer: StreamWriter) -> None:
+        """Sends the job's state whenever it has changed, as server-sent events."""
+        job, told, silent_s = self._session.job, -1, 0.0
+        headers = {"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
+        writer.write(_head(headers | {"Connection": "close"}))
+        while True:
+            version = job.version
+            if version != told:
+                status = job.status()
+                status.pop("picture", None)
+                writer.write(b"data: " + msgspec.json.encode(status) + b"\n\n")
+            elif silent_s >= _BEAT_S:
+                writer.write(b":\n\n")
+            silent_s = 0.0 if version != told or silent_s >= _BEAT_S else silent_s + _LOOK_S
+            told = version
+            await writer.drain()
+            await asyncio.sleep(_LOOK_S)
+
+    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+        """What is asked for; None where it can only be a file."""
+        session, project = self._session, query.get("project", "")
+        match path:
+            case ("api", "state"):
+                return json_content(session.state())
+            case ("api", "project"):
+                return json_content(session.project(project))
+            case ("api", "form"):
+                return json_content(session.form(project, query.get("command", "")))
+            case ("sheet",):
+                return session.sheet(query.get("result", "")), "image/jpeg"
+        return None
+
+    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+        """The answer to JSON that the page has sent; None where nobody takes it."""
+        session = self._session
+        match path:
+            case ("api", "new"):
+                session.folder.new_project(parse_request(body, Named).name)
+            case ("api", "accepts"):
+                session.target(parse_request(body, FileAsked))
+            case ("api", "remove"):
+                session.remove(parse_request(body, FileAsked))
+            case ("api", "fit"):
+                session.start_fit(parse_request(body, FitAsked))
+            case ("api", "export"):
+                session.start_export(parse_request(body, ExportAsked))
+            case ("api", "stop"):
+                session.job.stop()
+            case _:
+                return None
+        return json_content({})
+
+
+def _head(headers: Mapping[str, str]) -> bytes:
+    lines = [f"{name}: {value}" for name, value in (PAGE_HEADERS | dict(headers)).items()]
+    return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
+
+
+async def _send(writer: StreamWriter, path: Path, name: str) -> None:
+    """Sends a file to be kept. InputError where it is not there."""
+    try:
+        file = path.open("rb")
+    except OSError:
+        raise InputError("nothing is exported yet: export first") from None
+    with file:
+        headers = {
+            "Content-Type": "application/octet-stream",
+            "Content-Length": str(path.stat().st_size),
+            "Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}",
+            "Cache-Control": "no-store",
+            "Connection": "close",
+        }
+        writer.write(_head(headers))
+        while piece := await asyncio.to_thread(file.read, _PIECE):
+            writer.write(piece)
+            await writer.drain()

@@ -1,0 +1,296 @@
+"""What the studio's page shows of its folder, and what it has done there."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol
+
+import msgspec
+import numpy as np
+from msgspec import Meta, Struct
+
+from calib.errors import InputError
+from silhouette_core.progress import Reporter
+from voxelpose.recording.folder import Recording
+from voxelpose.recording.subject import SETTINGS_FILE
+from voxelpose.report.page import sheet_image
+from voxelpose.results import Result
+from voxelpose.setup_page.drawn_places import change_section
+from voxelpose.setup_page.opened_folder import OpenedFolder
+from voxelpose.setup_page.setup_server import SetupPage
+from voxelpose.setup_page.setup_session import SettingValues, SetupSession
+from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.studio_jobs import estimate, export
+from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
+from voxelpose.view.images.canvas import encoded
+from voxelpose.view.serving.page_answers import Name
+from voxelpose.view.serving.page_job import PageJob
+from voxelpose.view.viewer.browser import Browser
+from voxelpose.view.viewer.result_scenes import ResultScenes
+
+Command = Literal["fit", "track"]
+_Value = bool | int | float | Annotated[str, Meta(max_length=1000)]
+
+
+class Named(Struct, forbid_unknown_fields=True):
+    """A project, or a result."""
+
+    name: Name
+
+
+class FileAsked(Struct, forbid_unknown_fields=True):
+    """A file that is to be sent, or removed."""
+
+    project: Name
+    name: Name
+    place: Place = "video"
+    bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
+
+
+class FitAsked(Struct, forbid_unknown_fields=True):
+    """An estimation, with the settings that are typed in; None: the usual value."""
+
+    project: Name
+    command: Command
+    out: Name
+    overwrite: bool = False
+    settings: dict[Name, _Value | None] = {}
+
+
+class ExportAsked(Struct, forbid_unknown_fields=True):
+    """Formats of a result, by their names."""
+
+    result: Name
+    formats: Annotated[list[Name], Meta(max_length=20)]
+    report: bool = False
+    pictures: bool = False
+
+
+class Commands(Protocol):
+    """The commands of estimation as the command line knows them, which stands above the page."""
+
+    def form(self, command: Command, project: Path) -> list[dict[str, Any]]:
+        """Settings in their groups, with their values by the files of a project."""
+        ...
+
+    def command(
+        self,
+        command: Command,
+        project: Path,
+        out: Path,
+        given: Mapping[str, Any],
+        inside: Callable[[str], Path],
+    ) -> Any:
+        """A command that overwrites, of what files say and what is `given`; `inside` finds a file
+        that a setting names. InputError where a value makes no sense.
+        """
+        ...
+
+    def shares(self, command: Any) -> Mapping[str, float] | None:
+        """Shares of the time of a command's stages."""
+        ...
+
+    def work(self) -> Callable[[Reporter, Any], Sequence[Result]]:
+        """Function of a module that runs a command."""
+        ...
+
+    def values(self, project: Path) -> SettingValues:
+        """Settings of `fit` by the files of a project."""
+        ...
+
+    def formats(self) -> dict[str, str]:
+        """What is written, by the names of the formats."""
+        ...
+
+
+class OpenedViewer:
+    """The viewer of one result at a time, drawn by a thread of its own."""
+
+    def __init__(self) -> None:
+        """Opens none."""
+        self._lock = threading.Lock()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.name, self.browser = "", None
+
+    def open(self, name: str, folder: Path) -> None:
+        """Opens a result, if it is not open already, and closes the one before."""
+        with self._lock:
+            if name == self.name:
+                return
+            self._end()
+            scenes = ResultScenes(folder)
+            frames = scenes.frames if scenes.motion is None else scenes.motion.frames
+            try:
+                self.browser = Browser(scenes, None, int(frames[len(frames) // 2]))
+            except BaseException:
+                scenes.close()
+                raise
+            self._over, self.name = threading.Event(), name
+            self._thread = threading.Thread(
+                target=_draw, args=(self.browser, self._over), name="viewer", daemon=True
+            )
+            self._thread.start()
+
+    def close(self) -> None:
+        """Closes what is open."""
+        with self._lock:
+            self._end()
+
+    def _end(self) -> None:
+        self._over.set()
+        if self._thread is not None and self.browser is not None:
+            self._thread.join()
+            self.browser.close()
+        self.name, self.browser, self._thread = "", None, None
+
+
+def _draw(browser: Browser, over: threading.Event) -> None:
+    while not over.is_set():
+        browser.step(0.2)
+
+
+class StudioSession:
+    """The studio's folder, its one job, its one viewer, and the set-up of one project."""
+
+    def __init__(self, folder: StudioFolder, commands: Commands) -> None:
+        """Opens nothing."""
+        self.folder, self.commands = folder, commands
+        self.job, self.viewer = PageJob(), OpenedViewer()
+        self._lock = threading.Lock()
+        self._setup: tuple[str, SetupPage] | None = None
+
+    def close(self) -> None:
+        """Ends what is running."""
+        self.job.close()
+        self.viewer.close()
+        if self._setup is not None:
+            self._setup[1].session.close()
+
+    def state(self) -> dict[str, Any]:
+        """Projects and results."""
+        return {
+            "folder": str(self.folder.root),
+            "projects": self.folder.projects(),
+            "results": self.folder.results(),
+            "formats": self.commands.formats(),
+        }
+
+    def project(self, name: str) -> dict[str, Any]:
+        """Files of a project, and what the program's own reader says about them."""
+        folder = self.folder.project(name)
+        known: dict[str, Any] = {"name": name, "files": project_files(folder)}
+        try:
+            values = self.commands.values(folder)
+            given = [values.get(key, (None, ""))[0] for key in ("unit", "fps", "label")]
+            opened = OpenedFolder.open(folder, *given)
+            recording, fault = opened.recording, opened.fault
+            names = list(recording.rig.names)
+            if fault and len(names) == 1:  # which needs no calibration
+                with suppress(InputError):
+                    recording, fault = Recording.open(folder, None, names, *given), ""
+        except InputError as error:
+            return known | {"fault": str(error), "cameras": [], "command": None}
+        return known | {
+            "fault": fault,
+            "cameras": [
+                {"name": one.name, "size": list(one.size), "empty": one.name in self._empty(folder)}
+                for one in recording.rig
+            ],
+            "frames": recording.frame_count,
+            "fps": recording.fps,
+            "notes": list(recording.notes),
+            "command": "fit" if len(names) > 1 else "track",
+        }
+
+    def _empty(self, folder: Path) -> set[str]:
+        return {
+            Path(file["name"]).stem for file in project_files(folder) if file["place"] != "video"
+        }
+
+    def target(self, asked: FileAsked) -> Path:
+        """Where a file that is to be sent belongs. InputError where it cannot be taken now."""
+        project = self.folder.project(asked.project)
+        self._check_idle(asked.project)
+        return target_of(project, asked.place, asked.name, asked.bytes)
+
+    def remove(self, asked: FileAsked) -> None:
+        """Removes a file of a project. InputError where that cannot be."""
+        project = self.folder.project(asked.project)
+        self._check_idle(asked.project)
+        remove_file(self.folder, project, asked.name)
+
+    def _check_idle(self, project: str) -> None:
+        state = self.job.status(of=project)
+        if state["state"] == "running":
+            raise InputError(
+                f"the {state['kind']} of {project} reads its files: wait for its end, or stop it"
+            )
+
+    def form(self, name: str, command: str) -> list[dict[str, Any]]:
+        """Settings of an estimation of a project."""
+        kind = msgspec.convert("track" if command == "track" else "fit", Command)
+        return self.commands.form(kind, self.folder.project(name))
+
+    def start_fit(self, asked: FitAsked) -> None:
+        """Begins an estimation, and keeps its settings in the project. InputError where another job
+        is running, a setting makes no sense, or the result must not be written there.
+        """
+        project = self.folder.project(asked.project)
+        out = self.folder.out(asked.out, asked.overwrite)
+        given = {key: value for key, value in asked.settings.items() if value is not None}
+
+        def inside(text: str) -> Path:
+            return self.folder.file_inside(project, text)
+
+        command = self.commands.command(asked.command, project, out, given, inside)
+        shares, work = self.commands.shares(command), self.commands.work()
+        what = estimate, work, command, self.folder.root
+        self.job.start(asked.command, asked.project, *what, shares=shares)
+        change_section(project / SETTINGS_FILE, asked.command, asked.settings)
+
+    def start_export(self, asked: ExportAsked) -> None:
+        """Begins an export. InputError where another job is running, or there is no such result."""
+        folder = self.folder.result(asked.result)
+        formats = [name for name in self.commands.formats() if name in asked.formats]
+        what = export, folder, formats, asked.report, asked.pictures
+        self.job.start("export", asked.result, *what)
+
+    def sheet(self, name: str) -> bytes:
+        """The contact sheet of a result as JPEG. InputError where there is none."""
+        image = sheet_image(self.folder.result(name))
+        if image is None:
+            raise InputError("this result has no pictures: fit again with `pictures`")
+        return encoded(np.ascontiguousarray(image), ".jpg", 85)
+
+    def setup(self, name: str, again: bool) -> SetupPage:
+        """The set-up of a project, opened where another was, or once more. InputError where it
+        cannot be opened.
+        """
+        with self._lock:
+            if self._setup is None or self._setup[0] != name or again:
+                folder = self.folder.project(name)
+                values = self.commands.values(folder)
+                given = [values.get(key, (None, ""))[0] for key in ("unit", "fps", "label")]
+                opened = OpenedFolder.open(folder, *given)
+                read = _Values(self.commands, folder)
+                session = SetupSession(opened, read, self.job, "../../")
+                self._setup = name, SetupPage(session)
+            return self._setup[1]
+
+    def open_viewer(self, name: str) -> None:
+        """Opens the viewer of a result. InputError where it cannot be read."""
+        self.viewer.open(name, self.folder.result(name))
+
+
+class _Values:
+    """Reads the settings of `fit` of a folder."""
+
+    def __init__(self, commands: Commands, folder: Path) -> None:
+        self._commands, self._folder = commands, folder
+
+    def __call__(self) -> SettingValues:
+        return self._commands.values(self._folder)

@@ -1,0 +1,160 @@
+"""Files that somebody sends into a project: where each belongs, and how it gets there whole."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import shutil
+from asyncio import StreamReader
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+from calib.atomic import replacing, unwritable
+from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml, visible_entries
+from calib.errors import InputError
+from silhouette_core.body.presets import body_preset
+from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.folder import calibration_path
+from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader
+from voxelpose.recording.subject import read_subject
+from voxelpose.studio.projects import SINGLE_FILES, StudioFolder, check_plain_name
+
+Place = Literal["video", "background", "calibration", "subject.toml", "timestamps.csv"]
+LARGEST_UPLOAD = 32 * 2**30
+"""Bytes of a file: hours of a camera."""
+_SPARED = 2**30  # bytes of the disk that stay free
+_SILENT_S = 60  # after which whoever sends is gone
+_PIECE = 2**20
+_CALIBRATIONS = ".toml .yml .yaml .json .xml .txt .xcp".split()
+_IN_FOLDER = {"intri.yml", "extri.yml", "cameras.txt", "images.txt"}  # EasyMocap's, COLMAP's
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+
+
+def target_of(project: Path, place: Place, name: str, size: int) -> Path:
+    """Where a file of so many bytes belongs. InputError where it cannot be taken."""
+    check_plain_name(name)
+    suffix = Path(name).suffix.lower()
+    kinds = {"video": VIDEOS, "background": (*VIDEOS, *STILLS), "calibration": _CALIBRATIONS}
+    if place in kinds and suffix not in kinds[place]:
+        raise InputError(f"{name} is none of {', '.join(sorted(kinds[place]))}: convert it first")
+    large = place in ("video", "background")
+    most = LARGEST_UPLOAD if large else LARGEST_CALIBRATION
+    free = shutil.disk_usage(project).free - _SPARED
+    if not 0 < size <= most:
+        raise InputError(f"{name} has {size / 1e6:.0f} MB: 1 byte to {most / 1e6:.0f} MB are taken")
+    if size > free:
+        raise InputError(f"{name} has {size / 1e9:.1f} GB: the disk is full, free some space")
+    if place == "calibration":
+        return _calibration(project, name, suffix)
+    if not large:
+        return project / place
+    folder = project / "background" if place == "background" else project
+    same = pictures_by_camera(folder, stills=place == "background").get(Path(name).stem)
+    if same is not None and same.name != name:
+        raise InputError(f"{same.name} is there for camera {same.stem}: remove it first")
+    return folder / name
+
+
+def _calibration(project: Path, name: str, suffix: str) -> Path:
+    """Where a calibration belongs; its format is recognised by its content."""
+    if name in _IN_FOLDER:
+        target = project / "calibration" / name
+    else:
+        target = project / f"calibration{'' if suffix in ('.txt', '.xcp') else suffix}"
+    there = calibration_path(project)
+    if there is not None and there not in (target, target.parent):
+        raise InputError(f"{there.name} is there: remove it first, then add {name}")
+    return target
+
+
+async def receive(
+    folder: StudioFolder, reader: StreamReader, size: int, target: Path, name: str
+) -> None:
+    """Writes what is sent, whole or not at all. InputError where it is not what its place needs, or
+    the system refuses; asyncio.IncompleteReadError or TimeoutError where not all of it comes.
+    """
+    if not folder.holds(target.parent):
+        raise InputError(f"{target.parent.name} leads out of {folder.root}: remove that link")
+    try:
+        target.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    with replacing(target) as partial:
+        with partial.open("wb") as file:
+            await _copy(reader, size, file.write)
+            file.flush()
+            await asyncio.to_thread(os.fsync, file.fileno())
+        try:
+            await asyncio.to_thread(_check, partial, target.name)
+        except InputError as error:
+            raise InputError(str(error).replace(str(partial), name)) from None
+
+
+async def _copy(reader: StreamReader, size: int, write: Callable[[bytes], object]) -> None:
+    """Passes bytes on, some at a time."""
+    waiting = bytearray()
+    while size:
+        async with asyncio.timeout(_SILENT_S):
+            piece = await reader.read(min(size, _PIECE))
+        if not piece:
+            raise asyncio.IncompleteReadError(b"", size)
+        size -= len(piece)
+        waiting += piece
+        if len(waiting) >= _PIECE or not size:
+            await asyncio.to_thread(write, bytes(waiting))
+            waiting.clear()
+
+
+def _check(path: Path, name: str) -> None:
+    """Checks that a file is what its name says, and that it names no other file."""
+    if name == "subject.toml":
+        body = parse_toml(load_text(path, LARGEST_CALIBRATION), path).get("body")
+        if isinstance(body, str) and body_preset(body) is None:
+            raise InputError(
+                f"{name} names a body's file, {body[:40]!r}: take a name of `voxelpose body list`,"
+                " or choose a result with the setting `body`"
+            )
+        read_subject(path)
+    elif path.suffix.lower() in VIDEOS:
+        with path.open("rb") as file:
+            if not _NO_TEXT.search(file.read(4096)):  # a list of other files, for example
+                raise InputError(f"{name} is text, no video: choose the video itself")
+        FrameReader.open(path)
+
+
+def project_files(project: Path) -> list[dict[str, Any]]:
+    """Files that a project holds: `place`, `name` as for `remove_file`, `bytes`."""
+    calibration = calibration_path(project)
+    empty = visible_entries(project / "background") if (project / "background").is_dir() else []
+    found: list[tuple[Place, Path]] = [
+        *(("video", path) for path in visible_entries(project) if _is_camera(path)),
+        *(("background", path) for path in empty),
+        *([("calibration", calibration)] if calibration else []),
+        *((name, project / name) for name in SINGLE_FILES if (project / name).is_file()),
+    ]
+    return [
+        {
+            "place": place,
+            "name": path.relative_to(project).as_posix(),
+            "bytes": path.stat().st_size if path.is_file() else None,
+        }
+        for place, path in found
+    ]
+
+
+def _is_camera(path: Path) -> bool:
+    return path.is_file() and path.suffix.lower() in VIDEOS
+
+
+def remove_file(folder: StudioFolder, project: Path, name: str) -> None:
+    """Removes one of the files that `project_files` names. InputError where it is none."""
+    known = {file["name"]: file["bytes"] for file in project_files(project)}
+    path = project / name
+    if known.get(name) is None or not folder.holds(path.parent):
+        raise InputError(f"there is no file {name[:80]!r} that can be removed here")
+    try:
+        path.unlink()
+    except OSError as error:
+        raise InputError(f"{name} cannot be removed: {error.strerror or error}") from error

@@ -1,0 +1,216 @@
+"""One long job of a page at a time, in a process of its own: with its progress, and ended at once
+where somebody stops it.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from multiprocessing.connection import Connection
+from typing import Any
+
+from calib.errors import InputError
+from silhouette_core.progress import OverallProgress
+from silhouette_core.workers import SPAWN, end_with_parent
+
+_STOP_S = 8  # after which a process that does not end is killed
+_TELL_EVERY_S = 0.1
+_SURE = 0.04  # part of the work from which the time that is left is told
+_MOST_NOTES = 50
+_BUG = "a bug: the terminal shows its traceback; the page goes on"
+_ENDED = (
+    "the process was ended from outside, usually for want of memory: close other programs, or take"
+    " fewer frames"
+)
+
+
+class StepError(InputError):
+    """An error of a job, and the step of the page that mends it."""
+
+    def __init__(self, line: str, step: str) -> None:
+        super().__init__(line)
+        self.step = step
+
+
+class PageJob:
+    """Runs at most one job; what came of it stays until the next. Any thread may use it.
+
+    Attributes:
+        version: a number that changes whenever the status does.
+    """
+
+    def __init__(self) -> None:
+        """Starts nothing."""
+        self._lock = threading.Lock()
+        self._process: Any = None
+        self._thread: threading.Thread | None = None
+        self._stopping = False
+        self._state: dict[str, Any] = {"state": "idle"}
+        self._overall: OverallProgress | None = None
+        self._started_s = 0.0
+        self.version = 0
+
+    def start(
+        self,
+        kind: str,
+        of: str,
+        work: Callable[..., Mapping[str, Any]],
+        *arguments: object,
+        shares: Mapping[str, float] | None = None,
+    ) -> None:
+        """Begins a job.
+
+        Args:
+            kind: what it does, such as "fit".
+            of: what it is done to: a recording, a result.
+            work: a function of a module that takes a reporter and the arguments, all of which can
+                be pickled, and returns what is known then; its InputError is told in a line.
+            shares: of the time that its stages usually take; None: not known.
+
+        Raises:
+            InputError: one is running.
+        """
+        with self._lock:
+            if self._state["state"] == "running":
+                raise InputError(
+                    f"the {self._state['kind']} of {self._state['of']} is still running: wait for"
+                    " its end, or stop it"
+                )
+            here, there = SPAWN.Pipe(duplex=False)
+            self._process = SPAWN.Process(target=_run, args=(there, work, arguments))
+            self._process.start()
+            there.close()
+            self._stopping, self._started_s = False, time.monotonic()
+            self._overall = None if shares is None else OverallProgress(shares)
+            self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
+            self._update(stage="beginning", done=0, total=None, part=None)
+            self._thread = threading.Thread(
+                target=self._listen, args=(here, self._process), name="job of the page", daemon=True
+            )
+            self._thread.start()
+
+    def status(self, kind: str | None = None, of: str | None = None) -> dict[str, Any]:
+        """State: idle, running (stage, done, total, part, left_s, notes), failed (error, and the
+        step that mends it), stopped, or done (with what the work returned). Idle, too, where the
+        latest job is of another kind, or of something else.
+        """
+        with self._lock:
+            state = dict(self._state)
+        wanted = kind in (None, state.get("kind")) and of in (None, state.get("of"))
+        return state if wanted else {"state": "idle"}
+
+    def stop(self) -> None:
+        """Ends the job that is running; nothing that it had not finished is left."""
+        with self._lock:
+            if self._state["state"] != "running":
+                return
+            self._stopping = True
+            process = self._process
+        process.terminate()
+        threading.Thread(target=_kill_later, args=(process,), daemon=True).start()
+
+    def close(self) -> None:
+        """Ends the job that is running, and waits for that."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join(_STOP_S + 2)
+
+    def _update(self, **changes: Any) -> None:
+        self._state |= changes
+        self.version += 1
+
+    def _listen(self, pipe: Connection, process: Any) -> None:
+        """Takes what the process tells until its end."""
+        told: tuple[str, Any] | None = None
+        while told is None or told[0] in ("at", "note"):
+            try:
+                told = pipe.recv()
+            except (EOFError, OSError):
+                told = "failed", (_ENDED, "")
+            if told[0] == "done" or self._stopping:
+                process.join(_STOP_S)  # its files are all there, or gone
+            with self._lock:
+                self._take(*told)
+        pipe.close()
+        process.join()
+
+    def _take(self, what: str, told: Any) -> None:
+        """Notes what the process has told."""
+        if what == "at":
+            stage, done, total = told
+            part = None if self._overall is None else self._overall.part(stage, done, total)
+            elapsed_s = time.monotonic() - self._started_s
+            known = part is not None and part > _SURE
+            left_s = elapsed_s * (1 - part) / part if known and part else None
+            self._update(stage=stage, done=done, total=total, part=part, left_s=left_s)
+        elif what == "note":
+            self._update(notes=[*self._state["notes"], told][-_MOST_NOTES:])
+        elif what == "done":
+            self._update(state="done", **told)
+        elif self._stopping:
+            self._update(state="stopped")
+        else:
+            error, step = told
+            self._update(state="failed", error=error, step=step)
+
+
+class _PipeReporter:
+    """Tells progress to the process that has begun this one."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._lock, self._told_s = pipe, threading.Lock(), 0.0
+        self._stage, self._done, self._total = "beginning", 0, None
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        """See `Reporter.stage`."""
+        self._stage, self._done, self._total = name, 0, total
+        self._tell()
+
+    def advance(self, steps: int = 1) -> None:
+        """See `Reporter.advance`."""
+        self._done += steps
+        if time.monotonic() - self._told_s > _TELL_EVERY_S:
+            self._tell()
+
+    def note(self, text: str) -> None:
+        """See `Reporter.note`."""
+        self.send("note", text)
+
+    def send(self, what: str, told: Any) -> None:
+        """Sends whatever it is, one thread after the other."""
+        with self._lock:
+            self._pipe.send((what, told))
+
+    def _tell(self) -> None:
+        self._told_s = time.monotonic()
+        self.send("at", (self._stage, self._done, self._total))
+
+
+def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ...]) -> None:
+    """Does the work in this process, and tells how it ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's program ends this one
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    reporter = _PipeReporter(pipe)
+    try:
+        told = "done", work(reporter, *arguments)
+    except InputError as error:
+        told = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
+    except KeyboardInterrupt:
+        told = "failed", (_ENDED, "")
+    except OSError as error:
+        traceback.print_exc()
+        told = "failed", (f"{error.filename or 'a file'}: {error.strerror or error}", "")
+    except Exception:
+        traceback.print_exc()
+        told = "failed", (_BUG, "")
+    reporter.send(*told)
+
+
+def _kill_later(process: Any) -> None:
+    process.join(_STOP_S)
+    if process.is_alive():
+        process.kill()
