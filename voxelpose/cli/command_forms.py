@@ -85,8 +85,9 @@ class CommandForms:
         given: Mapping[str, Any],
         inside: Callable[[str], Path],
     ) -> Any:
-        """A command that overwrites, of what files say and what is `given`, by options' names;
-        `inside` finds a file that a setting names. InputError where a value makes no sense.
+        """A command that overwrites, of what files say and what is `given`, by options' names, None
+        for the usual value; `inside` finds a file that a setting names. InputError where a value
+        makes no sense.
         """
         kind = _class_of(command)
         options = options_of(kind)
@@ -95,7 +96,10 @@ class CommandForms:
         for name, value in given.items():
             if name not in options or options[name].field in _NOT_IN_FORMS:
                 raise InputError(f"{command} has no setting {name[:40]!r} on this page")
-            values[options[name].field] = options[name].value_from(value, project, "the page")
+            option = options[name]
+            values.pop(option.field, None)
+            if value is not None:
+                values[option.field] = option.value_from(value, project, "the page")
         for field in _FILES & values.keys():
             if isinstance(values[field], str | Path) and not _is_name(field, str(values[field])):
                 path = inside(str(given.get(field, values[field])))

@@ -53,8 +53,6 @@ def export(
     result's folder; returns the `files` in it and their `bytes`. InputError where a format does not
     fit, or files cannot be written.
     """
-    if not formats and not report and not pictures:
-        raise InputError("nothing is chosen: choose a format, the report or the pictures")
     reporter.stage("files")
     motion = Result.open(folder).motion
     paths = export_motion(motion, folder, formats, overwrite=True) if formats else []

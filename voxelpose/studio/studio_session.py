@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
@@ -84,8 +84,8 @@ class Commands(Protocol):
         given: Mapping[str, Any],
         inside: Callable[[str], Path],
     ) -> Any:
-        """A command that overwrites, of what files say and what is `given`; `inside` finds a file
-        that a setting names. InputError where a value makes no sense.
+        """A command that overwrites, of what files say and what is `given`, where None is the usual
+        value; `inside` finds a file that a setting names. InputError where a value makes no sense.
         """
         ...
 
@@ -182,33 +182,31 @@ class StudioSession:
     def project(self, name: str) -> dict[str, Any]:
         """Files of a project, and what the program's own reader says about them."""
         folder = self.folder.project(name)
-        known: dict[str, Any] = {"name": name, "files": project_files(folder)}
+        files = project_files(folder)
+        known: dict[str, Any] = {"name": name, "files": files}
         try:
             values = self.commands.values(folder)
-            given = [values.get(key, (None, ""))[0] for key in ("unit", "fps", "label")]
-            opened = OpenedFolder.open(folder, *given)
-            recording, fault = opened.recording, opened.fault
+            given = _reading(values)
+            recording, fault = OpenedFolder.open(folder, *given).recording, ""
             names = list(recording.rig.names)
-            if fault and len(names) == 1:  # which needs no calibration
-                with suppress(InputError):
-                    recording, fault = Recording.open(folder, None, names, *given), ""
+            chosen = str(values.get("cameras", ("", ""))[0])
+            cameras = [word.strip() for word in chosen.split(",") if word.strip()]
+            if len(names) == 1:  # which needs no calibration
+                cameras = names
+            try:
+                recording = Recording.open(folder, None, cameras or None, *given)
+            except InputError as error:
+                fault = str(error)
         except InputError as error:
             return known | {"fault": str(error), "cameras": [], "command": None}
+        empty = {Path(file["name"]).stem for file in files if file["place"] == "background"}
         return known | {
             "fault": fault,
-            "cameras": [
-                {"name": one.name, "size": list(one.size), "empty": one.name in self._empty(folder)}
-                for one in recording.rig
-            ],
+            "cameras": [{"name": one, "empty": one in empty} for one in recording.rig.names],
             "frames": recording.frame_count,
             "fps": recording.fps,
             "notes": list(recording.notes),
             "command": "fit" if len(names) > 1 else "track",
-        }
-
-    def _empty(self, folder: Path) -> set[str]:
-        return {
-            Path(file["name"]).stem for file in project_files(folder) if file["place"] != "video"
         }
 
     def target(self, asked: FileAsked) -> Path:
@@ -241,12 +239,11 @@ class StudioSession:
         """
         project = self.folder.project(asked.project)
         out = self.folder.out(asked.out, asked.overwrite)
-        given = {key: value for key, value in asked.settings.items() if value is not None}
 
         def inside(text: str) -> Path:
             return self.folder.file_inside(project, text)
 
-        command = self.commands.command(asked.command, project, out, given, inside)
+        command = self.commands.command(asked.command, project, out, asked.settings, inside)
         shares, work = self.commands.shares(command), self.commands.work()
         what = estimate, work, command, self.folder.root
         self.job.start(asked.command, asked.project, *what, shares=shares)
@@ -256,6 +253,8 @@ class StudioSession:
         """Begins an export. InputError where another job is running, or there is no such result."""
         folder = self.folder.result(asked.result)
         formats = [name for name in self.commands.formats() if name in asked.formats]
+        if not formats and not asked.report and not asked.pictures:
+            raise InputError("nothing is chosen: choose a format, the report or the pictures")
         what = export, folder, formats, asked.report, asked.pictures
         self.job.start("export", asked.result, *what)
 
@@ -273,10 +272,8 @@ class StudioSession:
         with self._lock:
             if self._setup is None or self._setup[0] != name or again:
                 folder = self.folder.project(name)
-                values = self.commands.values(folder)
-                given = [values.get(key, (None, ""))[0] for key in ("unit", "fps", "label")]
-                opened = OpenedFolder.open(folder, *given)
-                read = _Values(self.commands, folder)
+                read = partial(self.commands.values, folder)
+                opened = OpenedFolder.open(folder, *_reading(read()))
                 session = SetupSession(opened, read, self.job, "../../")
                 self._setup = name, SetupPage(session)
             return self._setup[1]
@@ -286,11 +283,7 @@ class StudioSession:
         self.viewer.open(name, self.folder.result(name))
 
 
-class _Values:
-    """Reads the settings of `fit` of a folder."""
-
-    def __init__(self, commands: Commands, folder: Path) -> None:
-        self._commands, self._folder = commands, folder
-
-    def __call__(self) -> SettingValues:
-        return self._commands.values(self._folder)
+def _reading(values: SettingValues) -> tuple[Any, Any, Any]:
+    """Unit, frame rate and label, without which some folders cannot be read."""
+    unit, fps, label = (values.get(name, (None, ""))[0] for name in ("unit", "fps", "label"))
+    return unit, fps, label

@@ -54,6 +54,7 @@ class App {
     document.title = `${state.name} – voxelpose setup`;
     if (state.studio) {
       addRail("check", state.studio, state.name);
+      document.querySelector("h1 span").textContent = "studio";
       by("next").hidden = false;
       by("next").href = addressOf("fit", state.studio, state.name);
     }

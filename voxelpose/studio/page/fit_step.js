@@ -42,9 +42,9 @@ function verdicts(step, job) {
   const results = step.state.results.filter((result) => (job.results ?? []).includes(result.name));
   return results.flatMap((result) => [
     make("div", { class: "row wrap verdict" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, result.frames)),
-    make("p", {}, result.words),
+    result.words !== result.level && make("p", {}, result.words),
     make("div", { class: "row end" }, make("a", { class: "button main", href: resultLink("view", result), id: results.length > 1 ? "" : "next" }, results.length > 1 ? `View ${result.name}` : "Next: View")),
-  ]);
+  ].filter(Boolean));
 }
 
 // A name that no result has.

@@ -21,7 +21,7 @@ export async function viewStep(studio, state, project, chosen) {
   const cards = results.map((result) => make("section", { class: "card" },
     result.sheet && make("img", { src: `sheet?result=${encodeURIComponent(result.name)}`, alt: `Contact sheet of ${result.name}`, loading: "lazy" }),
     make("div", { class: "row wrap" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, result.frames ?? "")),
-    make("p", {}, result.words),
+    result.words !== result.level && make("p", {}, result.words),
     make("div", { class: "row wrap" },
       make("a", { class: "button main", href: viewerPath(result.name), target: "viewer", "aria-label": `Open the viewer of ${result.name}` }, "Open the viewer"),
       make("a", { class: "button quiet", href: resultLink("export", result) }, "Next: Export"))));

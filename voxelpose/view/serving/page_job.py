@@ -20,6 +20,7 @@ _STOP_S = 8  # after which a process that does not end is killed
 _TELL_EVERY_S = 0.1
 _SURE = 0.04  # part of the work from which the time that is left is told
 _MOST_NOTES = 50
+_BEGINNING = "loading the program"
 _BUG = "a bug: the terminal shows its traceback; the page goes on"
 _ENDED = (
     "the process was ended from outside, usually for want of memory: close other programs, or take"
@@ -86,7 +87,7 @@ class PageJob:
             self._stopping, self._started_s = False, time.monotonic()
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
-            self._update(stage="beginning", done=0, total=None, part=None)
+            self._update(stage=_BEGINNING, done=0, total=None, part=None)
             self._thread = threading.Thread(
                 target=self._listen, args=(here, self._process), name="job of the page", daemon=True
             )
@@ -124,16 +125,17 @@ class PageJob:
 
     def _listen(self, pipe: Connection, process: Any) -> None:
         """Takes what the process tells until its end."""
-        told: tuple[str, Any] | None = None
-        while told is None or told[0] in ("at", "note"):
+        what = "at"
+        while what in ("at", "note"):
+            told: Any = (_ENDED, "")
             try:
-                told = pipe.recv()
+                what, told = pipe.recv()
             except (EOFError, OSError):
-                told = "failed", (_ENDED, "")
-            if told[0] == "done" or self._stopping:
+                what = "failed"
+            if what in ("done", "failed"):
                 process.join(_STOP_S)  # its files are all there, or gone
             with self._lock:
-                self._take(*told)
+                self._take(what, told)
         pipe.close()
         process.join()
 
@@ -162,7 +164,7 @@ class _PipeReporter:
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe, self._lock, self._told_s = pipe, threading.Lock(), 0.0
-        self._stage, self._done, self._total = "beginning", 0, None
+        self._stage, self._done, self._total = _BEGINNING, 0, None
 
     def stage(self, name: str, total: int | None = None) -> None:
         """See `Reporter.stage`."""

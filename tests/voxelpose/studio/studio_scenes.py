@@ -1,0 +1,46 @@
+"""The studio of a folder, behind its gate."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.voxelpose.setup_page.setup_scenes import ask
+from voxelpose.cli.command_forms import CommandForms
+from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.studio_server import StudioServer
+from voxelpose.studio.studio_session import StudioSession
+from voxelpose.view.serving.gate import Address
+
+
+@contextmanager
+def opened_studio(root: Path, token: str | None = None) -> Iterator[StudioServer]:
+    """The studio; leaves no thread of its own behind."""
+    before = set(threading.enumerate())
+    session = StudioSession(StudioFolder(root), CommandForms())
+    server = StudioServer(session, Address("127.0.0.1", 0, token))
+    try:
+        yield server
+    finally:
+        server.close()
+        names = "gate", "job of", "viewer"
+        end = time.monotonic() + 20
+        while any(t.name.startswith(names) for t in set(threading.enumerate()) - before):
+            assert time.monotonic() < end, threading.enumerate()
+            time.sleep(0.02)
+
+
+def send(server: StudioServer, place: str, name: str, content: bytes, **headers: str):
+    """Status and content of the answer to a file that is sent into the project walk."""
+    path = f"/upload?project=walk&place={place}&name={name}"
+    return ask(server, path, content, Content_Type="application/octet-stream", **headers)
+
+
+def ended(server: StudioServer, seconds: float = 60.0) -> dict:
+    """State of the job when it has ended."""
+    end = time.monotonic() + seconds
+    while (state := server._session.job.status())["state"] == "running":
+        assert time.monotonic() < end, state
+        time.sleep(0.05)
+    return state

@@ -1,0 +1,256 @@
+"""The studio's server: who may ask, its one job, results, and the archive."""
+
+import io
+import json
+import shutil
+import time
+import urllib.request
+import zipfile
+
+import pytest
+
+from silhouette_core.progress import SilentReporter
+from tests.clips import waving
+from tests.sources import ring, write_staged
+from tests.voxelpose.setup_page.setup_scenes import ask
+from tests.voxelpose.studio.studio_scenes import ended, opened_studio
+from voxelpose.cli.command_forms import CommandForms
+from voxelpose.cli.options import folder_settings, load_command, options_of
+from voxelpose.results import is_result
+from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.studio_jobs import estimate
+from voxelpose.view.serving.page_job import StepError
+
+TOKEN = "open sesame"
+POSTS = "/api/new", "/api/accepts", "/api/remove", "/api/fit", "/api/export", "/api/stop", "/upload"
+GETS = (
+    "/",
+    "/api/state",
+    "/api/project?project=walk",
+    "/check/walk/",
+    "/view/fitted/-/",
+    "/events",
+    "/download?result=fitted",
+    "/report?result=fitted",
+)
+STANDING = {"estimator": "standing", "stature": 1.8, "pictures": False}
+
+
+@pytest.fixture
+def studio(desk):
+    """The studio of a recording by two cameras."""
+    write_staged(desk / "root" / "walk", waving(4), ring(2, (320, 240)))
+    with opened_studio(desk / "root") as server:
+        yield server
+
+
+def start(server, out="fitted", **settings) -> tuple:
+    asked = {"project": "walk", "command": "fit", "out": out, "settings": STANDING | settings}
+    return ask(server, "/api/fit", asked)
+
+
+def fetched(server, path: str) -> bytes:
+    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}{path}", timeout=60) as answer:
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        return answer.read()
+
+
+def test_without_the_token_nothing_is_answered(tmp_path):
+    (tmp_path / "walk").mkdir()
+    with opened_studio(tmp_path, TOKEN) as server:
+        for path in (*GETS, *POSTS):
+            body = {} if path in POSTS else None
+            assert ask(server, path, body)[0] == 401, path
+            assert ask(server, path, body, Origin="http://evil.example")[0] == 403, path
+    assert not list((tmp_path / "walk").iterdir())
+
+
+@pytest.mark.parametrize("path", POSTS[:-1])
+def test_what_nobody_understands_is_refused_in_a_line(studio, path, capfd):
+    for body in (b"{", b"[]", b'{"nobody": 1}', b'{"name": 1}', b"\xff", b"[" * 9000):
+        status, answer = ask(studio, path, body)
+        assert path == "/api/stop" or (status == 400 and "\n" not in answer["error"])
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["..", ".", "../away", "a/b", "/etc", "", "x" * 81, "a\0b", "c:"])
+def test_no_name_leads_out_of_the_folder(studio, desk, name):
+    (desk / "away").mkdir()
+    before = sorted(desk.rglob("*"))
+    for path, body in (
+        ("/api/new", {"name": name}),
+        ("/api/fit", {"project": name, "command": "fit", "out": "x"}),
+        ("/api/fit", {"project": "walk", "command": "fit", "out": name}),
+        ("/api/export", {"result": name, "formats": ["bvh"]}),
+        ("/api/remove", {"project": name, "name": "cam_1.mkv"}),
+        ("/api/remove", {"project": "walk", "name": name}),
+    ):
+        status, answer = ask(studio, path, body)
+        assert status == 400 and answer["error"], (path, body)
+    for path in ("/api/project?project=", "/sheet?result=", "/download?result=", "/report?result="):
+        assert ask(studio, path + urllib.parse.quote(name, safe=""))[0] == 400
+    assert sorted(desk.rglob("*")) == before
+    assert studio._session.job.status() == {"state": "idle"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        ({"body": "/etc/passwd"}, "lies outside of"),
+        ({"body": "../../away.toml"}, "lies outside of"),
+        ({"segmenter": "../../away.toml"}, "lies outside of"),
+        ({"segmenter": "away.onnx"}, "no 'away.onnx' in"),
+        ({"out": "elsewhere"}, "has no setting 'out' on this page"),
+        ({"overwrite": True}, "has no setting 'overwrite' on this page"),
+        ({"stature": "tall"}, "stature = 'tall' must be a number"),
+        ({"sex": "x"}, "must be one of male, female, unknown"),
+    ],
+)
+def test_settings_are_checked_before_the_work(studio, desk, settings, line):
+    (desk / "away.toml").write_text("")
+    asked = {"project": "walk", "command": "fit", "out": "x", "settings": settings}
+    status, answer = ask(studio, "/api/fit", asked)
+    assert status == 400 and line in answer["error"]
+    assert not (desk / "root" / "walk" / "voxelpose.toml").exists()
+
+
+def test_the_form_is_the_commands_own(studio, desk):
+    (desk / "root" / "walk" / "voxelpose.toml").write_text("[fit]\ncutoff = 5\n[track]\n")
+    for command in ("fit", "track"):
+        rows = ask(studio, f"/api/form?project=walk&command={command}")[1]
+        named = {row["name"]: row for row in rows}
+        expected = options_of(load_command(command)).keys() - {"out", "overwrite", "verbose"}
+        assert named.keys() == expected
+        assert all(row["help"] for row in rows)
+        assert [row["group"] for row in rows[:3]] == ["basic"] * 3
+        assert named["sex"]["choices"] == ["male", "female", "unknown"]
+        assert named["smooth"]["input"] == "checkbox" and named["smooth"]["usual"] is True
+        assert named["cutoff"]["value"] == (5 if command == "fit" else None)
+
+
+@pytest.mark.slow
+def test_a_fit_is_followed_refused_a_second_time_and_exported(studio, desk):
+    assert start(studio)[0] == 200
+    status, answer = start(studio, "again")
+    assert status == 400 and "the fit of walk is still running" in answer["error"]
+    status, answer = ask(studio, "/api/remove", {"project": "walk", "name": "cam_1.mkv"})
+    assert status == 400 and "reads its files" in answer["error"]
+    seen = events(studio)
+    assert seen[0]["state"] == "running" and seen[-1]["state"] == "done"
+    assert seen[-1]["results"] == ["fitted"]
+    assert not (desk / "root" / "again").exists()
+    (result,) = ask(studio, "/api/state")[1]["results"]
+    assert result["project"] == "walk" and result["frames"] == "3 of 4 frames"
+    assert result["level"] == "doubtful" and result["words"].startswith("doubtful: ")
+    saved = folder_settings("fit", desk / "root" / "walk")
+    assert {name: setting.value for name, setting in saved.items()} == STANDING
+    assert "already: choose another name" in start(studio)[1]["error"]
+    assert b"<title>fitted" in fetched(studio, "/view/fitted/-/")
+    assert ask(studio, "/view/fitted/-/nothing")[0] == 404
+    assert ask(studio, "/view/other/-/")[0] == 400
+    assert ask(studio, "/download?result=fitted")[0] == 400  # nothing is exported yet
+    archive(studio)
+    people(studio, desk)
+
+
+def events(server) -> list[dict]:
+    """States of the job until it has ended, as they are sent."""
+    found: list[dict] = []
+    url = f"http://127.0.0.1:{server.port}/events"
+    with urllib.request.urlopen(url, timeout=60) as answer:
+        assert answer.headers["Content-Type"] == "text/event-stream"
+        for line in answer:
+            if line.startswith(b"data: "):
+                found.append(json.loads(line[6:]))
+                if found[-1]["state"] != "running":
+                    break
+    return found
+
+
+def archive(server) -> None:
+    nothing = {"result": "fitted", "formats": []}
+    assert "nothing is chosen" in ask(server, "/api/export", nothing)[1]["error"]
+    asked = {"result": "fitted", "formats": ["bvh", "csv", "fbx"], "report": True}
+    assert ask(server, "/api/export", asked)[0] == 200
+    state = ended(server)
+    assert state["state"] == "done", state
+    with zipfile.ZipFile(io.BytesIO(fetched(server, "/download?result=fitted"))) as zipped:
+        assert zipped.testzip() is None and zipped.namelist() == state["files"]
+        assert {"motion.bvh", "angles.csv", "report.html"} <= {*zipped.namelist()}
+    assert b"voxelpose" in fetched(server, "/report?result=fitted")
+
+
+def people(server, desk) -> None:
+    """Results of several people are listed one by one, also in the folder of a batch."""
+    root = desk / "root"
+    for folder in (root / "duo", root / "many" / "duo"):
+        for person in ("person_1", "person_2"):
+            shutil.copytree(root / "fitted", folder / person)
+        (folder / "summary.json").write_text('{"voxelpose": "0", "people": {"person_1": {}}}')
+    names = [result["name"] for result in ask(server, "/api/state")[1]["results"]]
+    both = ["person_1", "person_2"]
+    assert sorted(names) == ["duo/" + one for one in both] + ["fitted"] + [
+        "many/duo/" + one for one in both
+    ]
+    assert [one["name"] for one in ask(server, "/api/state")[1]["projects"]] == ["walk"]
+    settings = root / "duo" / "person_1" / "settings.toml"
+    settings.write_text(settings.read_text().replace("../walk", "../../../walk"))
+    status, answer = ask(server, "/view/duo/person_1/-/")
+    assert status == 400 and "lies outside of" in answer["error"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "file", "step", "line"),
+    [
+        ({"frames": "3:9"}, None, "fit", "frames 3:9 are not in the recording"),
+        ({"cameras": "cam_9"}, None, "fit", "no video of cam_9"),
+        ({}, "calibration.toml", "import", "holds no calibration"),
+        ({"estimator": "multiview"}, "cam_2.mkv", "import", "camera cam_2"),
+    ],
+)
+def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line):
+    walk = write_staged(desk / "walk", waving(2), ring(2, (320, 240)))
+    if file is not None:
+        (walk / file).unlink()
+    forms, folder = CommandForms(), StudioFolder(desk)
+    command = forms.command("fit", walk, desk / "x", STANDING | settings, folder.project)
+    with pytest.raises(StepError) as error:
+        estimate(SilentReporter(), forms.work(), command, folder.root)
+    assert error.value.step == step and line in str(error.value)
+
+
+@pytest.mark.slow
+def test_a_bug_is_told_in_a_line_and_the_studio_goes_on(studio, desk, capfd):
+    assert start(studio, voxel=8.0)[0] == 200
+    state = ended(studio)
+    assert state["state"] == "failed" and state["error"].startswith("a bug: the terminal")
+    assert "RuntimeError: a bug" in capfd.readouterr().err
+    assert ask(studio, "/api/state")[0] == 200
+    assert sorted(path.name for path in (desk / "root").iterdir()) == ["walk"]
+
+
+@pytest.mark.slow
+def test_a_fit_that_is_stopped_leaves_nothing(studio, desk):
+    assert start(studio, voxel=9.0)[0] == 200  # a second a frame
+    end = time.monotonic() + 60
+    while studio._session.job.status()["stage"] != "standing about":
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert ask(studio, "/api/stop", {})[0] == 200
+    assert ended(studio)["state"] == "stopped"
+    assert sorted(path.name for path in (desk / "root").iterdir()) == ["walk"]
+    assert start(studio, voxel=None)[0] == 200  # the next may begin, and ends with the studio
+    assert not is_result(desk / "root" / "fitted")
+
+
+def test_the_check_of_a_project_is_its_set_up(studio):
+    status, page = ask(studio, "/check/walk/")
+    assert status == 200 and b"voxelpose setup" in page
+    state = ask(studio, "/check/walk/api/state")[1]
+    assert state["name"] == "walk" and state["studio"] == "../../"
+    assert ask(studio, "/check/walk/picture/cam_1?moment=0")[1][:2] == b"\xff\xd8"
+    places = {"unknown": {"cam_1": [[[0, 0], [9, 0], [9, 9]]]}}
+    written = ask(studio, "/check/walk/api/save", {"places": places})[1]["written"]
+    assert written == ["recording.toml"]
+    assert ask(studio, "/check/walk/api/save", {}, Origin="http://evil.example")[0] == 403
+    assert ask(studio, "/check/nobody/")[0] == 400
