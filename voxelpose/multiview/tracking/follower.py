@@ -125,7 +125,7 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
-        track = track.follow(rig, moment.time_s, moment.masks())
+        track = followed(rig, track, moment.time_s, moment.masks())
         if track.fit.error > TRACKING.bad * usual and not searched:
             searched, track = True, search_limbs(rig, track, moment) or track
         error = track.fit.error
@@ -133,6 +133,28 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         if track.fit.error > TRACKING.lost or wrong == _MOST_WRONG:
             return None
     return track
+
+
+def followed(rig: Rig, track: BodyTrack, time_s: float, masks: Masks) -> BodyTrack:
+    """Track with the next frame. Where few frames come, the person has gone farther than a step
+    reaches: then also from where the silhouettes are now.
+
+    Args:
+        rig: pinhole cameras.
+        masks: silhouettes (h, w) bool by camera name.
+    """
+    near = track.follow(rig, time_s, masks)
+    if time_s - track.time_s <= LIVE.longest_step_s or not track.is_poor(near.fit.error):
+        return near
+    frame = _hull(rig, masks)
+    if frame is None:
+        return near
+    pose, points_m = track.fit.pose, track.body.surface.posed(track.fit.pose).points
+    offset_m = frame.grid.occupied_points(frame.occupancy).mean(0) - points_m.mean(0)
+    moved = replace(pose, root_m=pose.root_m + offset_m * (1, 1, 0))
+    there = replace(track, before=None, fit=replace(track.fit, pose=moved))
+    far = replace(there.follow(rig, time_s, masks), before=(track.time_s, pose))
+    return min(near, far, key=lambda one: one.fit.error)
 
 
 def _body(settings: Settings, frame: FrameObservation) -> BodyGeometry:
@@ -208,16 +230,23 @@ class PoseFollower:
             masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
                 missing at the moment are left out.
         """
-        longest_s = max(LIVE.longest_gap_s, LIVE.longest_gap * (time_s - self._previous_s))
-        self._previous_s = time_s
+        gap_s, self._previous_s = time_s - self._previous_s, time_s
+        longest_s = max(LIVE.longest_gap_s, LIVE.longest_gap * gap_s)
         latest, self._track = self._track or self._lost, None
-        for track in (latest, self._found()):
-            if track is not None and time_s - track.time_s <= longest_s:
-                stepped = track.follow(self.rig, time_s, masks)
+        found, later = self._found()
+        behind = len(later) > _CAUGHT_UP
+        if found is not None and behind and gap_s <= LIVE.longest_step_s:
+            self._catch_up(found, later)
+            found = None
+        for track, most_s in ((latest, longest_s), (found, np.inf)):
+            if track is not None and time_s - track.time_s <= most_s:
+                stepped = followed(self.rig, track, time_s, masks)
                 best = self._track
                 least = TRACKING.lost if best is None else TRACKING.better * best.fit.error
                 if stepped.fit.error < least:
                     self._track = stepped
+        if found is not None and behind and self._track is None:
+            self._catch_up(found, later)
         self._lost = latest if self._track is None else None
         moment = Moment.of(time_s, masks)
         if self._job is None:
@@ -228,20 +257,22 @@ class PoseFollower:
             ]
         return None if self._track is None else self._track.fit
 
-    def _found(self) -> BodyTrack | None:
-        """Track of a finished job, once it has caught up with the present."""
+    def _found(self) -> tuple[BodyTrack | None, list[Moment]]:
+        """Track of a finished job, None where there is none, and the moments that have come since
+        its frame.
+        """
         if self._job is None or not self._job.done():
-            return None
+            return None, []
         job, self._job = self._job, None
         track = job.result()
         if track is None:
-            return None
-        later = [moment for moment in self._since if moment.time_s > track.time_s]
-        if len(later) <= _CAUGHT_UP:
-            return track
+            return None, []
+        return track, [moment for moment in self._since if moment.time_s > track.time_s]
+
+    def _catch_up(self, track: BodyTrack, later: list[Moment]) -> None:
+        """Begins to follow a track through the moments that have come since."""
         self._since = []
         self._submit(catch_up, self.rig, track, later)
-        return None
 
     def _begin_job(self, moment: Moment) -> None:
         """Begins what is due, with the frame whose track is the present one."""

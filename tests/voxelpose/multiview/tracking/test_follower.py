@@ -1,3 +1,5 @@
+from concurrent.futures import Future
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,38 @@ def test_slow_cameras_are_followed_too(follower):
         fit = follower.step(0.6 * frame, masks_of(walking(3 * frame)))
     assert fit is not None
     assert error_mm(follower, fit.pose, walking(9)) < 100
+
+
+class Slow(AtOnce):
+    """Hands over what is submitted when so many further frames have come."""
+
+    def __init__(self, frames: int):
+        self._frames, self._waiting = frames, []
+
+    def submit(self, fn, /, *args, **kwargs):
+        done, future = super().submit(fn, *args, **kwargs), Future()
+        self._waiting.append([self._frames, done, future])
+        return future
+
+    def next_frame(self) -> None:
+        for entry in self._waiting:
+            entry[0] -= 1
+            if entry[0] == 0:
+                entry[2].set_result(entry[1].result())
+
+
+@pytest.mark.slow
+def test_two_pictures_a_second_are_enough_though_a_search_takes_two_seconds():
+    """The person has gone 0.6 m at each picture, and is elsewhere when the search is done."""
+    executor = Slow(4)
+    follower = PoseFollower(SEEN_BY.rig, KNOWN, executor)
+    fits = []
+    for number, frame in enumerate((0, 15, 30, 15) * 2):
+        executor.next_frame()
+        fits.append(follower.step(number / 2, masks_of(walking(frame))))
+    assert fits[3] is None  # not yet
+    assert all(fit is not None for fit in fits[4:])
+    assert error_mm(follower, fits[-1].pose, walking(15)) < 100
 
 
 def test_nobody_is_not_searched_for(follower):
