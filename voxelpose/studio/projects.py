@@ -165,7 +165,7 @@ class StudioFolder:
             "name": folder.relative_to(self.root).as_posix(),
             "project": None,
             "made": (folder / SUMMARY).stat().st_mtime,
-            "sheet": (folder / "contact_sheet.png").exists(),
+            "sheet": (pictures_folder(folder) / "contact_sheet.png").exists(),
         }
         try:
             recording = self._recording_of(folder)
@@ -185,6 +185,12 @@ class StudioFolder:
     def _recording_of(self, folder: Path) -> Path:
         settings = load_settings(folder / SETTINGS)
         return (folder / settings.get("recording", "")).resolve()
+
+
+def pictures_folder(result: Path) -> Path:
+    """Where the pictures of a result are: those of several people show all of them."""
+    alone = not _PERSON.fullmatch(result.name) or not holds_people(result.parent)
+    return result if alone else result.parent
 
 
 def _people(folder: Path) -> list[Path]:

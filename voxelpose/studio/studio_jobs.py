@@ -14,6 +14,7 @@ from voxelpose.export.formats import export_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
 from voxelpose.results import Result
+from voxelpose.studio.projects import pictures_folder
 from voxelpose.view.serving.page_job import StepError
 
 EXPORTED = "export.zip"
@@ -59,7 +60,8 @@ def export(
     if report:
         paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
     if pictures:
-        paths += sorted(path for pattern in _PICTURES for path in folder.glob(pattern))
+        drawn = pictures_folder(folder)
+        paths += sorted(path for pattern in _PICTURES for path in drawn.glob(pattern))
     if not paths:
         raise InputError("this result has no pictures: fit again with `pictures`, or choose more")
     reporter.stage("archive", len(paths))
