@@ -80,7 +80,7 @@ apidoc_modules = [
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
 _GUIDE = (
-    "install guide live recordings setup calibration checking viewing exports python glossary"
+    "install guide studio live recordings setup calibration checking viewing exports python glossary"
     " results"
 ).split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]

@@ -34,8 +34,8 @@ from voxelpose.view.serving.page_answers import (
     parse_request,
 )
 
-_LOOK_S = 0.2  # between looks at the job
-_BEAT_S = 10  # between signs of life, by which an end of the other side is noticed
+_LOOK_MS = 200  # between looks at the job
+_BEAT_MS = 10_000  # between signs of life, by which an end of the other side is noticed
 _PIECE = 2**18
 _REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
@@ -150,7 +150,7 @@ class StudioServer:
 
     async def _tell(self, writer: StreamWriter) -> None:
         """Sends the job's state whenever it has changed, as server-sent events."""
-        job, told, silent_s = self._session.job, -1, 0.0
+        job, told, silent_ms = self._session.job, -1, 0
         headers = {"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
         writer.write(_head(headers | {"Connection": "close"}))
         while True:
@@ -159,12 +159,12 @@ class StudioServer:
                 status = job.status()
                 status.pop("picture", None)
                 writer.write(b"data: " + msgspec.json.encode(status) + b"\n\n")
-            elif silent_s >= _BEAT_S:
+            elif silent_ms >= _BEAT_MS:
                 writer.write(b":\n\n")
-            silent_s = 0.0 if version != told or silent_s >= _BEAT_S else silent_s + _LOOK_S
-            told = version
+            spoken = version != told or silent_ms >= _BEAT_MS
+            told, silent_ms = version, 0 if spoken else silent_ms + _LOOK_MS
             await writer.drain()
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_LOOK_MS / 1000)
 
     def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         """What is asked for; None where it can only be a file."""

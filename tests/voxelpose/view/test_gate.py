@@ -233,12 +233,12 @@ def test_other_machines_need_a_token(host):
 
 
 def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guarded):
-    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded._answer)
+    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded.answer)
     assert gate.port > guarded.gate.port
     gate.close()
     gate.close()
     with pytest.raises(InputError, match=r"--host 203\.0\.113\.1 --port 8080: .*choose another"):
-        Gate(Address("203.0.113.1", 8080, TOKEN), guarded._answer)
+        Gate(Address("203.0.113.1", 8080, TOKEN), guarded.answer)
     with pytest.raises(InputError, match="choose another"):
         Address("127.0.0.1", 99999, TOKEN)
 

@@ -17,8 +17,8 @@ from silhouette_core.progress import OverallProgress
 from silhouette_core.workers import SPAWN, end_with_parent
 
 _STOP_S = 8  # after which a process that does not end is killed
-_TELL_EVERY_S = 0.1
-_SURE = 0.04  # part of the work from which the time that is left is told
+_TELL_EVERY_MS = 100
+_SURE_PERCENT = 4  # of the work from which the time that is left is told
 _MOST_NOTES = 50
 _BEGINNING = "loading the program"
 _BUG = "a bug: the terminal shows its traceback; the page goes on"
@@ -145,7 +145,7 @@ class PageJob:
             stage, done, total = told
             part = None if self._overall is None else self._overall.part(stage, done, total)
             elapsed_s = time.monotonic() - self._started_s
-            known = part is not None and part > _SURE
+            known = part is not None and 100 * part > _SURE_PERCENT
             left_s = elapsed_s * (1 - part) / part if known and part else None
             self._update(stage=stage, done=done, total=total, part=part, left_s=left_s)
         elif what == "note":
@@ -174,7 +174,7 @@ class _PipeReporter:
     def advance(self, steps: int = 1) -> None:
         """See `Reporter.advance`."""
         self._done += steps
-        if time.monotonic() - self._told_s > _TELL_EVERY_S:
+        if 1000 * (time.monotonic() - self._told_s) > _TELL_EVERY_MS:
             self._tell()
 
     def note(self, text: str) -> None:
