@@ -220,16 +220,6 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
 
 
 @pytest.mark.slow
-def test_a_bug_is_told_in_a_line_and_the_studio_goes_on(studio, desk, capfd):
-    assert start(studio, voxel=8.0)[0] == 200
-    state = ended(studio)
-    assert state["state"] == "failed" and state["error"].startswith("a bug: the terminal")
-    assert "RuntimeError: a bug" in capfd.readouterr().err
-    assert ask(studio, "/api/state")[0] == 200
-    assert sorted(path.name for path in (desk / "root").iterdir()) == ["walk"]
-
-
-@pytest.mark.slow
 def test_a_fit_that_is_stopped_leaves_nothing(studio, desk):
     assert start(studio, voxel=9.0)[0] == 200  # a second a frame
     end = time.monotonic() + 60

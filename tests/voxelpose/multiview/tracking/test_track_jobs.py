@@ -1,11 +1,16 @@
 """Catching up; tables of errors stand for what refinement finds."""
 
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from silhouette_core.motion.pose import Pose
+from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import follower
+from voxelpose.multiview.tracking.body_track import BodyTrack
 from voxelpose.multiview.tracking.follower import catch_up
 
 
@@ -78,3 +83,42 @@ def test_limbs_are_searched_once_where_the_error_jumps(monkeypatch):
     track = Track({later[1].time_s: 0.3, later[3].time_s: 0.3})
     assert catch_up(None, track, later) is not None  # type: ignore[arg-type]
     assert searched == [later[1].time_s]
+
+
+@pytest.mark.parametrize(("after_s", "found"), [(0.5, True), (0.03, False)])
+def test_after_a_long_time_the_person_is_looked_for_where_the_silhouettes_are(
+    monkeypatch, after_s, found
+):
+    grid = SimpleNamespace(occupied_points=lambda occupancy: np.array([[1.2, 0.0, 0.4]]))
+    hull = SimpleNamespace(grid=grid, occupancy=None)
+    monkeypatch.setattr(follower, "_hull", lambda rig, masks: hull)
+    body = SimpleNamespace(
+        surface=SimpleNamespace(posed=lambda pose: SimpleNamespace(points=pose.root_m[None]))
+    )
+    track = BodyTrack(body, 0.0, PoseFit(Pose(np.zeros(3), np.eye(3), np.zeros(0)), 0.1))  # type: ignore[arg-type]
+
+    def follow(self, rig, time_s, masks):
+        there = abs(self.fit.pose.root_m[0] - 1.2) < 0.01
+        return replace(self, time_s=time_s, fit=replace(self.fit, error=0.1 if there else 0.6))
+
+    monkeypatch.setattr(BodyTrack, "follow", follow)
+    stepped = follower.followed(None, track, after_s, {})  # type: ignore[arg-type]
+    assert (stepped.fit.error == 0.1) == found
+    assert stepped.fit.pose.root_m[2] == 0  # a hull is no height of the hips
+    assert not found or stepped.before[0] == 0.0  # it knows how fast they go
+
+
+@pytest.mark.parametrize(("gap_s", "at_once"), [(0.5, True), (0.05, False)])
+def test_at_low_rates_what_was_found_counts_at_once(monkeypatch, gap_s, at_once):
+    done: Future = Future()
+    done.set_result(SimpleNamespace(time_s=0.0, fit=SimpleNamespace(error=0.1)))
+    submitted = []
+    one = follower.PoseFollower(None, None, None)  # type: ignore[arg-type]
+    one._previous_s = 4 * gap_s
+    one._job, one._since = done, moments(4, gap_s)
+    monkeypatch.setattr(one, "_submit", lambda work, *given: submitted.append(work))
+    monkeypatch.setattr(one, "_begin_job", lambda moment: None)
+    monkeypatch.setattr(follower, "followed", lambda rig, track, time_s, masks: track)
+    fit = one.step(5 * gap_s, {})
+    assert (fit is not None) == at_once
+    assert submitted == ([] if at_once else [catch_up])

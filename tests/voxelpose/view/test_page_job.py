@@ -1,0 +1,95 @@
+"""A page's one job, in a process of its own."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from calib.errors import InputError
+from voxelpose.view.serving.page_job import PageJob, StepError
+
+
+def work(reporter, how, path):
+    """Does what a test asks for, in the job's process."""
+    reporter.stage("first", 4)
+    for _ in range(4):
+        reporter.advance()
+    reporter.note("a note")
+    reporter.stage("second", 2)
+    if how == "wait":
+        try:
+            time.sleep(60)
+        finally:
+            path.unlink()  # what it had begun to write
+    if how == "mistake":
+        raise StepError("the file\nis not there", "import")
+    if how == "bug":
+        raise RuntimeError("a bug")
+    if how == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"result": how}
+
+
+@pytest.fixture
+def job():
+    job = PageJob()
+    yield job
+    job.close()
+
+
+@pytest.fixture
+def begin(job, tmp_path):
+    """Begins a job; returns its state when it has ended, or its second stage has begun."""
+
+    def begun(how, until="ended"):
+        path = tmp_path / "partial"
+        path.touch()
+        job.start("fit", "walk", work, how, path, shares={"first": 1, "second": 3})
+        return waited(job, until)
+
+    return begun
+
+
+def waited(job, until="ended"):
+    end = time.monotonic() + 30
+    while (state := job.status())["state"] == "running" and state["stage"] != until:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return state
+
+
+def test_what_it_returns_is_kept_with_what_it_noted(job, begin):
+    assert job.status() == {"state": "idle"}
+    state = begin("done")
+    assert (state["state"], state["result"], state["notes"]) == ("done", "done", ["a note"])
+    assert job.status("fit", "walk") == state
+    assert job.status("fit", "run") == job.status("export") == {"state": "idle"}
+
+
+def test_one_at_a_time_whose_progress_is_told_and_which_can_be_stopped(job, begin, tmp_path):
+    state = begin("wait", until="second")
+    assert (state["part"], state["total"], state["notes"]) == (0.25, 2, ["a note"])
+    assert state["left_s"] > 0
+    with pytest.raises(InputError, match="the fit of walk is still running: wait for its end"):
+        job.start("export", "run", work, "done", tmp_path)
+    version = job.version
+    job.stop()
+    assert waited(job)["state"] == "stopped" and job.version > version
+    assert not (tmp_path / "partial").exists()
+    assert begin("done")["state"] == "done"
+
+
+@pytest.mark.parametrize(
+    ("how", "error", "step"),
+    [
+        ("mistake", "the file is not there", "import"),
+        ("bug", "a bug: the terminal shows its traceback", ""),
+        ("killed", "the process was ended from outside, usually for want of memory", ""),
+    ],
+)
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
+def test_an_end_before_the_end_is_told_in_a_line(begin, capfd, how, error, step):
+    state = begin(how)
+    assert (state["state"], state["step"]) == ("failed", step) and state["error"].startswith(error)
+    assert ("RuntimeError: a bug" in capfd.readouterr().err) == (how == "bug")
