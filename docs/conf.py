@@ -80,8 +80,8 @@ apidoc_modules = [
 exclude_patterns = ["docs/reference/*/modules.rst"]
 
 _GUIDE = (
-    "install guide studio live recordings setup calibration checking viewing exports python glossary"
-    " results"
+    "install guide studio live recordings setup calibration checking viewing exports python"
+    " glossary results"
 ).split()
 _PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
 _LOG = sorted(f"docs/log/{path.stem}" for path in (_ROOT / "docs" / "log").glob("*.md"))

@@ -14,6 +14,7 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from silhouette_core import jit
 from silhouette_core.jit import compile_for
 from silhouette_core.progress import Reporter
 
@@ -42,6 +43,25 @@ def compile_kernels(wanted: Sequence[tuple[str, str, str]], reporter: Reporter) 
     for module, function, types in wanted:
         compile_for(getattr(importlib.import_module(module), function), types)
         reporter.advance()
+
+
+def tell_first_run(reporter: Reporter, estimators: Sequence[str]) -> subprocess.Popen[bytes] | None:
+    """Notes that this run compiles, where nothing is compiled yet, and begins to compile what
+    estimators need beside it; returns that process, None where there is none.
+    """
+    if next(jit.CACHE.rglob("*.nbi"), None) is not None:
+        return None
+    reporter.note(
+        "first run on this machine: the program is compiled, once; later runs are much faster"
+    )
+    if jit.CACHE_IS_TEMPORARY:
+        reporter.note(
+            f"it is kept in {jit.CACHE}, since neither the installation nor the home folder can be"
+            " written: NUMBA_CACHE_DIR names a folder that lasts"
+        )
+    # Compiling makes many objects and hardly any garbage: looking for it took a tenth.
+    gc.set_threshold(100_000)
+    return compile_beside(estimators) if estimators else None
 
 
 def compile_beside(estimators: Sequence[str]) -> subprocess.Popen[bytes]:

@@ -131,7 +131,16 @@ class CommandForms:
 
 def run_estimation(reporter: Reporter, command: EstimationArguments) -> Sequence[Result]:
     """Runs a command, without a word on the terminal; returns its results."""
-    return command.estimate(reporter)
+    from voxelpose.compile_ahead import tell_first_run
+
+    asked = command.asked()
+    beside = tell_first_run(reporter, [asked.estimator])
+    try:
+        return command.estimate(reporter, asked)
+    finally:
+        if beside is not None:
+            beside.terminate()
+            beside.wait()
 
 
 def _class_of(command: str) -> Any:

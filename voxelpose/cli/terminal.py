@@ -4,7 +4,6 @@ on a terminal, plain lines elsewhere.
 
 from __future__ import annotations
 
-import gc
 import re
 import subprocess
 import sys
@@ -158,24 +157,9 @@ class Progress:
         """Notes that the first run compiles, where the compilation cache is empty, and begins to
         compile what estimators need in a process beside this one.
         """
-        from silhouette_core import jit
+        from voxelpose.compile_ahead import tell_first_run
 
-        if next(jit.CACHE.rglob("*.nbi"), None) is None:
-            self.note(
-                "first run on this machine: the program is compiled, once; later runs are much"
-                " faster"
-            )
-            if jit.CACHE_IS_TEMPORARY:
-                self.note(
-                    f"it is kept in {jit.CACHE}, since neither the installation nor the home"
-                    " folder can be written: NUMBA_CACHE_DIR names a folder that lasts"
-                )
-            # Compiling makes many objects and hardly any garbage: looking for it took a tenth.
-            gc.set_threshold(100_000)
-            if estimators:
-                from voxelpose.compile_ahead import compile_beside
-
-                self._beside = compile_beside(estimators)
+        self._beside = tell_first_run(self, estimators)
 
     def where(self) -> str:
         """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""

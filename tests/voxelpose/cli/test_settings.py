@@ -111,7 +111,7 @@ def test_every_option_of_every_command_can_be_set(desk):
         ("[fti]\nstature = 1.7", "there is no section [fti]: did you mean fit?"),
         ("[calibrate.bord]", "there is no section [calibrate.bord]: did you mean board?"),
         ("[calibrate]\npaper = 'a4'", "there is no section [calibrate.paper]: the sections are"),
-        ("stature = 1.7", "there is no section [stature]: the sections are demo, fit"),
+        ("stature = 1.7", "there is no section [stature]: the sections are demo, studio, fit"),
         ("fit = 3", "fit must be a section: write [fit]"),
         ("[fit]\nstature = 'tall'", "[fit]: stature = 'tall' must be a number"),
         ("[fit]\nstature = true", "[fit]: stature = 'True' must be a number"),
