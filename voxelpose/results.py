@@ -261,8 +261,12 @@ def open_people(folder: Path | str) -> list[Result]:
     Raises:
         InputError: as `Result.open`.
     """
-    folder = Path(folder)
-    return [Result.open(folder / name) for name in _people_of(folder) or [""]]
+    return [Result.open(one) for one in people_folders(Path(folder))]
+
+
+def people_folders(folder: Path) -> list[Path]:
+    """Folders of the results in a folder of `fit`: itself, or those of several people."""
+    return [folder / name for name in _people_of(folder) or [""]]
 
 
 def holds_people(folder: Path) -> bool:

@@ -13,14 +13,14 @@ from calib.errors import InputError, check_name
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import calibration_path, is_recording
 from voxelpose.recording.frame_reader import VIDEOS
-from voxelpose.reliability import verdict_of
+from voxelpose.reliability import verdict_of, verdict_of_people
 from voxelpose.results import (
     SETTINGS,
     SUMMARY,
-    holds_people,
     is_result,
     load_settings,
     load_summary,
+    people_folders,
 )
 
 SINGLE_FILES = "subject.toml", "timestamps.csv"
@@ -28,7 +28,6 @@ _UNFINISHED = {"background", *SINGLE_FILES, "voxelpose.toml"}  # all that a new 
 _LONGEST = 80
 _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]|^[.\s-]|[.\s]$')
 _OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
-_PERSON = re.compile(r"person_[0-9]{1,4}")
 
 
 def check_plain_name(name: str) -> None:
@@ -91,9 +90,9 @@ class StudioFolder:
         for part in parts:
             check_plain_name(part)
         folder = self._inside(self.root.joinpath(*parts))
-        if len(parts) > 3 or not is_result(folder) or holds_people(folder):
+        if len(parts) > 2 or not is_result(folder):
             raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
-        self._inside(self._recording_of(folder))
+        self._inside(self._recording_of(people_folders(folder)[0]))
         return folder
 
     def out(self, name: str, overwrite: bool) -> Path:
@@ -119,9 +118,9 @@ class StudioFolder:
         return found
 
     def results(self) -> list[dict[str, Any]]:
-        """All results, those of several people one by one, also in a batch's folder, the latest
-        first: `name`, its `project` (None: not here), `level`, `words`, `frames`, time it was
-        `made`; or an `error`.
+        """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
+        here), `level` and `words` of its verdict, `frames`, time it was `made`, whether it has a
+        contact `sheet`.
         """
         found = [self._described(folder) for folder in self._result_folders()]
         return sorted(found, key=lambda result: -result["made"])
@@ -154,50 +153,41 @@ class StudioFolder:
             if not folder.is_dir() or not self.holds(folder):
                 continue
             if is_result(folder):
-                yield from _people(folder)
+                yield folder
             elif not is_recording(folder):  # that of a batch
                 for inner in visible_entries(folder):
                     if inner.is_dir() and self.holds(inner) and is_result(inner):
-                        yield from _people(inner)
+                        yield inner
 
     def _described(self, folder: Path) -> dict[str, Any]:
         known: dict[str, Any] = {
             "name": folder.relative_to(self.root).as_posix(),
             "project": None,
             "made": (folder / SUMMARY).stat().st_mtime,
-            "sheet": (pictures_folder(folder) / "contact_sheet.png").exists(),
+            "sheet": (folder / "contact_sheet.png").exists(),
         }
         try:
-            recording = self._recording_of(folder)
+            people = people_folders(folder)
+            recording = self._recording_of(people[0])
             if recording.parent == self.root:
                 known["project"] = recording.name
-            summary = load_summary(folder / SUMMARY)
+            summaries = {one.name: load_summary(one / SUMMARY) for one in people}
         except InputError as error:
             return known | {"level": "failed", "words": str(error)}
-        verdict, frames = verdict_of(summary), summary["frames"]
-        posed = frames["with_pose"]
+        verdicts = {name: verdict_of(summary) for name, summary in summaries.items()}
+        verdict = verdict_of_people(verdicts) if len(people) > 1 else verdicts[people[0].name]
+        counts = [(one["frames"]["with_pose"], one["frames"]["lost"]) for one in summaries.values()]
+        frames = ", ".join(f"{posed} of {posed + len(lost)}" for posed, lost in counts)
+        whom = f"{len(people)} people, " if len(people) > 1 else ""
         return known | {
             "level": verdict.level,
             "words": str(verdict),
-            "frames": f"{posed} of {posed + len(frames['lost'])} frames",
+            "frames": f"{whom}{frames} frames",
         }
 
     def _recording_of(self, folder: Path) -> Path:
         settings = load_settings(folder / SETTINGS)
         return (folder / settings.get("recording", "")).resolve()
-
-
-def pictures_folder(result: Path) -> Path:
-    """Where the pictures of a result are: those of several people show all of them."""
-    alone = not _PERSON.fullmatch(result.name) or not holds_people(result.parent)
-    return result if alone else result.parent
-
-
-def _people(folder: Path) -> list[Path]:
-    """The folder of a result, or those of the people in it."""
-    if not holds_people(folder):
-        return [folder]
-    return [inner for inner in visible_entries(folder) if _PERSON.fullmatch(inner.name)]
 
 
 def _camera_count(folder: Path) -> int:

@@ -13,8 +13,7 @@ from silhouette_core.progress import Reporter
 from voxelpose.export.formats import export_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
-from voxelpose.results import Result
-from voxelpose.studio.projects import pictures_folder
+from voxelpose.results import Result, open_people
 from voxelpose.view.serving.page_job import StepError
 
 EXPORTED = "export.zip"
@@ -26,7 +25,7 @@ _OF_CHECK = "silhouette", "background", "region", "cameras do not agree", "calib
 def estimate(
     reporter: Reporter, work: Callable[[Reporter, Any], Sequence[Result]], command: Any, root: Path
 ) -> dict[str, Any]:
-    """Runs a command of estimation into a folder below `root`; returns the names of the `results`.
+    """Runs a command of estimation into a folder below `root`; returns the name of the `result`.
     StepError where a user can correct something.
     """
     try:
@@ -34,7 +33,8 @@ def estimate(
     except InputError as error:
         line = " ".join(str(error).split())
         raise StepError(line, _step_of(line, command.recording)) from error
-    return {"results": [each.folder.resolve().relative_to(root).as_posix() for each in results]}
+    folder = results[0].folder if len(results) == 1 else results[0].folder.parent
+    return {"result": folder.resolve().relative_to(root).as_posix()}
 
 
 def _step_of(line: str, recording: Path) -> str:
@@ -55,13 +55,12 @@ def export(
     fit, or files cannot be written.
     """
     reporter.stage("files")
-    motion = Result.open(folder).motion
-    paths = export_motion(motion, folder, formats, overwrite=True) if formats else []
+    motions = [one.motion for one in open_people(folder)]
+    paths = export_motion(motions, folder, formats, overwrite=True) if formats else []
     if report:
         paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
     if pictures:
-        drawn = pictures_folder(folder)
-        paths += sorted(path for pattern in _PICTURES for path in drawn.glob(pattern))
+        paths += sorted(path for pattern in _PICTURES for path in folder.glob(pattern))
     if not paths:
         raise InputError("this result has no pictures: fit again with `pictures`, or choose more")
     reporter.stage("archive", len(paths))
@@ -70,7 +69,7 @@ def export(
         zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive,
     ):
         for path in paths:
-            archive.write(path, path.name)
+            archive.write(path, path.relative_to(folder))
             reporter.advance()
     size = (folder / EXPORTED).stat().st_size
-    return {"files": [path.name for path in paths], "bytes": size}
+    return {"files": [path.relative_to(folder).as_posix() for path in paths], "bytes": size}

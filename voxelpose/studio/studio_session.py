@@ -22,7 +22,7 @@ from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SettingValues, SetupSession
-from voxelpose.studio.projects import StudioFolder, pictures_folder
+from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -123,9 +123,9 @@ class OpenedViewer:
                 return
             self._end()
             scenes = ResultScenes(folder)
-            frames = scenes.frames if scenes.motion is None else scenes.motion.frames
+            frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
-                self.browser = Browser(scenes, None, int(frames[len(frames) // 2]))
+                self.browser = Browser(scenes, None, frames[len(frames) // 2])
             except BaseException:
                 scenes.close()
                 raise
@@ -260,7 +260,7 @@ class StudioSession:
 
     def sheet(self, name: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""
-        image = sheet_image(pictures_folder(self.folder.result(name)))
+        image = sheet_image(self.folder.result(name))
         if image is None:
             raise InputError("this result has no pictures: fit again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)

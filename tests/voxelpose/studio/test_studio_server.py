@@ -137,7 +137,7 @@ def test_a_fit_is_followed_refused_a_second_time_and_exported(studio, desk):
     assert status == 400 and "reads its files" in answer["error"]
     seen = events(studio)
     assert seen[0]["state"] == "running" and seen[-1]["state"] == "done"
-    assert seen[-1]["results"] == ["fitted"]
+    assert seen[-1]["result"] == "fitted"
     assert not (desk / "root" / "again").exists()
     (result,) = ask(studio, "/api/state")[1]["results"]
     assert result["project"] == "walk" and result["frames"] == "3 of 4 frames"
@@ -181,21 +181,27 @@ def archive(server) -> None:
 
 
 def people(server, desk) -> None:
-    """Results of several people are listed one by one, also in the folder of a batch."""
-    root = desk / "root"
+    """Several people are one result, also in the folder of a batch."""
+    root, names = desk / "root", ["person_1", "person_2"]
     for folder in (root / "duo", root / "many" / "duo"):
-        for person in ("person_1", "person_2"):
+        for person in names:
             shutil.copytree(root / "fitted", folder / person)
-        (folder / "summary.json").write_text('{"voxelpose": "0", "people": {"person_1": {}}}')
-    names = [result["name"] for result in ask(server, "/api/state")[1]["results"]]
-    both = ["person_1", "person_2"]
-    assert sorted(names) == ["duo/" + one for one in both] + ["fitted"] + [
-        "many/duo/" + one for one in both
-    ]
-    assert [one["name"] for one in ask(server, "/api/state")[1]["projects"]] == ["walk"]
+        index = {"voxelpose": "0", "people": {name: {} for name in names}, "seconds": {"total": 1}}
+        (folder / "summary.json").write_text(json.dumps(index))
     settings = root / "duo" / "person_1" / "settings.toml"
-    settings.write_text(settings.read_text().replace("../walk", "../../../walk"))
-    status, answer = ask(server, "/view/duo/person_1/-/")
+    settings.write_text(settings.read_text().replace("../walk", "../../walk"))
+    state = ask(server, "/api/state")[1]
+    found = {result["name"]: result for result in state["results"]}
+    assert found.keys() == {"fitted", "duo", "many/duo"}
+    assert found["duo"]["project"] == "walk" and found["many/duo"]["project"] is None
+    assert found["duo"]["frames"] == "2 people, 3 of 4, 3 of 4 frames"
+    assert found["duo"]["words"].startswith("doubtful: person_1: ")
+    assert [one["name"] for one in state["projects"]] == ["walk"]
+    asked = {"result": "duo", "formats": ["bvh", "glb"]}
+    assert ask(server, "/api/export", asked)[0] == 200
+    assert {"motion.glb", "person_2/motion.bvh"} <= {*ended(server)["files"]}
+    settings.write_text(settings.read_text().replace("../../walk", "../../../walk"))
+    status, answer = ask(server, "/view/duo/-/")
     assert status == 400 and "lies outside of" in answer["error"]
 
 

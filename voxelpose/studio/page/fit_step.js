@@ -39,12 +39,12 @@ function showJob(step, job) {
 }
 
 function verdicts(step, job) {
-  const results = step.state.results.filter((result) => (job.results ?? []).includes(result.name));
-  return results.flatMap((result) => [
+  const result = step.state.results.find((each) => each.name === job.result);
+  return result ? [
     make("div", { class: "row wrap verdict" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, result.frames)),
     result.words !== result.level && make("p", {}, result.words),
-    make("div", { class: "row end" }, make("a", { class: "button main", href: resultLink("view", result), id: results.length > 1 ? "" : "next" }, results.length > 1 ? `View ${result.name}` : "Next: View")),
-  ].filter(Boolean));
+    make("div", { class: "row end" }, make("a", { class: "button main", href: resultLink("view", result), id: "next" }, "Next: View")),
+  ].filter(Boolean) : [];
 }
 
 // A name that no result has.
