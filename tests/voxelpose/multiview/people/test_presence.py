@@ -124,11 +124,11 @@ def test_people_keep_their_numbers_while_they_walk_past_each_other():
         assert np.linalg.norm(track - line, axis=1).max() < 0.15
 
 
-def sets_of(axes, table, upright=True):
-    """A frame in which these sets are possible, as {members: cost}."""
+def sets_of(axes, table):
+    """A frame in which these sets of people who stand are possible, as {members: cost}."""
     members = [np.array(one, np.int64) for one in table]
-    stands = np.full(len(axes), upright)
-    return PeopleSets(np.array(axes, float), stands, members, np.array(list(table.values())))
+    stand = np.full(len(axes), True)
+    return PeopleSets(np.array(axes, float), stand, members, np.array(list(table.values())))
 
 
 def test_time_decides_what_a_frame_leaves_open():
@@ -149,11 +149,11 @@ def test_somebody_who_runs_is_kept():
 
 
 def test_who_crouches_is_somebody_and_what_is_low_at_all_times_nobody():
-    stands, crouches = (sets_of([(0, 0)], {(0,): 0.2, (): 1.0}, up) for up in (True, False))
-    elapsed_s = np.array([0.1, 0.1])
-    (person,) = link_sets([crouches, stands, crouches], [0] * 3, elapsed_s)
-    assert np.isfinite(person).all()
-    assert not len(link_sets([crouches] * 3, [0] * 3, elapsed_s))
+    seen_by, times_s = views(4), np.arange(3) / 10
+    low, high = (post(seen_by, 0.3, 0.2, 0.4, height_m) for height_m in (0.8, 1.6))
+    (person,) = find_people(observer(seen_by), [low, high, low], times_s, 6)
+    np.testing.assert_allclose(person, [(0.3, 0.2)] * 3, atol=0.1)
+    assert not len(find_people(observer(seen_by), [low] * 3, times_s, 6))
 
 
 def test_who_stays_for_a_moment_only_is_not_there():
