@@ -93,7 +93,9 @@ class Carving:
     voxel_m: float = 0.025
     """m. Edge of the voxels that are matched, and of those of objects. By eye."""
     limb_m: float = 1.0
-    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone."""
+    """m. A leg's length with the foot: as far one camera's silhouette may show the body alone, and
+    as far from somebody's axis the hull may be that person's. Without the latter seed 11, two
+    people before three cameras, has 48 mm instead of 29."""
     shrinkage: float = 0.9
     """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
     no accuracy."""

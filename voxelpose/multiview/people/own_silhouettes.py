@@ -19,6 +19,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
+from voxelpose.multiview.tuning import CARVING
 
 Masks = list[NDArray[np.bool_]]
 
@@ -26,7 +27,8 @@ Masks = list[NDArray[np.bool_]]
 def hull_pieces(
     masks: Masks, axes_m: NDArray[np.float64], observer: HullObserver
 ) -> list[Masks | None]:
-    """Where the hull near each of N people is seen: (h, w) bool in every camera.
+    """Where the hull near each of N people is seen, as far as limbs reach: (h, w) bool in every
+    camera.
 
     Args:
         masks: silhouettes of everybody.
@@ -41,7 +43,7 @@ def hull_pieces(
     away = [np.hypot(x[:, None] - east, y - north) for east, north in axes_m[there]]
     nearest = np.argmin(away, axis=0)
     for k, person in enumerate(there.tolist()):
-        own = hull & (nearest == k)[:, :, None]
+        own = hull & ((nearest == k) & (away[k] <= CARVING.limb_m))[:, :, None]
         pieces[person] = [footprint(own, grid, camera) for camera in observer.views.rig]
     return pieces
 

@@ -73,3 +73,19 @@ def test_the_hull_about_each_person_is_seen_where_the_person_is():
             known = ~unknown[c]
             wrong = (mine[c] ^ mask) & known
             assert wrong.sum() < 0.02 * mask.sum()
+
+
+def test_what_is_farther_than_limbs_reach_is_nobodys():
+    """Reflections and shadows leave hull, too, and it would hide much of others."""
+    model, seen_by = fitting_model(), views(4)
+    near, far = (
+        photograph(seen_by, model, stance(model, {}, place)) for place in ((-0.9, 0), (0.9, 0.4))
+    )
+    masks = [a | b for a, b in zip(near, far, strict=True)]
+    observer = HullObserver(seen_by, VOLUME, 0.025, body_rule(4, 0))
+    (piece,) = hull_pieces(masks, np.array([(-0.9, 0.0)]), observer)
+    assert piece is not None
+    triples = [*zip(piece, near, far, strict=True)]
+    assert all((own & mask).sum() > 0.97 * mask.sum() for own, mask, _ in triples)
+    taken = sum((own & other & ~mask).sum() for own, mask, other in triples)
+    assert taken < 0.3 * sum(mask.sum() for mask in far)
