@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLib
 from silhouette_core.monocular.tree.transitions import find_neighbours
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter
 
 NEIGHBOURS = 512
@@ -61,8 +63,16 @@ class ProfileSettings(LibrarySettings):
         return np.radians([[yaw, pitch] for pitch in self.pitches_deg for yaw in yaws])
 
 
+def arm_motions(model: BodyModel) -> dict[str, Motion]:
+    """Clips by name: the arm of somebody who stands moves between random poses. The same ones for
+    every library.
+    """
+    rng = np.random.default_rng(_SEED)
+    return {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}
+
+
 def swing_library(
-    model: BodyModel,
+    motions: Mapping[str, Motion],
     near: bool,
     pitch_deg: float,
     weighting: Weighting,
@@ -72,7 +82,7 @@ def swing_library(
     """Builds the library.
 
     Args:
-        model: the body.
+        motions: see `arm_motions`.
         near: whether the right side is toward the camera; else the trunk occludes the right arm as
             it passes.
         pitch_deg: downward angle of the camera.
@@ -81,8 +91,7 @@ def swing_library(
         samples: largest number of samples.
 
     Returns:
-        A library with about as many samples and nodes as in the paper. The arm moves between random
-        poses.
+        A library with about as many samples and nodes as in the paper.
 
     Source: Okada and Stenger, section 7: mostly profile poses, the right arm moved in various ways.
     """
@@ -95,8 +104,7 @@ def swing_library(
         middle_deg=90.0 if near else -90.0,
         weighting=weighting,
     )
-    rng = np.random.default_rng(_SEED)
-    motions = {f"right arm {k + 1}": perform(_movement(rng), model) for k in range(_CLIPS)}
+    model = next(iter(motions.values())).model
     library = build_library(base_poses(motions, settings), model, settings, reporter)
     # Of so few poses, occluded arms reach hundreds: more than a library usually stores.
     neighbours = find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)

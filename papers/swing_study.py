@@ -26,7 +26,7 @@ from papers.swing_film import (
     drawn_swings,
     film,
 )
-from papers.swing_library import SAMPLES, swing_library
+from papers.swing_library import SAMPLES, arm_motions, swing_library
 from papers.swing_report import draw_angles, draw_costs, swing_table
 from papers.swings import Criterion
 from silhouette_core.body.model import BodyModel
@@ -101,11 +101,12 @@ def run_study(study: Study, folder: Path, reporter: Reporter) -> list[Side]:
         reporter: notified of every stage.
     """
     body, sides = BodyModel.from_sizes(BodySizes(STATURE_M)), []
+    motions = arm_motions(body)
     other = replace(study, swings=_OTHER_SWINGS)
     for near in (False, True):
         side = Side(near)
         libraries: dict[Weighting, PoseLibrary] = {
-            one: swing_library(body, near, PITCH_DEG, one, reporter, study.samples)
+            one: swing_library(motions, near, PITCH_DEG, one, reporter, study.samples)
             for one in WEIGHTINGS
         }
         others = [drawn_film(other, k, near, reporter) for k in _OTHER_SEEDS]

@@ -1,5 +1,6 @@
 """The examples and the notebook run as they stand, from an empty folder."""
 
+import importlib
 import runpy
 import sys
 from pathlib import Path
@@ -23,6 +24,9 @@ def ran(tmp_path_factory):
     make_recording(out / "recording", 9)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(FOLDER))
+        motions = importlib.import_module("bodies.example_motions")
+        film = motions.film_example
+        patch.setattr(motions, "film_example", lambda folder, name, _: film(folder, name, 4))
         for name in EXAMPLES:
             patch.setattr(sys, "argv", [name, str(out)])
             runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")

@@ -101,7 +101,7 @@ def test_boards_that_never_tilt_are_reported():
 @pytest.mark.slow
 def test_real_boards(shared):
     board = Board(7, 4, 0.06)
-    for number in (1, 2, 3, 4):
+    for number in (1, 4):
         folder = shared / "data" / "board_images" / f"cam_{number}"
         views = {
             path.name: board.find(cv2.imread(str(path))) for path in sorted(folder.glob("*.jpg"))

@@ -229,7 +229,9 @@ def _read(path: Path) -> tuple[dict[str, NDArray], dict]:
     """Arrays of a file, memory-mapped, and its description; both are checked completely."""
     try:
         with path.open("rb") as file:
-            content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+            # A copy, of no page until it is written: numba compiles kernels anew for arrays that
+            # cannot be written.
+            content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
     except (OSError, ValueError) as error:
         reason = (
             "the file is empty"

@@ -180,6 +180,32 @@ def _descends(parents, ancestor, part):
 
 
 @kernel
+def _inner(one, other):
+    """Inner product of two vectors (3,)."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+@kernel
+def _solve(matrix, vector):
+    """Replaces vector (n,) by the solution of matrix (n, n), symmetric and positive definite, whose
+    lower triangle becomes its Cholesky factor. LAPACK takes seconds to compile in.
+    """
+    for i in range(vector.shape[0]):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+        for k in range(i):
+            vector[i] -= matrix[i, k] * vector[k]
+        vector[i] /= matrix[i, i]
+    for i in range(vector.shape[0] - 1, -1, -1):
+        for k in range(i + 1, vector.shape[0]):
+            vector[i] -= matrix[k, i] * vector[k]
+        vector[i] /= matrix[i, i]
+
+
+@kernel
 def _solve_frame(
     parents, joints, dof_part, dof_axis, limits, root, targets, directions, rest, angles
 ):
@@ -194,6 +220,7 @@ def _solve_frame(
     axes, zero = np.empty((count, 3)), np.zeros(3)
     normal, gradient = np.empty((count, count)), np.empty(count)
     columns, members = np.empty((count, 3)), np.empty(count, np.int64)
+    pointing, error = np.empty(3), np.empty(3)
     previous = np.inf
     for _ in range(_STEPS):
         place_parts_and_axes(
@@ -206,9 +233,11 @@ def _solve_frame(
             gradient[d] = -rest * angles[d]
             normal[d, d] = rest + 1e-6
         for k in range(target_part.shape[0]):
-            pointing = rotation[target_part[k]] @ target_axis[k]
-            error = directions[k] - pointing
-            cost += weight[k] * (error @ error)
+            for i in range(3):
+                row = rotation[target_part[k], i]
+                pointing[i] = _inner(row, target_axis[k])
+                error[i] = directions[k, i] - pointing[i]
+            cost += weight[k] * _inner(error, error)
             used = 0
             for d in range(count):
                 if _descends(parents, dof_part[d], target_part[k]):
@@ -218,9 +247,9 @@ def _solve_frame(
                     members[used] = d
                     used += 1
             for i in range(used):
-                gradient[members[i]] += weight[k] * (columns[i] @ error)
+                gradient[members[i]] += weight[k] * _inner(columns[i], error)
                 for j in range(used):
-                    normal[members[i], members[j]] += weight[k] * (columns[i] @ columns[j])
+                    normal[members[i], members[j]] += weight[k] * _inner(columns[i], columns[j])
         if abs(previous - cost) < 1e-7:
             break
         previous = cost
@@ -228,10 +257,13 @@ def _solve_frame(
             if (angles[d] <= limits[d, 0] and gradient[d] < 0) or (
                 angles[d] >= limits[d, 1] and gradient[d] > 0
             ):
-                normal[d], normal[:, d] = 0.0, 0.0
+                for other in range(count):
+                    normal[d, other], normal[other, d] = 0.0, 0.0
                 gradient[d], normal[d, d] = 0.0, 1.0
-        gradient = np.linalg.solve(normal, gradient)
-        scale = max(1.0, np.abs(gradient).max() / _TRUST_RAD)
+        _solve(normal, gradient)
+        scale = 1.0
+        for d in range(count):
+            scale = max(scale, abs(gradient[d]) / _TRUST_RAD)
         for d in range(count):
             angles[d] = min(max(angles[d] + gradient[d] / scale, limits[d, 0]), limits[d, 1])
 
@@ -250,5 +282,6 @@ def solve_angles(
     body = (parents, joints, dof_part, dof_axis, limits)
     for t in range(angles.shape[0]):
         if t > 0:
-            angles[t] = angles[t - 1]
+            for d in range(angles.shape[1]):
+                angles[t, d] = angles[t - 1, d]
         _solve_frame(*body, roots[t], targets, directions[t], rest, angles[t])

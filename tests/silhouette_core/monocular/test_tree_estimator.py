@@ -94,6 +94,9 @@ def test_other_bodies_are_refused(filmed):
 def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
     monkeypatch.setattr(tree_estimator, "_SAMPLES", 240)
+    monkeypatch.setattr(
+        tree_estimator, "keypose_motions", lambda model: {"wave": performed("wave", model)}
+    )
     built = []
     build = tree_estimator.build_library
     monkeypatch.setattr(
