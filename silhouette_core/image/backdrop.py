@@ -72,7 +72,8 @@ def tolerance(radius: float) -> float:
 
 def _apart(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:
     """Difference of colours (..., 3), summed over the channels."""
-    return np.abs(first - second).sum(axis=-1)
+    apart = np.abs(first - second)
+    return apart[..., 0] + apart[..., 1] + apart[..., 2]  # faster than a sum of three
 
 
 def _explained(median: NDArray[np.float32], field: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -128,8 +129,10 @@ def _field(
     """
     solution = np.zeros((powers.shape[-1], 3))
     solution[0] = np.median(median[start], axis=0)
-    for number, used in enumerate([start] * _ROUNDS + [left] * 2 * _ROUNDS):
-        at, colours = powers[used], median[used]
+    at, colours = powers[start], median[start]
+    for number in range(3 * _ROUNDS):
+        if number == _ROUNDS:
+            at, colours = powers[left], median[left]
         off = _apart(colours, at @ solution)
         scale = max(float(np.median(off)) if number < _ROUNDS else 0, BACKDROP.tolerance)
         weight = 1 / (1 + (off / scale) ** 2) ** 2

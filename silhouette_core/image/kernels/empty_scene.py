@@ -19,15 +19,18 @@ def colour_modes(samples, radius, mean, share, shown):
     Distances are summed over the channels.
     """
     count, pixels, modes = samples.shape[0], samples.shape[1], mean.shape[1]
+    near = np.empty((count, count), np.bool_)
+    colour = np.empty((3, count), np.float32)  # of one pixel, so that loops over time are fast
     for pixel in range(pixels):
-        near = np.zeros((count, count), np.bool_)
         left = np.ones(count, np.bool_)
+        for b in range(count):
+            for channel in range(3):
+                colour[channel, b] = samples[b, pixel, channel]
         for a in range(count):
             for b in range(count):
-                distance = np.float32(0.0)
-                for channel in range(3):
-                    distance += abs(samples[a, pixel, channel] - samples[b, pixel, channel])
-                near[a, b] = distance < radius
+                distance = abs(colour[0, a] - colour[0, b])
+                distance += abs(colour[1, a] - colour[1, b])
+                near[a, b] = distance + abs(colour[2, a] - colour[2, b]) < radius
         for mode in range(modes):
             most, middle = 0, 0
             for a in range(count):
