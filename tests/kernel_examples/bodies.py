@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-PARENTS = np.array([-1, 0, 1, 0, 3])
-DOF_PART = np.array([0, 1, 1, 1, 2, 3, 3, 4])
+# The types are those of bodies, or kernels would be compiled once more for the examples.
+PARENTS = np.array([-1, 0, 1, 0, 3], np.int32)
+DOF_PART = np.array([0, 1, 1, 1, 2, 3, 3, 4], np.int32)
 
 
 def skeleton(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
@@ -24,4 +25,4 @@ def skinned(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
     weights[: count // 2, 2:] = 0
     weights /= weights.sum(axis=1, keepdims=True)
     parts = rng.permuted(np.tile(np.arange(len(PARENTS)), (count, 1)), axis=1)[:, :4]
-    return rng.normal(size=(count, 3)), parts, weights
+    return rng.normal(size=(count, 3)), parts.astype(np.int32), weights

@@ -21,8 +21,8 @@ def adam_step(rng):
 
 
 def gather_patches(rng):
-    images = rng.normal(size=(3, 9, 12, 2))
-    filled = np.empty((3, 5, 7, 3, 3, 2))  # the last ones reach beyond the right edge
+    images = rng.normal(size=(3, 9, 12, 2)).astype(np.float32)
+    filled = np.empty((3, 5, 7, 3, 3, 2), np.float32)  # the last ones reach beyond the right edge
     return Example((images, *rng.integers(0, 3, 2), 2, filled))
 
 

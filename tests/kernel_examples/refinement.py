@@ -13,7 +13,7 @@ def directions(rng, count):
 
 def match_contours(rng):
     center = directions(rng, 3) * 3
-    camera = np.sort(rng.integers(0, 3, 40))
+    camera = np.sort(rng.integers(0, 3, 40, np.int32))
     target = 0.6 * directions(rng, 40)
     ray = target - center[camera]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
@@ -110,7 +110,7 @@ def add_landmark_terms(rng):
     marks, size = 6, 6 + DOFS
     spread = rng.normal(size=(3, marks + 1, 3, 3))
     inverse = spread @ np.swapaxes(spread, 2, 3)
-    part = rng.integers(0, PARTS, marks)
+    part = rng.integers(0, PARTS, marks, np.int32)
     body = part, rng.normal(size=(marks, 3)), rng.random((PARTS, PARTS)) < 0.5, DOF_PART
     placed = (
         rotations(rng, 3 * PARTS).reshape(3, PARTS, 3, 3),

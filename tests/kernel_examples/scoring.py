@@ -24,10 +24,12 @@ def span_distances(rng):
     count = rng.choice([1, 6])
     flat, bases = rng.normal(size=SIZE[0] * (SIZE[1] + 1) * count), rng.normal(size=count)
     spans = Spans.from_masks([rng.random(SIZE) > 0.6 for _ in range(9)])
-    runs = spans.rows, spans.starts, spans.ends, spans.offsets
+    runs = (one.astype(np.int16) for one in (spans.rows, spans.starts, spans.ends))
     which = rng.integers(0, 9, 7)
     filled = np.empty((7, count))
-    return Example((flat, SIZE[1] + 1, bases, 0.3, *runs, which, filled), rtol=1e-9, atol=1e-12)
+    return Example(
+        (flat, SIZE[1] + 1, bases, 0.3, *runs, spans.offsets, which, filled), rtol=1e-9, atol=1e-12
+    )
 
 
 span_distances_parallel = span_distances
@@ -60,9 +62,16 @@ def pixel_scores(rng):
     return Example((*placements(rng), *cameras, images, np.empty(8, np.int64)))
 
 
+def corner():
+    """Origin of a grid, which nobody writes, as that of a `VoxelGrid`."""
+    origin = np.full(3, -1.0)
+    origin.setflags(write=False)
+    return origin
+
+
 def voxel_overlap(rng):
     points, *placed = placements(rng)
-    cells = rng.random((9, 10, 11)) > 0.4, np.full(3, -1.0), 5.0
+    cells = rng.random((9, 10, 11)) > 0.4, corner(), 5.0
     return Example((*cells, points, rng.random(40), *placed, *np.empty((2, 8))))
 
 
@@ -71,4 +80,4 @@ def voxel_cover(rng):
     numbers[rng.random(numbers.shape) < 0.4] = -1
     numbers[rng.random(numbers.shape) < 0.2] = -2
     filled = np.empty((8, 16), np.uint64), *np.empty((2, 8), np.int64)
-    return Example((numbers, np.full(3, -1.0), 5.0, *placements(rng), *filled))
+    return Example((numbers, corner(), 5.0, *placements(rng), *filled))
