@@ -13,9 +13,7 @@ from calib.errors import InputError
 
 if TYPE_CHECKING:
     from calib.board import Board
-    from voxelpose.setup_page.setup_server import SetupServer
-    from voxelpose.studio.studio_server import StudioServer
-    from voxelpose.view.serving.gate import Address
+    from voxelpose.view.serving.gate import Address, GatedServer
     from voxelpose.view.viewer.browser import Browser
 
 _MAX_SQUARE_M = 2
@@ -149,7 +147,7 @@ class PageArguments:
 
         return Address(self.host, self.port, self.token)
 
-    def serve(self, title: str, page: Browser | SetupServer | StudioServer) -> None:
+    def serve(self, title: str, page: Browser | GatedServer) -> None:
         """Prints a page's address, opens it, and runs it until Ctrl-C."""
         try:
             print(f"{title}: {page.url} (Ctrl-C ends it)", flush=True)

@@ -16,7 +16,14 @@ from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
 
 from calib.errors import InputError
 from voxelpose.cli.arguments import GROUPS
-from voxelpose.cli.options import Option, choices_of, folder_settings, made_of, options_of
+from voxelpose.cli.options import (
+    Option,
+    choices_of,
+    folder_settings,
+    load_command,
+    made_of,
+    options_of,
+)
 
 if TYPE_CHECKING:
     from silhouette_core.progress import Reporter
@@ -52,7 +59,7 @@ class CommandForms:
         """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`),
         `usual` value and the `value` by the files of a project, `help`.
         """
-        kind = _class_of(command)
+        kind = load_command(command)
         helps, values = option_helps(kind), folder_settings(command, project)
         group = {field: name for name, fields in GROUPS.items() for field in fields.split()}
         order = [*GROUPS, "expert"]
@@ -89,7 +96,7 @@ class CommandForms:
         for the usual value; `inside` finds a file that a setting names. InputError where a value
         makes no sense.
         """
-        kind = _class_of(command)
+        kind = load_command(command)
         options = options_of(kind)
         found = folder_settings(command, project)
         values = {options[name].field: setting.value for name, setting in found.items()}
@@ -141,12 +148,6 @@ def run_estimation(reporter: Reporter, command: EstimationArguments) -> Sequence
         if beside is not None:
             beside.terminate()
             beside.wait()
-
-
-def _class_of(command: str) -> Any:
-    from voxelpose.cli.options import load_command
-
-    return load_command(command)
 
 
 def _input_of(option: Option) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,7 +72,7 @@ class Asked:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EstimationArguments:
+class EstimationArguments(ABC):
     """Arguments of `voxelpose fit` and `voxelpose track` alike."""
 
     groups: ClassVar = arguments.GROUPS
@@ -114,11 +115,11 @@ class EstimationArguments:
     sources: Suppress[Mapping[str, str]] = field(default_factory=dict)
     """Files that options were taken from, by their names; see `folder_settings`."""
 
+    @abstractmethod
     def asked(self) -> Asked:
         """What is to be estimated, of the command's own options. InputError where they contradict
         each other.
         """
-        raise NotImplementedError
 
     def run(self) -> None:
         """Estimates the motion, writes the result, prints a summary."""
@@ -133,9 +134,8 @@ class EstimationArguments:
         else:
             print_result(results[0], self.verbose)
 
-    def estimate(self, reporter: Reporter, asked: Asked | None = None) -> list[Result]:
+    def estimate(self, reporter: Reporter, asked: Asked) -> list[Result]:
         """Estimates the motion and writes the result; returns one for each person."""
-        asked = asked or self.asked()
         reporter.stage("opening")
         from silhouette_core.estimator import Settings
         from silhouette_core.image.segmenter import resolved_segmenter

@@ -1,6 +1,5 @@
 """The page of one recording folder: what it is answered, and its server behind the gate."""
 
-import threading
 from collections.abc import Mapping, Sequence
 
 from voxelpose.setup_page.page_requests import (
@@ -12,7 +11,7 @@ from voxelpose.setup_page.page_requests import (
     StageRequest,
 )
 from voxelpose.setup_page.setup_session import SetupSession
-from voxelpose.view.serving.gate import Address, Gate
+from voxelpose.view.serving.gate import Address, Gate, GatedServer
 from voxelpose.view.serving.page_answers import (
     Content,
     PageAnswers,
@@ -65,25 +64,12 @@ class SetupPage:
         return None
 
 
-class SetupServer:
+class SetupServer(GatedServer):
     """Serves the page until it is closed."""
 
     def __init__(self, session: SetupSession, address: Address) -> None:
         """Starts, in a thread of its own; the session is closed with it. InputError where the
         address cannot be used.
         """
-        self._session = session
-        self._ended = threading.Event()
-        self._gate = Gate(address, SetupPage(session).answers.serve, LARGEST_BODY)
-        self.url, self.port = self._gate.url, self._gate.port
-
-    def run(self) -> None:
-        """Waits until somebody interrupts, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Ends all connections and threads."""
-        self._ended.set()
-        self._gate.close()
-        self._session.close()
+        gate = Gate(address, SetupPage(session).answers.serve, LARGEST_BODY)
+        super().__init__(gate, session.close)

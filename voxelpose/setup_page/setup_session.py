@@ -59,7 +59,7 @@ class SetupSession:
         Checks are run by `job`, the studio's, whose page is at the address `studio`; None: it is
         set up alone. InputError where a file of the folder is damaged.
         """
-        self._own_job, self._studio = None if job else PageJob(), studio
+        self._job, self._owns_job, self._studio = job or PageJob(), job is None, studio
         self._opened, self._settings = opened, settings
         self._recording = opened.recording
         self.folder = self._recording.folder
@@ -68,14 +68,13 @@ class SetupSession:
         self._backgrounds = previews.BackgroundModels(self._learned)
         self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
-        self._job = job or self._own_job or PageJob()
         self._saving = threading.Lock()
         read_clicked(self.folder / POINTS_FILE)
 
     def close(self) -> None:
         """Ends what is running, but for the studio's job."""
-        if self._own_job is not None:
-            self._own_job.close()
+        if self._owns_job:
+            self._job.close()
 
     def state(self) -> dict[str, Any]:
         """All that the page shows at first, and after saving. InputError where a file was damaged

@@ -3,7 +3,6 @@ files in and out, and the job as it goes.
 """
 
 import asyncio
-import threading
 import traceback
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,14 @@ from voxelpose.studio.studio_session import (
     StudioSession,
 )
 from voxelpose.studio.uploads import LARGEST_UPLOAD, receive
-from voxelpose.view.serving.gate import UNFRAMED, Address, Gate, GateRequest, Reply
+from voxelpose.view.serving.gate import (
+    UNFRAMED,
+    Address,
+    Gate,
+    GatedServer,
+    GateRequest,
+    Reply,
+)
 from voxelpose.view.serving.page_answers import (
     PAGE_HEADERS,
     Content,
@@ -43,7 +49,7 @@ _REPORT_POLICY = (
 )
 
 
-class StudioServer:
+class StudioServer(GatedServer):
     """Serves the studio until it is closed."""
 
     def __init__(self, session: StudioSession, address: Address) -> None:
@@ -51,21 +57,9 @@ class StudioServer:
         address cannot be used.
         """
         self._session = session
-        self._ended = threading.Event()
         self._answers = PageAnswers("voxelpose.studio", self._got, self._posted)
-        self._gate = Gate(address, self._answer, LARGEST_BODY, LARGEST_UPLOAD)
-        self.url, self.port = self._gate.url, self._gate.port
-
-    def run(self) -> None:
-        """Waits until somebody interrupts, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Ends all connections, threads and processes."""
-        self._ended.set()
-        self._gate.close()
-        self._session.close()
+        gate = Gate(address, self._answer, LARGEST_BODY, LARGEST_UPLOAD)
+        super().__init__(gate, session.close)
 
     async def _answer(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter

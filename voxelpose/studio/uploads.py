@@ -15,7 +15,7 @@ from calib.atomic import replacing, unwritable
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml, visible_entries
 from calib.errors import InputError
 from silhouette_core.body.presets import body_preset
-from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.camera_files import CALIBRATION_SUFFIXES, pictures_by_camera
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader
 from voxelpose.recording.subject import read_subject
@@ -27,7 +27,6 @@ LARGEST_UPLOAD = 32 * 2**30
 _SPARED = 2**30  # bytes of the disk that stay free
 _SILENT_S = 60  # after which whoever sends is gone
 _PIECE = 2**20
-_CALIBRATIONS = ".toml .yml .yaml .json .xml .txt .xcp".split()
 _IN_FOLDER = {"intri.yml", "extri.yml", "cameras.txt", "images.txt"}  # EasyMocap's, COLMAP's
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
@@ -36,7 +35,7 @@ def target_of(project: Path, place: Place, name: str, size: int) -> Path:
     """Where a file of so many bytes belongs. InputError where it cannot be taken."""
     check_plain_name(name)
     suffix = Path(name).suffix.lower()
-    kinds = {"video": VIDEOS, "background": (*VIDEOS, *STILLS), "calibration": _CALIBRATIONS}
+    kinds = {"video": VIDEOS, "background": (*VIDEOS, *STILLS), "calibration": CALIBRATION_SUFFIXES}
     if place in kinds and suffix not in kinds[place]:
         raise InputError(f"{name} is none of {', '.join(sorted(kinds[place]))}: convert it first")
     large = place in ("video", "background")
@@ -62,7 +61,7 @@ def _calibration(project: Path, name: str, suffix: str) -> Path:
     if name in _IN_FOLDER:
         target = project / "calibration" / name
     else:
-        target = project / f"calibration{'' if suffix in ('.txt', '.xcp') else suffix}"
+        target = project / f"calibration{suffix}"
     there = calibration_path(project)
     if there is not None and there not in (target, target.parent):
         raise InputError(f"{there.name} is there: remove it first, then add {name}")

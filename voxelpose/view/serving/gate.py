@@ -397,3 +397,23 @@ class Gate:
             await asyncio.sleep(0.2)  # slows down who tries many
         writer.write(reply.encoded())
         await writer.drain()
+
+
+class GatedServer:
+    """Serves pages behind a gate until it is closed."""
+
+    def __init__(self, gate: Gate, end: Callable[[], None]) -> None:
+        """`end` ends what the pages work on, after the gate."""
+        self._gate, self._end, self._ended = gate, end, threading.Event()
+        self.url, self.port = gate.url, gate.port
+
+    def run(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
+
+    def close(self) -> None:
+        """Ends all connections and threads."""
+        self._ended.set()
+        self._gate.close()
+        self._end()
