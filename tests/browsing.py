@@ -9,7 +9,6 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -52,25 +51,6 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
             yield page, faults
         finally:
             browser.close()
-
-
-@contextmanager
-def drawing(viewer) -> Iterator[None]:
-    """Lets a `voxelpose.view.viewer.browser.Browser` draw in a thread, and closes it in the end."""
-    stopped = threading.Event()
-
-    def draw() -> None:
-        while not stopped.is_set():
-            viewer.step(0.1)
-
-    thread = threading.Thread(target=draw)
-    thread.start()
-    try:
-        yield
-    finally:
-        stopped.set()
-        thread.join()
-        viewer.close()
 
 
 def _own(url: str) -> bool:

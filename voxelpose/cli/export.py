@@ -29,21 +29,24 @@ class Export:
       c3d  motion.c3d: points, for motion capture software and MATLAB
       csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
       npz  motion.npz: all data as NumPy arrays
+      html  motion.html: a page that plays bodies and cameras, without a server
 
       voxelpose export walk_fit
       voxelpose export walk_fit --to glb,csv --out for_the_lab
+      voxelpose export walk_fit --to html
       voxelpose export walk_fit --to opensim --out for_opensim
       voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
 
     Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit
     and --gap-method makes the files, not the result, from its unfiltered poses. export.json says
-    how. Of several people person_1 and so on receive a file each; motion.glb holds all of them.
+    how. Of several people person_1 and so on receive a file each; motion.glb and motion.html hold
+    all of them.
     """
 
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
     """Folder of a result."""
     to: Annotated[str, arg(metavar="NAME,NAME")] = _FORMATS
-    """Formats to write: of those above; by default all but opensim."""
+    """Formats to write: of those above; by default all but html and opensim."""
     out: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Folder to write to. Default: RESULT, where an earlier export is replaced."""
     overwrite: bool = False
@@ -66,14 +69,17 @@ class Export:
     def run(self) -> None:
         """Writes the files and prints their names."""
         from voxelpose.export.formats import export_motion
+        from voxelpose.export.player_scene import Stage
         from voxelpose.results import open_people
 
         formats = [name.strip().lower() for name in self.to.split(",") if name.strip()]
         if not formats:
             raise InputError(f"--to names no format: give some of {_FORMATS}")
-        motions = [self._conditioned(one.motion) for one in open_people(self.result)]
-        overwrite = self.overwrite or self.out is None
-        for path in export_motion(motions, self.out or self.result, formats, overwrite):
+        results = open_people(self.result)
+        motions = [self._conditioned(one.motion) for one in results]
+        overwrite, first = self.overwrite or self.out is None, results[0]
+        stage = Stage.from_cameras(self.result.resolve().name, first.rig, first.motion)
+        for path in export_motion(motions, self.out or self.result, formats, overwrite, stage):
             print(path)
 
     def _conditioned(self, motion: Motion) -> Motion:

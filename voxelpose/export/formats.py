@@ -13,6 +13,7 @@ from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
+from voxelpose.export.player_scene import Stage
 from voxelpose.people_marks import person_names
 from voxelpose.version import __version__
 
@@ -76,14 +77,17 @@ _WRITERS: dict[str, _Files] = {
     "npz": {"motion.npz": ("tables", "write_npz")},
 }
 # Of several people, what holds them all, instead of a file of each, and beside one.
-_SCENE = "motion.glb"
+_PAGE = "motion.html"
+_SCENES = "motion.glb", _PAGE
 _OF_ALL: _Files = {
-    _SCENE: ("gltf", "write_glb"),
+    "motion.glb": ("gltf", "write_glb"),
+    _PAGE: ("html_player", "write_html"),
     "joints.csv": ("tables", "write_people_joints"),
 }
 FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
 
+_WRITERS["html"] = {_PAGE: _OF_ALL[_PAGE]}
 _WRITERS["opensim"] = {
     "motion.mot": ("opensim", "write_mot"),
     "opensim_motion.trc": ("opensim", "write_seen"),
@@ -99,20 +103,22 @@ def export_motion(
     folder: Path | str,
     formats: Iterable[str] = FORMATS,
     overwrite: bool = False,
+    stage: Stage | None = None,
 ) -> list[Path]:
     """Writes a motion, or those of several people, in several formats; returns the files' paths,
     with export.json, which says how they were made.
 
-    Files of several people are in folders `person_1` and so on, in their order. motion.glb holds
-    all of them, and so does a second joints.csv, with a column `person`; those are in the folder
-    itself.
+    Files of several people are in folders `person_1` and so on, in their order. motion.glb and
+    motion.html hold all of them, and so does a second joints.csv, with a column `person`; those are
+    in the folder itself.
 
     Args:
         motion: at least one pose, each.
         folder: folder of the files; it is created if it does not exist.
-        formats: names out of `FORMATS`, or `opensim`: TRC, MOT and the setup files of OpenSim. Of a
-            body that is no person's, `trc` writes no motion.mot.
+        formats: names out of `FORMATS`, or `html`, or `opensim`: TRC, MOT and the setup files of
+            OpenSim. Of a body that is no person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
+        stage: name and cameras for `html`; None: it shows neither.
 
     Raises:
         InputError: a format is unknown or does not fit the body, the motion has no pose, a file
@@ -139,7 +145,8 @@ def export_motion(
                 for name, (module, function) in own.items():
                     module = importlib.import_module(f"voxelpose.export.{module}")
                     path = complete.enter_context(replacing(place / name))
-                    getattr(module, function)(whom if len(whom) > 1 else whom[0], path)
+                    more = {"stage": stage} if name == _PAGE else {}
+                    getattr(module, function)(whom if len(whom) > 1 else whom[0], path, **more)
                 record = complete.enter_context(replacing(place / EXPORT_RECORD))
                 write_export_record(whom, own, earlier[place], record)
     except OSError as error:
@@ -158,7 +165,7 @@ def _planned(
     if len(motions) == 1:
         return {folder: (motions, files)}
     together = {name: writer for name, writer in _OF_ALL.items() if name in files}
-    each = {name: writer for name, writer in files.items() if name != _SCENE}
+    each = {name: writer for name, writer in files.items() if name not in _SCENES}
     plan = {}
     for name, motion in zip(person_names(len(motions)), motions, strict=True):
         plan[folder / name] = [motion], each

@@ -16,7 +16,7 @@ from silhouette_core.motion.kinematics import quaternions
 from voxelpose.live.live_frame import LiveFrame, PosedBody
 from voxelpose.view.serving.page_server import move_bones
 from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, SILHOUETTE, faded
-from voxelpose.view.viewer.scene import add_camera
+from voxelpose.view.viewer.viser_camera import add_camera
 
 _PICTURE_PX = 320
 _REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame

@@ -107,14 +107,13 @@ class Commands(Protocol):
 
 
 class OpenedViewer:
-    """The viewer of one result at a time, drawn by a thread of its own."""
+    """The viewer of one result at a time."""
 
     def __init__(self) -> None:
         """Opens none."""
         self._lock = threading.Lock()
-        self._over = threading.Event()
-        self._thread: threading.Thread | None = None
-        self.name, self.browser = "", None
+        self.name: str = ""
+        self.browser: Browser | None = None
 
     def open(self, name: str, folder: Path) -> None:
         """Opens a result, if it is not open already, and closes the one before."""
@@ -129,11 +128,7 @@ class OpenedViewer:
             except BaseException:
                 scenes.close()
                 raise
-            self._over, self.name = threading.Event(), name
-            self._thread = threading.Thread(
-                target=_draw, args=(self.browser, self._over), name="viewer", daemon=True
-            )
-            self._thread.start()
+            self.name = name
 
     def close(self) -> None:
         """Closes what is open."""
@@ -141,16 +136,9 @@ class OpenedViewer:
             self._end()
 
     def _end(self) -> None:
-        self._over.set()
-        if self._thread is not None and self.browser is not None:
-            self._thread.join()
+        if self.browser is not None:
             self.browser.close()
-        self.name, self.browser, self._thread = "", None, None
-
-
-def _draw(browser: Browser, over: threading.Event) -> None:
-    while not over.is_set():
-        browser.step(0.2)
+        self.name, self.browser = "", None
 
 
 class StudioSession:

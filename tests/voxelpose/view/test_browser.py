@@ -1,15 +1,17 @@
 """The viewer in a real browser, without a screen."""
 
-import threading
+import json
+import re
+from itertools import combinations
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import cv2
 import numpy as np
 import pytest
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
 
 from calib.errors import InputError
-from tests.browsing import drawing, new_page
+from tests.browsing import new_page
 from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
@@ -17,99 +19,199 @@ from voxelpose.cli import run
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import frame_html
+
+FRAMES = 4
 
 
 @pytest.fixture
 def served(desk):
-    """A browser's server of a small result, drawing in its own thread."""
-    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    """A browser's server of a small result."""
+    write_staged(desk / "walk", waving(FRAMES), ring(3, (320, 240)))
     assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
     browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8391), 2)
-    with drawing(browser):
-        yield browser
+    yield browser
+    browser.close()
+
+
+def got(browser: Browser, path: str) -> dict:
+    """What the page is answered."""
+    with urlopen(f"{browser.url}/{path}", timeout=60) as answer:
+        return json.load(answer)
+
+
+def carved(page) -> None:
+    """Waits until the hull of the shown frame is there."""
+    page.get_by_text(re.compile(r"^Hull \d+ litres")).wait_for(timeout=60_000)
+    page.locator(".follows").wait_for(state="hidden", timeout=60_000)
+
+
+def shown(page) -> np.ndarray:
+    """The scene as it is drawn, (h, w, 3) int BGR."""
+    page.wait_for_timeout(700)
+    data = page.locator("canvas.space").screenshot()
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    return picture.astype(int)
+
+
+def differing(one: np.ndarray, other: np.ndarray) -> int:
+    """Number of pixels that differ clearly."""
+    return int(np.count_nonzero(abs(one - other).max(axis=2) > 20))
 
 
 @pytest.mark.slow
-def test_the_page(served, tmp_path):
+def test_the_page(served):
     with new_page(900, 600) as (page, faults):
         page.goto(served.url)
         page.get_by_text("Frame 2,").wait_for(timeout=60_000)
-        page.locator("canvas").first.wait_for()
-        slider = page.get_by_role("slider").first
-        assert slider.get_attribute("aria-valuenow") == "2"
-        slider.focus()
+        carved(page)
+        strip = page.get_by_role("slider", name="Frame")
+        assert strip.get_attribute("aria-valuenow") == "2"
         page.keyboard.press("ArrowRight")
         page.get_by_text("Frame 3,").wait_for()
         page.keyboard.press("Home")
         page.get_by_text("no pose was found in this frame").wait_for()
         page.keyboard.press("End")
-        page.locator("input[value=none]").first.click()
-        page.get_by_role("option", name="left thigh").click()
+        carved(page)
+        before = shown(page)
+        page.get_by_label("Part", exact=True).select_option(label="left thigh")
         page.get_by_text("Matched with").wait_for()
-        page.wait_for_timeout(500)
-        page.screenshot(path=str(tmp_path / "page.png"))
+        changed = shown(page)
+        new = abs(changed - before).max(axis=2) > 20
+        turquoise = (changed[..., 0] - changed[..., 2] > 40) & (
+            changed[..., 1] - changed[..., 2] > 40
+        )
+        assert np.count_nonzero(new & turquoise) > 50  # the movable area is drawn
         assert faults == []
-    picture = cv2.imread(str(tmp_path / "page.png"))
-    assert picture is not None
-    renderer = picture[150:, :480].astype(int)
-    turquoise = (renderer[..., 0] - renderer[..., 2] > 40) & (
-        renderer[..., 1] - renderer[..., 2] > 40
-    )
-    assert np.count_nonzero(turquoise) > 50  # the movable area is drawn
 
 
-def test_a_recording_alone_is_served_and_plays(desk, capsys):
-    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+@pytest.mark.slow
+def test_it_plays_by_a_steady_clock_and_keys(served):
+    """Frames pass at the recording's rate however slowly hulls come."""
+    rate = served.scenes.fps / 4  # a quarter of the speed: the last frame is not passed at once
+    with new_page(900, 600) as (page, faults):
+        page.goto(served.url)
+        carved(page)
+        page.evaluate("viewer.player.timeline.faster(0.25)")
+        page.keyboard.press("Home")
+        script = """() => new Promise((done) => {
+            const { timeline } = viewer.player, seen = [];
+            const from = performance.now();
+            timeline.toggle(true);
+            const look = () => {
+              const now = performance.now();
+              timeline.tick(now);
+              seen.push([now - from, timeline.index]);
+              if (now - from < 1500) setTimeout(look, 20); else done(seen);
+            };
+            look();
+        })"""
+        seen = np.array(page.evaluate(script))
+        due = seen[:, 0] / 1000 * rate
+        late = (due - seen[:, 1] + 1) % FRAMES - 1  # of a motion that begins anew
+        assert late.min() > -0.2 and late.max() < 1.2 and len(set(seen[:, 1])) == FRAMES
+        assert page.get_by_role("button", name="Pause").is_visible()
+        page.keyboard.press("Space")
+        page.get_by_role("button", name="Play").wait_for()
+        page.keyboard.press("End")
+        page.keyboard.press("ArrowLeft")
+        page.get_by_text(f"Frame {FRAMES - 2},").wait_for()
+        page.keyboard.press("Shift+ArrowLeft")
+        page.get_by_text("Frame 0,").wait_for()
+        assert faults == []
+
+
+@pytest.mark.slow
+def test_layers_hull_and_cameras(served):
+    with new_page(900, 600) as (page, faults):
+        page.goto(served.url)
+        carved(page)
+        page.evaluate("viewer.player.viewpoint.zoom(2)")  # the cameras come into view
+        views = [shown(page)]
+        for name in ("Body", "Skeleton", "Hull", "Cameras"):  # each changes what is seen
+            page.get_by_label(name, exact=True).uncheck()
+            views.append(shown(page))
+            assert differing(*views[-2:]) > 60, name
+        page.get_by_label("Hull", exact=True).check()
+        ways = []
+        for style in ("surface", "cubes", "dots"):
+            page.get_by_label("Hull as").select_option(style)
+            ways.append(shown(page))
+        page.get_by_label("Hull as").select_option("cubes")
+        for way in ("parts", "cameras", "unexplained"):
+            page.get_by_label("Colours of the hull").select_option(way)
+            ways.append(shown(page))
+        assert min(differing(a, b) for a, b in combinations(ways, 2)) > 200
+        page.get_by_label("Cameras", exact=True).check()
+        page.get_by_role("button", name="cam_2").click()
+        page.wait_for_function("viewer.large?.frame === 2")
+        assert differing(shown(page), views[0]) > 20_000  # its picture fills the view
+        assert page.get_by_role("button", name="✕ cam_2").is_visible()
+        page.keyboard.press("Escape")
+        assert page.get_by_role("button", name="✕ cam_2").is_hidden()
+        assert faults == []
+
+
+@pytest.mark.slow
+def test_the_panel_leaves_the_body_free_on_a_telephone(served):
+    with new_page(420, 800) as (page, faults):
+        page.goto(served.url)
+        page.get_by_text("Frame 2,").wait_for(timeout=60_000)
+        space, panel = (page.locator(name).bounding_box() for name in (".space", ".panel"))
+        assert space["width"] == 420 and space["height"] > 450
+        assert panel["y"] >= space["y"] + space["height"]
+        assert page.evaluate("document.documentElement.scrollWidth") == 420
+        assert faults == []
+
+
+def test_a_recording_alone_is_served(desk, capsys):
+    write_staged(desk / "walk", waving(FRAMES), ring(3, (320, 240)))
     first, second = (
         Browser(ResultScenes("walk", voxel_size_m=0.05), Address(port=8395), 1) for _ in range(2)
     )
     assert first.url == "http://localhost:8395" and second.url != first.url  # the next free port
-    assert first.step(1.0) and "<b>Frame 1," in first._status.content
-    assert not first.step(0.01)  # no new choice
-    first._play.value = True
-    shown = []
-    # The clip repeats: the row after six steps depends on the machine's speed.
-    for _ in range(6):
-        first.step(0.1)
-        shown.append(first.choice.row)
-    assert len(set(shown)) > 1 and int(first._slider.value) == first.choice.row
+    state = got(first, "api/scene")
+    assert state["bodies"] == [] and state["count"] == FRAMES and state["shown"] == 1
+    assert len(state["cameras"]) == 3 and state["carved"]
+    answer = got(first, "api/frame?frame=1&pictures=both")
+    assert answer["hull"] and set(answer["pictures"]) == {"cam_1", "cam_2", "cam_3"}
     first.close()
     second.close()
     assert capsys.readouterr().out == ""
 
 
-def test_a_choice_is_drawn_once(served):
-    """Without any browser: the panel's choice reaches the scene."""
-    served._choose(row=1, shown=served.choice.shown - {"hull"})
-    for _ in range(200):
-        if served._drawn == served.choice:
-            break
-        threading.Event().wait(0.05)
-    assert (
-        served._drawn == served.choice
-        and served.choice.row == 1
-        and "hull" not in served.choice.shown
-    )
-    assert "<b>Frame 1," in served._status.content
+def test_what_is_asked_for_wrongly_is_refused(served):
+    for path, words in {
+        "api/frame?frame=99": "there is no frame 99: it goes from 0 to 3",
+        "api/frame?frame=x": "frame is no number",
+        "api/area?frame=1&part=tail": "no movable area of a part 'tail'",
+        "picture/cam_9?frame=1": "there is no camera 'cam_9'",
+    }.items():
+        with pytest.raises(HTTPError) as refused:
+            got(served, path)
+        assert refused.value.code == 400 and words in json.load(refused.value)["error"]
+    with pytest.raises(HTTPError, match="404"):
+        got(served, "nothing.js")
 
 
+@pytest.mark.slow
 def test_text_of_a_hostile_result_is_shown_and_not_run(served, desk):
     settings = (desk / "out" / "settings.toml").read_text()
     hostile = "<iframe srcdoc='<script>1</script>'>{alert(1)}"
     lines = [line for line in settings.splitlines() if not line.startswith("recording")]
     (desk / "out" / "settings.toml").write_text("\n".join([f'recording = "{hostile}"', *lines]))
-    scenes = ResultScenes("out", voxel_size_m=0.04)
-    shown = frame_html(scenes.scene(1))
-    assert "<iframe" not in shown and "<script" not in shown
-    assert "&lt;iframe" in shown
-    scenes.close()
+    browser = Browser(ResultScenes("out", voxel_size_m=0.04), Address(port=8396), 1)
+    with new_page(900, 600) as (page, faults):
+        page.goto(browser.url)
+        page.get_by_text(hostile).wait_for(timeout=60_000)
+        assert page.locator("iframe").count() == 0 and faults == []
+    browser.close()
 
 
 def test_another_site_cannot_listen(served):
-    address = served.url.replace("http://", "ws://")
-    with pytest.raises(InvalidStatus, match="403"):
-        connect(address, origin="http://evil.example", open_timeout=5)
+    request = Request(f"{served.url}/api/scene", headers={"Origin": "http://evil.example"})
+    with pytest.raises(HTTPError, match="403"):
+        urlopen(request, timeout=5)
 
 
 @pytest.mark.slow
@@ -141,14 +243,12 @@ def test_the_page_of_an_animal(desk):
     """Its own parts are offered, and seen from as far as its size asks for."""
     _, motion = write_example_result(desk, "quadruped", pictures=False)
     browser = Browser(ResultScenes("quadruped_fit", voxel_size_m=0.04), Address(port=8392), 2)
-    camera = np.array(browser.server.initial_camera.position)
-    away_m = np.linalg.norm(camera - np.median(motion.root_m, axis=0))
+    away_m = np.linalg.norm(got(browser, "api/scene")["eye"] - np.median(motion.root_m, axis=0))
     assert 1.5 < away_m / motion.model.extent_m < 2.2
-    with drawing(browser), new_page(900, 600) as (page, faults):
+    with new_page(900, 600) as (page, faults):
         page.goto(browser.url)
         page.get_by_text("Frame 2,").wait_for(timeout=60_000)
-        page.locator("canvas").first.wait_for()
-        page.locator("input[value=none]").first.click()
-        page.get_by_role("option", name="left hind upper").click()
-        page.get_by_text("The left hind upper could be").wait_for()
+        page.get_by_label("Part", exact=True).select_option(label="left hind upper")
+        page.get_by_text("The left hind upper could be").wait_for(timeout=60_000)
         assert not faults
+    browser.close()

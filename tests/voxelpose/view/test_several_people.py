@@ -1,8 +1,10 @@
 """Several people in one scene."""
 
+import cv2
 import numpy as np
 import pytest
 
+from tests.browsing import new_page
 from tests.clips import waving_couple
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.cli import run
@@ -10,9 +12,8 @@ from voxelpose.people_marks import COLOURS
 from voxelpose.view.images.hull_picture import skeleton_of
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.legend import legend_html
 from voxelpose.view.viewer.result_scenes import ResultScenes
-from voxelpose.view.viewer.scene import frame_html
+from voxelpose.view.viewer.scene import frame_lines
 from voxelpose.view.viewer.silhouette_page import FitSilhouettes
 
 
@@ -45,7 +46,7 @@ def test_who_has_no_pose_is_named(scenes):
     scene = scenes.scene(1)
     assert scene.bodies[1] is None and scene.hull.occupancy.any()
     assert scene.notes == ("no pose of person 2 was found in this frame",)
-    shown = frame_html(scenes.scene(3))
+    shown = " ".join(frame_lines(scenes.scene(3)))
     assert "Person 1: Little inside" in shown and "Person 2: Little inside" in shown
     assert scenes.areas(3) == {} and scenes.limb_names == ()
 
@@ -57,7 +58,6 @@ def test_pictures_have_the_colours_of_people(scenes, couple):
     for words in (["--png", "a.png"], ["--video", "a.webm"]):
         assert run(["view", "couple", "--voxel", "0.06", *words]) == 0
         assert (couple.parent / words[1]).stat().st_size > 1000
-    assert "person 2" in legend_html(False, 2) and "Part inside" not in legend_html(False, 2)
 
 
 def test_everybody_is_outlined_among_the_silhouettes(scenes):
@@ -68,13 +68,29 @@ def test_everybody_is_outlined_among_the_silhouettes(scenes):
         assert np.count_nonzero(one.body & one.used) / np.count_nonzero(one.body | one.used) > 0.85
 
 
+@pytest.mark.slow
 def test_people_are_switched_on_and_off(scenes):
     browser = Browser(scenes, Address(port=8398), 3)
-    assert browser.step(1.0)
-    first, second = browser._renderer._bodies
-    assert all(mesh.color == COLOURS[1] for mesh in second._meshes)
-    browser._choose(shown=browser.choice.shown - {"person_2"})
-    assert browser.step(1.0)
-    assert all(mesh.visible for mesh in first._meshes)
-    assert not any(mesh.visible for mesh in second._meshes)
+    with new_page(900, 600) as (page, faults):
+        page.goto(browser.url)
+        page.get_by_text("Person 2: Little inside").wait_for(timeout=60_000)
+        assert page.get_by_label("Colours of the body").input_value() == "person"
+        page.get_by_label("Hull", exact=True).uncheck()
+        page.get_by_label("Skeleton").uncheck()
+        both = _coloured(page)
+        page.get_by_label("person 2", exact=True).uncheck()
+        first = _coloured(page)
+        assert both[0] > 100 < both[1] and first[0] > 100 and first[1] < 20, (both, first)
+        assert faults == []
     browser.close()
+
+
+def _coloured(page) -> list[int]:
+    """How many pixels of the scene have about the hue of each of two people."""
+    page.wait_for_timeout(600)
+    data = page.locator("canvas.space").screenshot()
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    hue = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV).astype(int)
+    vivid = (hue[..., 1] > 90) & (hue[..., 2] > 90)
+    wanted = cv2.cvtColor(np.array([COLOURS[:2]], np.uint8), cv2.COLOR_RGB2HSV)[0, :, 0]
+    return [int(np.count_nonzero(vivid & (abs(hue[..., 0] - one) < 8))) for one in wanted]

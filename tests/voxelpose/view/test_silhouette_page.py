@@ -11,7 +11,7 @@ import pytest
 
 from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.image.silhouettes import UndistortedView, as_recorded
-from tests.browsing import drawing, new_page
+from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
@@ -211,7 +211,7 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
     browser = Browser(
         ResultScenes("out", voxel_size_m=0.04), Address("127.0.0.1", 0, "a word <b>"), 2
     )
-    with drawing(browser), new_page(1100, 800) as (viewer, faults):
+    with new_page(1100, 800) as (viewer, faults):
         viewer.goto(browser.url)
         viewer.get_by_text("Frame 2,").wait_for(timeout=60_000)
         assert viewer.title() == "out – voxelpose view"
@@ -242,6 +242,7 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
         page.locator("#forward").click()
         page.get_by_text("frame 3 ").wait_for()
         assert faults == []
+    browser.close()
 
 
 def test_only_the_page_beside_takes_json(desk):

@@ -42,17 +42,18 @@ class PageAnswers:
         got: Callable[[Sequence[str], Mapping[str, str]], Content | None],
         posted: Callable[[Sequence[str], bytes], Content | None],
         folder: str = "",
+        shared: str = "voxelpose.view.serving",
     ) -> None:
         """Reads the page's files.
 
         Args:
-            package: in whose folder `page` they lie; what pages share is there, too.
+            package: in whose folder `page` they lie.
             got: answers a path and its query, None where there is no such thing; any thread calls.
             posted: answers a path and JSON likewise.
             folder: of the server, in which the page is; "": it is all that is served.
+            shared: package in whose folder `page` lies what the page shares with others.
         """
-        shared = files("voxelpose.view.serving").joinpath("page")
-        folders = shared, files(package).joinpath("page")
+        folders = (files(each).joinpath("page") for each in (shared, package))
         self._files = {file.name: file.read_bytes() for each in folders for file in each.iterdir()}
         self._got, self._posted, self._folder = got, posted, folder
 
@@ -78,7 +79,7 @@ class PageAnswers:
             if request.method == "POST":
                 content = self._posted(path, body)
             else:
-                content = self._got(path, dict(request.query)) or self._file("/".join(path))
+                content = self._got(path, dict(request.query)) or self.file("/".join(path))
         except (InputError, OSError) as error:
             return error_reply("400 Bad Request", str(error))
         except Exception:
@@ -89,7 +90,8 @@ class PageAnswers:
             return error_reply("404 Not Found", "this is not there")
         return Reply("200 OK", *content, PAGE_HEADERS)
 
-    def _file(self, name: str) -> Content | None:
+    def file(self, name: str) -> Content | None:
+        """A file of the page, "" its first one; None where there is none of that name."""
         name = name or "index.html"
         kind = _KINDS.get(name.rpartition(".")[2])
         if kind is None or name not in self._files:
@@ -104,12 +106,17 @@ def json_content(content: Any) -> Content:
 
 def moment_of(query: Mapping[str, str]) -> int | None:
     """The moment that a query names; None: it names none. InputError where it is no number."""
-    moment = query.get("moment")
-    if moment is None:
+    return whole_number(query, "moment")
+
+
+def whole_number(query: Mapping[str, str], name: str) -> int | None:
+    """The number of a name in a query; None: there is none. InputError where it is no number."""
+    text = query.get(name)
+    if text is None:
         return None
-    if not (moment.isascii() and moment.isdigit() and len(moment) < 9):
-        raise InputError("moment is no number")
-    return int(moment)
+    if not (text.isascii() and text.isdigit() and len(text) < 9):
+        raise InputError(f"{name} is no number")
+    return int(text)
 
 
 def parse_request(body: bytes, kind: type[Asked]) -> Asked:

@@ -19,9 +19,6 @@ from viser import infra
 
 from calib.errors import InputError
 from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, until_one_ends
-from voxelpose.view.serving.page_answers import PageAnswers
-
-_LARGEST_BODY = 10_000  # bytes that the page beside may be sent
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
@@ -72,28 +69,22 @@ def move_bones(
 
 class PageServer:
     """Serves viser's scene and panel to those whom the gate lets pass, at a `url` that includes the
-    token; or, as a part of other pages, to those whom their gate lets pass.
+    token.
 
     viser has no access control. It listens at a free port of 127.0.0.1, sends nothing to a
     connection that does not come from the gate, and opens no public tunnel for anybody.
     """
 
-    def __init__(
-        self, address: Address | None, title: str, beside: PageAnswers | None = None
-    ) -> None:
-        """Starts both, with `beside` another page, in a folder of its own; without an address there
-        is no gate, and `answer` is called by another. InputError as of `Gate` and
-        `guard_connections`.
-        """
+    def __init__(self, address: Address, title: str) -> None:
+        """Starts both. InputError as of `Gate` and `guard_connections`."""
         with redirect_stdout(io.StringIO()):  # viser would print a banner
             self.viser = viser.ViserServer("127.0.0.1", 0, label="voxelpose", verbose=False)
         self._peers: set[tuple[str, int]] = set()
-        self._title, self._beside = f"<title>{escape(title)}</title>".encode(), beside
+        self._title = f"<title>{escape(title)}</title>".encode()
         try:
             guard_connections(self.viser, self._peers)
-            body = 0 if beside is None else _LARGEST_BODY
-            self.gate = None if address is None else Gate(address, self.answer, body)
-            self.url = "" if self.gate is None else self.gate.url
+            self.gate = Gate(address, self.answer)
+            self.url = self.gate.url
         except BaseException:
             self._stop_viser()
             raise
@@ -108,8 +99,7 @@ class PageServer:
 
     def close(self) -> None:
         """Ends all connections and threads."""
-        if self.gate is not None:
-            self.gate.close()
+        self.gate.close()
         self._stop_viser()
 
     def _stop_viser(self) -> None:
@@ -119,10 +109,8 @@ class PageServer:
     async def answer(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
-        """Answers a request that may pass; its path is as below this page."""
-        if self._beside is not None and self._beside.answers(request) and not request.upgrade:
-            await self._beside.serve(request, reader, writer)
-        elif request.upgrade:
+        """Answers a request that may pass."""
+        if request.upgrade:
             await self._relay(request, reader, writer)
         else:
             reply = Reply("400 Bad Request", "This page takes GET only.")

@@ -1,22 +1,16 @@
 """Colours and texts of the viewer."""
 
-import html
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from voxelpose.multiview.matching.matcher import LimbArea
-from voxelpose.people_marks import COLOURS, person_names
+from voxelpose.people_marks import COLOURS
 from voxelpose.view.images.canvas import Colour
 
 # RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
 _RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
 UNKNOWN: Colour = (150, 150, 150)
 HULL: Colour = (140, 150, 160)
-UNEXPLAINED: Colour = (214, 40, 150)
-AREA: Colour = (120, 196, 190)
-DISPUTED: Colour = (122, 62, 178)
 HYPOTHESIS: Colour = (60, 60, 60)
 PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
@@ -50,56 +44,8 @@ def person_colour(number: int) -> Colour:
     return COLOURS[number % len(COLOURS)]
 
 
-def legend_html(with_hypotheses: bool, people: int = 1) -> str:
-    """Legend of the colours, as HTML; several people have one each, and parts none."""
-    ramp = ", ".join(css_colour(colour) for colour in overlap_colours(np.linspace(0, 1, 7)))
-    rows = [
-        (HULL, "carved voxels: where all silhouettes allow a body"),
-        (UNEXPLAINED, f"voxels that no part explains, {FAR}"),
-    ]
-    if people > 1:
-        names = map(display_name, person_names(people))
-        rows += [(person_colour(k), name) for k, name in enumerate(names)]
-    else:
-        rows += [
-            (AREA, "where the chosen part could be (its movable area)"),
-            (DISPUTED, "where another part could be, too: they are matched together"),
-            (UNKNOWN, "part too small to be measured"),
-        ]
-    if with_hypotheses:
-        words = "other poses that the camera leaves open; the fainter, the less likely"
-        rows.append((HYPOTHESIS, words))
-    swatch = (
-        '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;'
-        'background:{};margin-right:0.5em"></span>'
-    )
-    lines = "".join(
-        f"<div>{swatch.format(css_colour(colour))}{words}</div>" for colour, words in rows
-    )
-    bar = (
-        '<div style="height:0.8em;border-radius:0.2em;background:linear-gradient(90deg,'
-        f' {ramp})"></div>'
-    )
-    ends = (
-        '<div style="display:flex;justify-content:space-between">'
-        "<span>0 %</span><span>50</span><span>100 %</span></div>"
-    )
-    parts = "" if people > 1 else f"<b>Part inside the hull</b>{bar}{ends}"
-    style = "padding:0 0.8em 0.6em;font-size:0.8em;line-height:1.6"
-    return f'<div style="{style}">{parts}{lines}</div>'
-
-
-def text_html(lines: Sequence[str]) -> str:
-    """Lines of plain text as HTML, the first one as a title."""
-    title, *rest = map(html.escape, lines)
-    paragraphs = "".join(f'<div style="margin-top:0.6em">{line}</div>' for line in rest)
-    return (
-        f'<div style="padding:0.4em 0.8em 0.6em;line-height:1.5"><b>{title}</b>{paragraphs}</div>'
-    )
-
-
 def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
-    """Description of the chosen part's movable area, as Markdown."""
+    """Description of the chosen part's movable area."""
     if part is None:
         return (
             "Choose a part to see where it could be, and with which others it is matched together."

@@ -33,6 +33,7 @@ from voxelpose.recording.input_digests import changes_since
 from voxelpose.results import Result, is_result, open_people
 from voxelpose.view.images.figure import PartPoses, skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.legend import display_name
+from voxelpose.view.viewer.outer_voxels import OuterVoxels
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
 _KEPT = 24  # frames whose scenes stay in memory
@@ -74,12 +75,10 @@ class FittedBody:
         rotation = kinematics.rotation_matrices(motion.root_quaternion[row])
         return Pose(motion.root_m[row], rotation, motion.angles_rad[row])
 
-    def points(self, row: int) -> NDArray[np.float64]:
-        """Points (n, 3), metres, that fill the body in a row of the motion."""
+    def points(self, row: int) -> list[NDArray[np.float64]]:
+        """Points (n, 3), metres, that fill each part in a row of the motion."""
         placed = zip(self.volume.part_points, *self.parts(row), strict=True)
-        return np.concatenate(
-            [points @ rotation.T + origin for points, rotation, origin in placed if len(points)]
-        )
+        return [points @ rotation.T + origin for points, rotation, origin in placed]
 
 
 class ResultScenes:
@@ -293,6 +292,7 @@ def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]
     grid, occupancy = observation.grid, observation.occupancy
     vertices, faces = surface(*grid.cropped(occupancy))
     unexplained, distance = np.zeros((0, 3)), np.zeros(0)
+    bodies = [fitted.points(row) for fitted, row in posed]
     if posed:
         free = occupancy.copy()
         for fitted, row in posed:
@@ -301,9 +301,10 @@ def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]
             own[tuple(quality.unexplained_voxels.T)] = True
             free &= own
         unexplained = grid.centres(np.argwhere(free))
-        points = np.concatenate([fitted.points(row) for fitted, row in posed])
+        points = np.concatenate([points for parts in bodies for points in parts])
         distance = np.asarray(KDTree(points).query(unexplained)[0], float)
-    return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance)
+    outer = OuterVoxels.from_hull(observation, vertices, bodies)
+    return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance, outer)
 
 
 def _open_recording(

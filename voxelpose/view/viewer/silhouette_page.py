@@ -220,14 +220,6 @@ class SilhouettePage:
             "voxelpose.view.viewer", self._got, self._posted, FOLDER
         )
 
-    def link(self, frame: int) -> str:
-        """HTML that opens the page at a frame."""
-        style = "display:block;padding:0 0.8em 0.6em;font-size:0.85em"
-        return (
-            f'<a href="{FOLDER}/?frame={frame}" target="{FOLDER}" style="{style}">Why is a pixel'
-            " the person? Silhouettes step by step</a>"
-        )
-
     def _got(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
         match path:
             case ("api", "state"):

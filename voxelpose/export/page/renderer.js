@@ -1,0 +1,321 @@
+// Draws a scene with WebGL: what is opaque first, then what shines through, the skeleton last.
+
+import { programs } from "./shaders.js";
+import { add, cross, minus, scaled, unit } from "./space.js";
+
+const NOT_FLAT = -1e6;
+const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+
+// A cube and an octahedron around the origin, one unit wide: positions and normals.
+export const CUBE = solid([[[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]]]
+  .flatMap(([n, u, v]) => [1, -1].flatMap((side) => {
+    const corner = (a, b) => add(add(scaled(n, side / 2), scaled(u, a / 2)), scaled(v, b / 2));
+    const quad = [corner(-1, -side), corner(1, -side), corner(1, side), corner(-1, side)];
+    return [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]];
+  })));
+export const BALL = solid([1, -1].flatMap((x) => [1, -1].flatMap((y) => [1, -1].map((z) => {
+  const face = [[x / 2, 0, 0], [0, y / 2, 0], [0, 0, z / 2]];
+  return x * y * z > 0 ? face : [face[0], face[2], face[1]];
+}))), true);
+
+function solid(faces, round = false) {
+  const positions = faces.flat(2);
+  const normals = faces.flatMap((face) => {
+    const flat = unit(cross(minus(face[1], face[0]), minus(face[2], face[0])));
+    return face.flatMap((corner) => (round ? unit(corner) : flat));
+  });
+  return { positions: new Float32Array(positions), normals: new Float32Array(normals) };
+}
+
+// Triangles of a line of the skeleton: two pyramids, thickest near the start.
+export function boneFaces(start, end, width, faces, normals) {
+  const along = minus(end, start);
+  const axis = unit(along);
+  const side = unit(cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+  const other = cross(axis, side);
+  const thick = add(start, scaled(along, 0.18));
+  const ring = [0, 1, 2, 3, 4, 5].map((k) => {
+    const angle = (k * Math.PI) / 3;
+    return add(thick, add(scaled(side, width * Math.cos(angle)), scaled(other, width * Math.sin(angle))));
+  });
+  for (let k = 0; k < 6; k++) {
+    const [a, b] = [ring[k], ring[(k + 1) % 6]];
+    for (const face of [[start, b, a], [end, a, b]]) {
+      const normal = unit(cross(minus(face[1], face[0]), minus(face[2], face[0])));
+      for (const corner of face) {
+        faces.push(...corner);
+        normals.push(...normal);
+      }
+    }
+  }
+}
+
+export class Renderer {
+  constructor(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: true });
+    if (!gl) throw new Error("this browser draws nothing in three dimensions: it has no WebGL 2");
+    Object.assign(this, { canvas, gl, programs: programs(gl), background: [0.118, 0.137, 0.16] });
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    this.screen = this.#screen();
+  }
+
+  // Begins a picture of the size of the canvas; `camera` takes the world to clip coordinates.
+  begin(camera, eye) {
+    const { canvas, gl } = this;
+    const dense = Math.min(devicePixelRatio || 1, 2);
+    const size = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * dense)));
+    if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
+    gl.viewport(0, 0, ...size);
+    gl.clearColor(...this.background, 1);
+    gl.depthMask(true);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    Object.assign(this, { camera, eye });
+  }
+
+  buffer(data, target = this.gl.ARRAY_BUFFER) {
+    const made = this.gl.createBuffer();
+    this.gl.bindBuffer(target, made);
+    this.gl.bufferData(target, data, this.gl.STATIC_DRAW);
+    return made;
+  }
+
+  // What is drawn in one call. Inputs by name: array, numbers of each, and how it is read.
+  mesh(program, inputs, faces = null, count = 0, instances = 0) {
+    const { gl } = this;
+    const array = gl.createVertexArray();
+    const buffers = [];
+    gl.bindVertexArray(array);
+    for (const [name, [data, numbers, { whole = false, share = false, each = 0 } = {}]] of Object.entries(inputs)) {
+      const at = this.programs[program].inputs[name];
+      if (at === undefined) continue;
+      buffers.push(this.buffer(data));
+      const kind = this.#kind(data);
+      gl.enableVertexAttribArray(at);
+      if (whole) gl.vertexAttribIPointer(at, numbers, kind, 0, 0);
+      else gl.vertexAttribPointer(at, numbers, kind, share, 0, 0);
+      gl.vertexAttribDivisor(at, each);
+    }
+    if (faces) buffers.push(this.buffer(faces, gl.ELEMENT_ARRAY_BUFFER));
+    gl.bindVertexArray(null);
+    return { array, buffers, faces: faces ? this.#kind(faces) : 0, count: faces ? faces.length : count, instances };
+  }
+
+  #kind(data) {
+    const { gl } = this;
+    return {
+      Float32Array: gl.FLOAT, Int8Array: gl.BYTE, Uint8Array: gl.UNSIGNED_BYTE, Uint16Array: gl.UNSIGNED_SHORT,
+      Uint32Array: gl.UNSIGNED_INT,
+    }[data.constructor.name];
+  }
+
+  drop(mesh) {
+    if (!mesh) return;
+    this.gl.deleteVertexArray(mesh.array);
+    for (const buffer of mesh.buffers) this.gl.deleteBuffer(buffer);
+  }
+
+  // Triangles with a colour at every corner.
+  surface(positions, normals, colours, faces = null) {
+    return this.mesh("solid", {
+      position: [positions, 3], normal: [normals, 3], colour: [colours, 3, { share: true }],
+    }, faces, positions.length / 3);
+  }
+
+  // One shape at many places.
+  crowd(shape, places, colours) {
+    return this.mesh("solid", {
+      position: [shape.positions, 3], normal: [shape.normals, 3],
+      place: [places, 3, { each: 1 }], colour: [colours, 3, { share: true, each: 1 }],
+    }, null, shape.positions.length / 3, places.length / 3);
+  }
+
+  lines(positions, colours) {
+    return this.mesh("lines", { position: [positions, 3], colour: [colours, 3, { share: true }] }, null, positions.length / 3);
+  }
+
+  skin(body) {
+    const mesh = this.mesh("skin", {
+      position: [body.vertices, 3], normal: [body.normals, 3, { share: true }],
+      parts: [body.skin_parts, 4, { whole: true }], weights: [body.skin_weights, 4, { share: true }],
+      owner: [body.owner, 1],
+    }, body.faces);
+    return { mesh, places: this.texture(), colours: this.texture() };
+  }
+
+  texture(smooth = false) {
+    const { gl } = this;
+    const made = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+      gl.texParameteri(gl.TEXTURE_2D, way, smooth ? gl.LINEAR : gl.NEAREST);
+    }
+    return made;
+  }
+
+  // Where a skin's parts are, 12 numbers each, and their colours, 3 bytes each.
+  place(skin, places, colours) {
+    const { gl } = this;
+    const count = places.length / 12;
+    gl.bindTexture(gl.TEXTURE_2D, skin.places);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 3, count, 0, gl.RGBA, gl.FLOAT, places);
+    gl.bindTexture(gl.TEXTURE_2D, skin.colours);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 1, count, 0, gl.RGB, gl.UNSIGNED_BYTE, colours);
+  }
+
+  picture(texture, image) {
+    const { gl } = this;
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, image);
+  }
+
+  drawSkin(skin, opacity = 1) {
+    const at = this.#skinned(skin, NOT_FLAT);
+    this.#through(opacity, () => this.#draw(skin.mesh, at, opacity));
+  }
+
+  // A shadow below: every pixel of the floor once, however many triangles lie over it.
+  drawShadow(skin, floor) {
+    const { gl } = this;
+    const at = this.#skinned(skin, floor);
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.EQUAL, 0, 255);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+    gl.depthMask(false);
+    this.#blend(true);
+    this.#draw(skin.mesh, at, 0.4);
+    this.#blend(false);
+    gl.depthMask(true);
+    gl.disable(gl.STENCIL_TEST);
+  }
+
+  #skinned(skin, flatten) {
+    const { gl } = this;
+    const { program, at } = this.programs.skin;
+    gl.useProgram(program);
+    [skin.colours, skin.places].forEach((texture, k) => {
+      gl.activeTexture(gl.TEXTURE1 - k);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+    });
+    gl.uniform1i(at.places, 0);
+    gl.uniform1i(at.colours, 1);
+    gl.uniform1f(at.flatten, flatten);
+    return at;
+  }
+
+  drawSolid(mesh, size = 1, opacity = 1) {
+    const { program, at } = this.programs.solid;
+    this.gl.useProgram(program);
+    this.gl.uniform1f(at.size, size);
+    this.gl.vertexAttrib3f(this.programs.solid.inputs.place, 0, 0, 0);
+    this.#through(opacity, () => this.#draw(mesh, at, opacity));
+  }
+
+  drawLines(mesh) {
+    const { gl } = this;
+    const { program, at } = this.programs.lines;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(at.camera, false, this.camera);
+    gl.bindVertexArray(mesh.array);
+    gl.drawArrays(gl.LINES, 0, mesh.count);
+  }
+
+  drawFloor(middle, height, reach) {
+    const { gl } = this;
+    const key = [...middle, height, reach].join();
+    if (this.floorKey !== key) {
+      this.floorKey = key;
+      const [x, y] = middle;
+      this.drop(this.floor);
+      this.floor = this.mesh("floor", { position: [new Float32Array([
+        x - reach, y - reach, height, x + reach, y - reach, height, x - reach, y + reach, height,
+        x + reach, y - reach, height, x + reach, y + reach, height, x - reach, y + reach, height]), 3] }, null, 6);
+    }
+    const { program, at } = this.programs.floor;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(at.camera, false, this.camera);
+    gl.uniform2f(at.middle, middle[0], middle[1]);
+    gl.uniform1f(at.reach, reach);
+    gl.enable(gl.BLEND);
+    gl.depthMask(false);
+    gl.bindVertexArray(this.floor.array);
+    gl.drawArrays(gl.TRIANGLES, 0, 6);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+
+  // A picture between four corners in the world, or over a rectangle of the canvas in clip coordinates.
+  drawPicture(texture, corners, opacity = 1, flat = false) {
+    const { gl } = this;
+    const { program, at } = this.programs.picture;
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(at.camera, false, flat ? IDENTITY : this.camera);
+    gl.uniform1f(at.opacity, opacity);
+    gl.uniform1i(at.picture, 0);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.bindVertexArray(this.screen.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.screen.corners);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners.flatMap((p) => [...p, 1])), gl.DYNAMIC_DRAW);
+    if (flat) gl.disable(gl.DEPTH_TEST);
+    this.#blend(opacity < 1);
+    gl.drawArrays(gl.TRIANGLE_FAN, 0, 4);
+    this.#blend(false);
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  // What follows is drawn over all that is there.
+  over() {
+    this.gl.clear(this.gl.DEPTH_BUFFER_BIT);
+  }
+
+  // The nearest surface of what shines through, and not what lies behind it: depth first, then colour.
+  #through(opacity, draw) {
+    const { gl } = this;
+    if (opacity >= 1) {
+      draw();
+      return;
+    }
+    gl.colorMask(false, false, false, false);
+    draw();
+    gl.colorMask(true, true, true, true);
+    gl.depthFunc(gl.LEQUAL);
+    this.#blend(true);
+    draw();
+    this.#blend(false);
+    gl.depthFunc(gl.LESS);
+  }
+
+  #blend(on) {
+    if (on) this.gl.enable(this.gl.BLEND);
+    else this.gl.disable(this.gl.BLEND);
+  }
+
+  #draw(mesh, at, opacity) {
+    const { gl } = this;
+    gl.uniformMatrix4fv(at.camera, false, this.camera);
+    gl.uniform3f(at.eye, ...this.eye);
+    gl.uniform1f(at.opacity, opacity);
+    gl.bindVertexArray(mesh.array);
+    if (mesh.instances) gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.count, mesh.instances);
+    else if (mesh.faces) gl.drawElements(gl.TRIANGLES, mesh.count, mesh.faces, 0);
+    else gl.drawArrays(gl.TRIANGLES, 0, mesh.count);
+  }
+
+  #screen() {
+    const { gl } = this;
+    const { inputs } = this.programs.picture;
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    const corners = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+    gl.enableVertexAttribArray(inputs.position);
+    gl.vertexAttribPointer(inputs.position, 4, gl.FLOAT, false, 0, 0);
+    this.buffer(new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]));
+    gl.enableVertexAttribArray(inputs.corner);
+    gl.vertexAttribPointer(inputs.corner, 2, gl.FLOAT, false, 0, 0);
+    gl.bindVertexArray(null);
+    return { array, corners };
+  }
+}

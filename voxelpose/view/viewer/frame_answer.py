@@ -1,0 +1,118 @@
+"""What the page asks for a frame: its hull, pictures and words, as JSON."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.body.model import BodyModel
+from voxelpose.export.player_scene import numbers, packed
+from voxelpose.multiview.matching.matcher import LimbArea
+from voxelpose.view.images import canvas
+from voxelpose.view.images.figure import body_parts
+from voxelpose.view.viewer import legend
+from voxelpose.view.viewer.scene import (
+    CameraFrame,
+    CarvedHull,
+    Pictures,
+    Scene,
+    camera_picture,
+    frame_lines,
+)
+
+_QUALITY = 85  # of pictures
+_FARTHEST_MM = 65535  # as two bytes hold it
+
+
+def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
+    """A frame of the page: hull, other poses, what is said about it, and pictures, if wanted."""
+    return {
+        "frame": scene.frame,
+        "lines": frame_lines(scene),
+        "notes": list(scene.notes),
+        "hull": None if scene.hull is None else _hull(scene.hull),
+        "hypotheses": [
+            {
+                "ends": packed(_finite(one.joints_m[one.bones]).astype(np.float32)),
+                "share": one.probability / _likeliest(scene),
+            }
+            for one in scene.hypotheses
+        ],
+        "pictures": {} if pictures is None else _pictures(scene, pictures),
+    }
+
+
+def outlined_picture(
+    scene: Scene, models: Sequence[BodyModel], camera_frame: CameraFrame, pictures: Pictures
+) -> bytes | None:
+    """JPEG of what a camera shows, with the outlines of the fitted bodies; None: nothing."""
+    picture = camera_picture(camera_frame, pictures, max(camera_frame.camera.size))
+    if picture is None:
+        return None
+    image = np.ascontiguousarray(picture[..., ::-1])
+    line = max(1, round(image.shape[0] / 600))
+    for k, (model, body) in enumerate(zip(models, scene.bodies, strict=True)):
+        if body is None:
+            continue
+        parts = body_parts(model, body.vertices_m, camera_frame.camera)
+        inside = (parts > 0).astype(np.uint8)
+        outlines, _ = cv2.findContours(inside, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        colour = canvas.PEOPLE[k % len(canvas.PEOPLE)] if len(scene.bodies) > 1 else canvas.INK
+        for outline in outlines:
+            points = np.asarray(outline, float)[:, 0]
+            canvas.stroke(image, points, canvas.PAPER, line + 1, closed=True)
+            canvas.stroke(image, points, colour, line, closed=True)
+    return canvas.encoded(image, ".jpg", _QUALITY)
+
+
+def area_answer(part: str, areas: Mapping[str, LimbArea], hull: CarvedHull | None) -> Any:
+    """Where a part could be: a text, and places of voxels (n, 3) m."""
+    area = areas.get(part)
+    nothing = np.zeros((0, 3))
+    reach = disputed = nothing
+    if area is not None and hull is not None:
+        claimed = {tuple(voxel) for voxel in area.disputed.tolist()}
+        own = [voxel for voxel in area.voxels.tolist() if tuple(voxel) not in claimed]
+        reach = hull.grid.centres(np.array(own, int).reshape(-1, 3))
+        disputed = hull.grid.centres(area.disputed)
+    return {
+        "text": legend.area_text(part, dict(areas)),
+        "reach": packed(reach.astype(np.float32)),
+        "disputed": packed(disputed.astype(np.float32)),
+    }
+
+
+def _hull(hull: CarvedHull) -> dict[str, Any]:
+    """Surface and the voxels at it, each with the cameras, the part next to it, the distance."""
+    outer, far = hull.outer, np.nan_to_num(1000 * hull.outer.distance_m, posinf=_FARTHEST_MM)
+    return {
+        "size_m": hull.grid.voxel_size_m,
+        "vertices": packed(hull.vertices_m.astype(np.float32)),
+        "faces": numbers(hull.faces),
+        "at_vertex": numbers(outer.at_vertex),
+        "voxels": packed(outer.centres_m.astype(np.float32)),
+        "part": packed(outer.part.astype(np.int16)),
+        "cameras": numbers(outer.cameras),
+        "far_mm": packed(np.minimum(far, _FARTHEST_MM).astype(np.uint16)),
+    }
+
+
+def _pictures(scene: Scene, pictures: Pictures) -> dict[str, str]:
+    shown = {one.camera.name: camera_picture(one, pictures) for one in scene.camera_frames}
+    return {
+        name: base64.b64encode(canvas.encoded(picture[..., ::-1], ".jpg", _QUALITY)).decode()
+        for name, picture in shown.items()
+        if picture is not None
+    }
+
+
+def _likeliest(scene: Scene) -> float:
+    return max(1e-9, *(one.probability for one in scene.hypotheses))
+
+
+def _finite(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of lines (B, 2, 3) whose ends are known."""
+    return ends[np.isfinite(ends).all((1, 2))]

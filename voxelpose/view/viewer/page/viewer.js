@@ -1,0 +1,235 @@
+// The viewer: the player, with the hulls and pictures of frames that are asked for one after the other.
+
+import { unpacked } from "./body.js";
+import { checkbox, choice, make, swatch } from "./elements.js";
+import { FrameStore } from "./frame_store.js";
+import { Hull, hullLegend } from "./hull.js";
+import { Player } from "./player.js";
+import { BALL, boneFaces } from "./renderer.js";
+
+const AREA = [90, 214, 200];
+const DISPUTED = [170, 110, 240];
+const LIKELY = 225;
+const BACKGROUND = 40;
+const part = (name) => document.querySelector(`.${name}`);
+
+function complain(text) {
+  part("banner").hidden = !text;
+  part("banner").textContent = text;
+}
+
+async function asked(path) {
+  let answer;
+  try {
+    answer = await fetch(path);
+  } catch {
+    throw new Error("The program has ended or cannot be reached: start `voxelpose view` again.");
+  }
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.error);
+  return content;
+}
+
+class Viewer {
+  constructor(state) {
+    this.state = state;
+    this.cameraKind = "both";
+    this.part = "";
+    this.hull = new Hull(state);
+    this.hidden = new Set();
+    this.store = new FrameStore(
+      (frame) => asked(`api/frame?frame=${frame}&pictures=${this.cameraKind}`), (frame) => this.arrived(frame), complain);
+    this.cameraChoice = choice("Cameras show", [["both", "picture and silhouette"], ["picture", "picture"],
+      ["silhouette", "silhouette"], ["none", "no picture"]], "both", (kind) => {
+      this.cameraKind = kind;
+      this.store.forget();
+      this.backdropKey = "";
+      this.changed();
+    });
+    this.cameraChoice.hidden = !state.filmed;
+    document.title = `${state.name} – voxelpose view`;
+    part("reach").hidden = !state.limbs.length;
+    part("part").replaceChildren(choice("Part", [["", "none"], ...state.limbs.map((name) => [name, name.replaceAll("_", " ")])], "", (name) => {
+      this.part = name;
+      this.area();
+    }));
+    this.player = new Player(document.body, state, this);
+    this.player.timeline.loaded = (index) => this.store.has(state.first + index);
+    this.changed();
+    this.area();
+  }
+
+  layers(player) {
+    player.shown.hull = this.state.carved;
+    player.shown.hypotheses = this.state.hypotheses;
+    const layers = [];
+    if (this.state.carved) layers.push(this.hull.controls(player));
+    if (this.state.hypotheses) {
+      layers.push(make("div", { class: "layer" }, checkbox("Other likely poses", true, (on) => player.show("hypotheses", on))));
+    }
+    return layers;
+  }
+
+  legend(player) {
+    const lines = this.state.carved && player.shown.hull ? hullLegend(this.hull, player, this.state) : [];
+    if (this.part) lines.push(swatch([AREA], "where the chosen part could be (its movable area)"),
+      swatch([DISPUTED], "where another part could be, too: they are matched together"));
+    if (this.state.hypotheses && player.shown.hypotheses) {
+      lines.push(swatch([[LIKELY, LIKELY, LIKELY], [BACKGROUND, BACKGROUND, BACKGROUND]], "other poses that the camera leaves open, likely to unlikely"));
+    }
+    return lines;
+  }
+
+  // Another frame is shown, or something else: what is there of it is drawn, the rest is asked for.
+  changed() {
+    const { player, store } = this;
+    if (!player) return;
+    const { frame, playing } = player.timeline;
+    store.want(frame, playing ? this.state.fps * player.timeline.speed : 0, this.state);
+    if (store.has(frame)) this.use(frame);
+    if (!playing) {
+      if (this.part) this.area();
+      this.backdropPicture();
+    }
+    this.tell();
+  }
+
+  // A frame's answer is here. While playing, the newest is shown.
+  arrived(frame) {
+    const { timeline } = this.player;
+    if (frame === timeline.frame || (timeline.playing && !this.store.has(timeline.frame))) this.use(frame);
+    timeline.draw();
+    this.tell();
+  }
+
+  async use(frame) {
+    if (this.used === frame && this.usedKind === this.cameraKind) return;
+    const answer = this.store.get(frame);
+    Object.assign(this, { used: frame, usedKind: this.cameraKind });
+    this.hull.take(frame, answer.hull, this.player);
+    this.otherPoses(answer.hypotheses);
+    this.player.redraw();
+    const lines = answer.lines.map((line) => make("p", {}, line));
+    part("lines").replaceChildren(...lines, ...answer.notes.map((note) => make("p", { class: "warning" }, `⚠ ${note}`)), this.link(frame));
+    await Promise.all(this.player.cameras.map(async (camera) => {
+      const sent = answer.pictures[camera.name];
+      camera.picture = sent ? await createImageBitmap(await jpeg(sent)) : null;
+    }));
+    if (this.used !== frame) return;
+    for (const camera of this.player.cameras) {
+      if (!camera.picture) continue;
+      camera.texture ??= this.player.renderer.texture(true);
+      this.player.renderer.picture(camera.texture, camera.picture);
+    }
+    this.player.redraw();
+  }
+
+  link(frame) {
+    const { silhouettes } = this.state;
+    return silhouettes ? make("a", { href: `${silhouettes}/?frame=${frame}`, target: silhouettes },
+      "Why is a pixel the person? Silhouettes step by step") : "";
+  }
+
+  tell() {
+    const { timeline } = this.player;
+    part("follows").hidden = !this.state.filmed || this.used === timeline.frame;
+    part("follows").textContent = timeline.playing ? "hull and pictures follow as they are carved" : "carving this frame …";
+  }
+
+  pictures(player) {
+    for (const camera of player.cameras) {
+      if (camera.picture && camera.texture) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
+    }
+  }
+
+  // Behind the scene, through a camera: its picture, with the outlines of the bodies.
+  backdrop(player, camera) {
+    const { clientWidth: width, clientHeight: height } = player.canvas;
+    const [scale, left, top] = camera.fitted(width, height);
+    const x = [left, left + scale * camera.size[0]].map((value) => (2 * value) / width - 1);
+    const y = [top, top + scale * camera.size[1]].map((value) => 1 - (2 * value) / height);
+    const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : camera.picture && camera.texture;
+    if (texture) player.renderer.drawPicture(texture, [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]], 1, true);
+  }
+
+  looked(camera) {
+    this.through = camera;
+    this.large = null;
+    this.backdropKey = "";
+    if (camera) this.backdropPicture();
+  }
+
+  async backdropPicture() {
+    const camera = this.through;
+    const kind = this.cameraKind === "none" ? "picture" : this.cameraKind;
+    const { frame } = this.player.timeline;
+    const path = camera && `picture/${encodeURIComponent(camera.name)}?frame=${frame}&pictures=${kind === "both" ? "picture" : kind}`;
+    if (!camera || !this.state.filmed || path === this.backdropKey) return;
+    this.backdropKey = path;
+    const answer = await fetch(path);
+    if (!answer.ok || this.backdropKey !== path) return;
+    const image = await createImageBitmap(await answer.blob());
+    if (this.through !== camera || this.backdropKey !== path) return;
+    const texture = this.large?.texture ?? this.player.renderer.texture(true);
+    this.player.renderer.picture(texture, image);
+    this.large = { camera, texture, frame };
+    this.player.redraw();
+  }
+
+  otherPoses(hypotheses) {
+    const { renderer } = this.player;
+    const [faces, normals, colours] = [[], [], []];
+    for (const { ends: sent, share } of hypotheses) {
+      const ends = unpacked(sent);
+      const grey = Math.round(BACKGROUND + (LIKELY - BACKGROUND) * (0.15 + 0.85 * Math.min(share, 1)));
+      const before = faces.length;
+      for (let k = 0; k < ends.length; k += 6) boneFaces([...ends.slice(k, k + 3)], [...ends.slice(k + 3, k + 6)], 0.006, faces, normals);
+      for (let k = before; k < faces.length; k++) colours.push(grey);
+    }
+    renderer.drop(this.others);
+    this.others = faces.length ? renderer.surface(new Float32Array(faces), new Float32Array(normals), new Uint8Array(colours)) : null;
+  }
+
+  // Where the chosen part could be in the shown frame.
+  async area() {
+    const { frame } = this.player.timeline;
+    const key = `${this.part} ${frame}`;
+    if (this.areaKey === key) return;
+    this.areaKey = key;
+    let answer = { text: "Choose a part to see where it could be, and with which others it is matched together." };
+    try {
+      if (this.part) answer = await asked(`api/area?frame=${frame}&part=${encodeURIComponent(this.part)}`);
+    } catch (error) {
+      complain(error.message);
+    }
+    if (this.areaKey !== key) return;
+    part("reach").querySelector(".note").textContent = answer.text;
+    const { renderer } = this.player;
+    this.areas?.forEach((mesh) => renderer.drop(mesh));
+    this.areas = [[answer.reach, AREA], [answer.disputed, DISPUTED]].map(([sent, colour]) => {
+      const places = unpacked(sent) ?? new Float32Array();
+      return renderer.crowd(BALL, places, new Uint8Array(places.length).map((_, k) => colour[k % 3]));
+    });
+    this.player.showLegend();
+    this.player.redraw();
+  }
+
+  draw(player) {
+    const { renderer } = player;
+    const size = this.hull.size ?? 0.02;
+    if (this.part) this.areas?.forEach((mesh) => mesh.instances && renderer.drawSolid(mesh, 0.8 * size));
+    if (player.shown.hypotheses && this.others) renderer.drawSolid(this.others);
+    if (player.shown.hull) this.hull.draw(player);
+  }
+}
+
+const jpeg = (text) => new Blob([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], { type: "image/jpeg" });
+
+try {
+  const state = await asked("api/scene");
+  part("view").closest("body").querySelector("h1").textContent = state.name;
+  document.querySelector("header small").textContent = `${state.count} frames, ${(state.count / state.fps).toFixed(1)} s`;
+  window.viewer = new Viewer(state);
+} catch (error) {
+  complain(error.message);
+}
