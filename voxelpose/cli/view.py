@@ -22,15 +22,19 @@ class View(arguments.PageArguments):
 
     The page is served by this machine, and only to this machine unless --host is given; Ctrl-C ends
     it. The visual hull is carved from the recording of the result. Of several people all are shown,
-    or one by its own folder. For a recording without a result, cameras and hull are shown.
+    or one by its own folder. For a recording without a result, cameras and hull are shown. Several
+    results of one recording stand side by side, with cameras and hull of the first.
 
       voxelpose view walk_fit
+      voxelpose view walk_fit walk_track
       voxelpose view walk_fit --frame 40 --png hull.png
       voxelpose view walk_fit --video hull.webm
     """
 
-    folder: Annotated[Positional[Path], arg(metavar="OUT")]
-    """Folder of a result, or a recording."""
+    folders: Annotated[
+        Positional[tuple[Path, ...]], arg(metavar="OUT", help_behavior_hint="(required)")
+    ]
+    """Folder of a result, or a recording; or of several results."""
     frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     """Number of the frame. Default: the middle one."""
     open3d: bool = False
@@ -63,7 +67,15 @@ class View(arguments.PageArguments):
             )
         from voxelpose.view.viewer.result_scenes import ResultScenes
 
-        scenes = ResultScenes(self.folder, self.recording, self.voxel, self.unit)
+        if not self.folders:
+            raise InputError("name the folder of a result, or a recording: voxelpose view walk_fit")
+        first, *more = self.folders
+        if more and (self.open3d or self.png or self.video):
+            raise InputError(
+                "only the browser shows several results side by side: give one folder, or leave out"
+                " --png, --video and --open3d"
+            )
+        scenes = ResultScenes(first, self.recording, self.voxel, self.unit)
         try:
             self._show(scenes)
         finally:
@@ -94,12 +106,17 @@ class View(arguments.PageArguments):
             from voxelpose.view.images.hull_picture import hull_of, show_hull, skeleton_of
 
             scene = scenes.scene(frame)
-            hull, title = hull_of(scene), f"{self.folder} frame {frame}"
+            hull, title = hull_of(scene), f"{self.folders[0]} frame {frame}"
             show_hull(hull.grid, hull.occupancy, skeleton_of(scene), title)
         if not pictures:
             from voxelpose.view.viewer.browser import Browser
+            from voxelpose.view.viewer.result_scenes import OtherResult
 
-            self.serve(scenes.title, Browser(scenes, self.address(), frame))
+            others = [OtherResult.open(one, scenes.fps) for one in self.folders[1:]]
+            if others and not scenes.motions:
+                raise InputError(f"{self.folders[0]} is no result: only results stand side by side")
+            title = ", ".join(map(str, self.folders))
+            self.serve(title, Browser(scenes, self.address(), frame, others))
 
     def _frame(self, scenes: ResultScenes, posed: bool) -> int:
         """Returns the number of the frame to show; the middle one where none is given."""
@@ -109,7 +126,7 @@ class View(arguments.PageArguments):
         if self.frame not in frames:
             fault = "has no pose" if self.frame in scenes.frames else "is not there"
             raise InputError(
-                f"frame {self.frame} {fault} in {self.folder}: choose one from {frames[0]} to"
+                f"frame {self.frame} {fault} in {self.folders[0]}: choose one from {frames[0]} to"
                 f" {frames[-1]}"
             )
         return self.frame

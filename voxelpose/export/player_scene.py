@@ -34,11 +34,14 @@ class Stage:
         name: of the result, shown as the title.
         rig: the cameras, in the bodies' world, z up; without distortion. None: none is shown.
         frames: (first, stop) of those that are shown; None: those that have a pose.
+        results: of several results side by side their names, each with the number of motions that
+            are its own; (): they are of one.
     """
 
     name: str = "motion"
     rig: Rig | None = None
     frames: tuple[int, int] | None = None
+    results: tuple[tuple[str, int], ...] = ()
 
     @classmethod
     def from_cameras(cls, name: str, rig: Rig, motion: Motion) -> "Stage":
@@ -60,7 +63,7 @@ def player_scene(motions: Sequence[Motion], fps: float, stage: Stage) -> dict[st
         max(int(one.frames[-1]) for one in motions) + 1,
     )
     rows = np.arange(first, stop)
-    names = person_names(len(motions)) if len(motions) > 1 else [""]
+    names, result = _names(len(motions), stage.results)
     start_s = first / fps
     if motions:
         start_s = float(motions[0].time_s[0] + (first - motions[0].frames[0]) / fps)
@@ -72,10 +75,15 @@ def player_scene(motions: Sequence[Motion], fps: float, stage: Stage) -> dict[st
         "start_s": start_s,
         "cameras": [] if stage.rig is None else [_camera(camera) for camera in stage.rig],
         "bodies": [
-            _body(motion, rows, name, COLOURS[k % len(COLOURS)] if name else None)
-            for k, (name, motion) in enumerate(zip(names, motions, strict=False))
+            {
+                "name": names[k],
+                "result": result[k],
+                "colour": COLOURS[k % len(COLOURS)] if names[k] else None,
+                **_body(motion, rows),
+            }
+            for k, motion in enumerate(motions)
         ],
-        **_view(motions, stage.rig),
+        **_view(motions, stage.rig, max(len(stage.results), 1)),
     }
 
 
@@ -112,9 +120,19 @@ def skeleton_lines(
     return np.array(parts, np.int64), np.array(local), np.array(bones, np.int64).reshape(-1, 2)
 
 
-def _body(
-    motion: Motion, rows: NDArray[np.int64], name: str, colour: tuple[int, int, int] | None
-) -> dict[str, Any]:
+def _names(count: int, results: Sequence[tuple[str, int]]) -> tuple[list[str], list[int]]:
+    """Names of motions, none of a single one, and the number of the result that each is of."""
+    if not results:
+        return (person_names(count) if count > 1 else [""]), [0] * count
+    names, numbers = list[str](), list[int]()
+    for k, (result, own) in enumerate(results):
+        people = person_names(own) if own > 1 else [""]
+        names += [f"{result} {person}".strip() for person in people]
+        numbers += [k] * own
+    return names, numbers
+
+
+def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
     model, quality = motion.model, motion.quality
     row = np.searchsorted(motion.frames, rows)
     there = row < len(motion)
@@ -126,8 +144,6 @@ def _body(
     owner = np.zeros(len(model.vertices_m), np.int64)
     owner[model.faces] = model.face_part[:, None]
     return {
-        "name": name,
-        "colour": colour,
         "parts": list(model.names),
         "parents": model.tree.parents.tolist(),
         "joints": packed(model.joints_m.astype(np.float32)),
@@ -174,12 +190,14 @@ def _camera(camera: Any) -> dict[str, Any]:
     }
 
 
-def _view(motions: Sequence[Motion], rig: Rig | None) -> dict[str, Any]:
-    """Height of the floor, what is looked at, and from where: beside the first camera."""
+def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str, Any]:
+    """Height of the floor, what is looked at, from where: beside the first camera, and how far
+    from each other results stand.
+    """
     centers = np.zeros((0, 3)) if rig is None else np.array([one.center_m for one in rig])
     floor = 0.0
     if not motions:
-        middle, size = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 1.0
+        middle, size = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 1.8
     else:
         roots = np.concatenate([motion.root_m for motion in motions])
         middle, motion = np.median(roots, axis=0), motions[0]
@@ -188,12 +206,16 @@ def _view(motions: Sequence[Motion], rig: Rig | None) -> dict[str, Any]:
         floor = motion.floor_m if -0.1 < lowest - motion.floor_m < 0.5 else lowest
         # A person of 1.75 m is seen from 3.2 m, other bodies from as many times their extent.
         size = motion.model.extent_m / 1.75
-        size += 0.4 * float(np.ptp(roots[:, :2], axis=0).max()) if len(motions) > 1 else 0.0
+        size += 0.4 * float(np.ptp(roots[:, :2], axis=0).max()) if len(motions) > results else 0.0
     toward = centers[0] - middle if len(centers) else np.array([0.0, -1.0, 0.0])
     beside = np.array([toward[0] - 0.4 * toward[1], toward[1] + 0.4 * toward[0], 0.0])
     beside *= 3.2 * size / max(float(np.linalg.norm(beside)), 1e-9)
-    eye = middle + beside + (0, 0, 0.9 * size)
-    return {"floor_m": float(floor), "look_at": middle.tolist(), "eye": eye.tolist()}
+    apart = 0.35 * np.cross([0.0, 0.0, 1.0], beside)
+    middle = middle + 0.5 * (results - 1) * apart
+    back = beside + np.array([0.0, 0.0, 0.9 * size])
+    eye = middle + back * (1 + 0.25 * (results - 1))
+    places = {"look_at": middle, "eye": eye, "apart": apart}
+    return {"floor_m": float(floor)} | {name: place.tolist() for name, place in places.items()}
 
 
 def _lowest(motion: Motion) -> float:

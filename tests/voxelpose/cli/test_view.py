@@ -80,6 +80,10 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
             "gone/x.webm cannot be written",
         ),
         (["view", "out", "--voxel", "3", "--png", "x.png"], "voxels of 3 m cannot be shown"),
+        (["view"], "name the folder of a result, or a recording"),
+        (["view", "out", "out", "--png", "x.png"], "only the browser shows several results"),
+        (["view", "out", "walk", "--no-browser"], "walk is not a result of voxelpose"),
+        (["view", "walk", "out", "--no-browser"], "walk is no result: only results stand"),
         (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
         (
             ["view", "out", "--recording", "moved", "--png", "x.png"],

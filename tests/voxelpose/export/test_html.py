@@ -3,11 +3,12 @@
 import base64
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from silhouette_core.motion.kinematics import skin
+from silhouette_core.motion.kinematics import rotation_matrices, skin
 from tests.browsing import new_page
 from tests.clips import waving, waving_couple
 from tests.other_bodies import write_example_result
@@ -15,7 +16,7 @@ from tests.sources import ring
 from voxelpose.cli import run
 from voxelpose.export.formats import export_motion
 from voxelpose.export.html_player import write_html
-from voxelpose.export.player_scene import Stage, player_scene, skeleton_lines
+from voxelpose.export.player_scene import CONFIDENCE, Stage, player_scene, skeleton_lines
 
 RIG = ring(3, (320, 240))
 
@@ -90,11 +91,63 @@ def test_hands_feet_and_head_are_drawn_to_their_ends():
 
 
 def test_lost_frames_are_told_from_poses():
-    motion = waving(6)
-    scene = player_scene([motion], 25.0, Stage(frames=(0, 8)))
+    motion = waving(4)
+    frames = np.array([1, 2, 4, 5])
+    share = np.array([0.0, 0.5, np.nan, 1.0])
+    motion = replace(
+        motion, frames=frames, time_s=frames / 25, quality={"outline_agreement": share}
+    )
+    scene = player_scene([motion], 25.0, Stage(frames=(0, 7)))
     body = scene["bodies"][0]
-    assert scene["count"] == 8 and _unpacked(body["rows"]).tolist() == [0, 1, 2, 3, 4, 5, -1, -1]
-    assert body["confidence"] is None and body["measure"] == ""
+    assert scene["count"] == 7 and scene["start_s"] == pytest.approx(0)
+    assert unpacked(body["rows"]).tolist() == [-1, 0, 1, -1, 2, 3, -1]
+    assert unpacked(body["confidence"]).tolist() == [0, 125, 255, 250]  # 255: nobody knows
+    assert body["measure"] == CONFIDENCE["outline_agreement"]
+    assert player_scene([waving(2)], 25.0, Stage())["bodies"][0]["confidence"] is None
+
+
+def test_what_is_sent_is_what_is_fitted():
+    """Parts placed by the rotations and the root that are sent are where the motion has them."""
+    motion = waving(5)
+    model = motion.model
+    body = player_scene([motion], 25.0, Stage())["bodies"][0]
+    turn = unpacked(body["turn"]).reshape(5, -1, 4) / 32767
+    rotation = rotation_matrices(turn[3] / np.linalg.norm(turn[3], axis=1, keepdims=True))
+    joints = unpacked(body["joints"]).reshape(-1, 3)
+    origin = [unpacked(body["root"]).reshape(-1, 3)[3]]
+    for part, parent in enumerate(body["parents"][1:], 1):
+        origin.append(origin[parent] + rotation[parent] @ (joints[part] - joints[parent]))
+    vertices = skin(
+        replace(model, vertices_m=unpacked(body["vertices"]).reshape(-1, 3).astype(float)),
+        rotation,
+        np.array(origin, float),
+    )
+    expected = skin(model, *(array[3] for array in motion.parts()))
+    assert np.linalg.norm(vertices - expected, axis=1).max() < 5e-4
+    weights = unpacked(body["skin_weights"]).reshape(-1, 4)
+    assert (weights.astype(int).sum(axis=1) == 255).all()
+    assert abs(weights / 255 - model.skin_weights).max() < 0.01
+
+
+def test_people_stand_on_the_floor_that_is_drawn():
+    motion = waving(3)
+    lifted = replace(motion, root_m=motion.root_m + np.array([0, 0, 2.0]))
+    floors = [player_scene([one], 25.0, Stage())["floor_m"] for one in (motion, lifted)]
+    lowest = skin(motion.model, *(array[1] for array in motion.parts()))[:, 2].min()
+    assert floors[0] == motion.floor_m  # the calibration's
+    assert floors[1] == pytest.approx(lowest + 2, abs=0.05)  # that one has none
+
+
+def test_results_stand_side_by_side_under_their_names():
+    motions = [waving(3), *waving_couple(3)]
+    stage = Stage("a", RIG, results=(("a", 1), ("b", 2)))
+    scene = player_scene(motions, 25.0, stage)
+    assert [body["name"] for body in scene["bodies"]] == ["a", "b person_1", "b person_2"]
+    assert [body["result"] for body in scene["bodies"]] == [0, 1, 1]
+    view, apart = np.subtract(scene["look_at"], scene["eye"]), np.array(scene["apart"])
+    assert abs(view @ apart) < 1e-6 and 0.8 < np.linalg.norm(apart) < 4
+    # To the right, as whoever looks has it.
+    assert np.cross(view, [0, 0, 1]) @ apart > 0
 
 
 def test_several_people_are_in_one_page(tmp_path):
@@ -124,5 +177,5 @@ def _points(motion, row):
     return origin[row, parts] + np.einsum("nij,nj->ni", rotation[row, parts], local)
 
 
-def _unpacked(sent):
+def unpacked(sent):
     return np.frombuffer(base64.b64decode(sent["data"]), sent["type"])

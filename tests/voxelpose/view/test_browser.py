@@ -18,7 +18,7 @@ from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.result_scenes import ResultScenes
+from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 
 FRAMES = 4
 
@@ -144,7 +144,7 @@ def test_layers_hull_and_cameras(served):
         assert min(differing(a, b) for a, b in combinations(ways, 2)) > 200
         page.get_by_label("Cameras", exact=True).check()
         page.get_by_role("button", name="cam_2").click()
-        page.wait_for_function("viewer.large?.frame === 2")
+        page.wait_for_function("() => viewer.large?.frame === 2")
         assert differing(shown(page), views[0]) > 20_000  # its picture fills the view
         assert page.get_by_role("button", name="✕ cam_2").is_visible()
         page.keyboard.press("Escape")
@@ -178,6 +178,30 @@ def test_a_recording_alone_is_served(desk, capsys):
     first.close()
     second.close()
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.slow
+def test_results_side_by_side(served, desk):
+    assert run(["fit", "walk", "--out", "again", "--estimator", "standing", "--no-pictures"]) == 0
+    other = OtherResult.open(desk / "again", 25.0)
+    scenes = ResultScenes("out", voxel_size_m=0.04)
+    browser = Browser(scenes, Address(port=8397), 2, [other])
+    with new_page(900, 600) as (page, faults):
+        page.goto(browser.url)
+        carved(page)
+        places = "viewer.player.bodies.map((body) => body.origins[0])"
+        first, second = np.array(page.evaluate(places))
+        assert np.linalg.norm(second - first) > 0.8
+        apart = shown(page)
+        page.get_by_label("again", exact=True).uncheck()
+        assert differing(shown(page), apart) > 500
+        page.get_by_label("Results side by side").uncheck()
+        first, second = np.array(page.evaluate(places))
+        np.testing.assert_allclose(first, second, atol=1e-6)
+        assert faults == []
+    browser.close()
+    with pytest.raises(InputError, match="again has 25 frames per second and the first result 30"):
+        OtherResult.open(desk / "again", 30.0)
 
 
 def test_what_is_asked_for_wrongly_is_refused(served):

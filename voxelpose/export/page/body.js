@@ -41,8 +41,8 @@ export class Body {
   }
 
   // Places the parts of a row: rotations and origins by part, and `places`, three rows of four
-  // numbers by part that take a point at rest into the world.
-  place(row) {
+  // numbers by part that take a point at rest into the world, moved by an offset.
+  place(row, offset = [0, 0, 0]) {
     const { count, turn, joints, parents, places } = this;
     const rotations = [];
     const origins = [];
@@ -54,7 +54,7 @@ export class Body {
       const joint = this.joint(part);
       const parent = parents[part];
       origins[part] = parent < 0
-        ? [0, 1, 2].map((k) => this.root[3 * row + k])
+        ? [0, 1, 2].map((k) => this.root[3 * row + k] + offset[k])
         : add(origins[parent], turned(rotations[parent], minus(joint, this.joint(parent))));
       const rest = turned(rotations[part], joint);
       for (let k = 0; k < 3; k++) {

@@ -3,7 +3,7 @@
 import { Body } from "./body.js";
 import { checkbox, choice, css, make, swatch } from "./elements.js";
 import { BALL, Renderer, boneFaces } from "./renderer.js";
-import { Pinhole, add, mixed, norm, minus } from "./space.js";
+import { Pinhole, add, minus, mixed, norm, scaled } from "./space.js";
 import { Timeline } from "./timeline.js";
 import { Viewpoint } from "./viewpoint.js";
 
@@ -23,6 +23,7 @@ export function ramp(share) {
   return mixed(RAMP[low], RAMP[low + 1], at - low).map(Math.round);
 }
 
+const shownName = (body) => body.name.replaceAll("_", " ");
 const sideOf = (part) => (part.startsWith("left_") ? "left" : part.startsWith("right_") ? "right" : "middle");
 
 // A colour for every part: neighbours, left and right differ.
@@ -49,6 +50,7 @@ export class Player {
     this.people = this.bodies.map(() => true);
     this.colouring = this.bodies.length > 1 ? "person" : "sides";
     this.follows = false;
+    this.spread = true;
     this.viewpoint = new Viewpoint(this.canvas, scene, () => this.redraw(), () => this.#looked(null));
     this.timeline = new Timeline(part("timeline"), scene, this.bodies, (index) => this.#frame(index), (share) => css(ramp(share)));
     this.#makeCameras();
@@ -84,7 +86,9 @@ export class Player {
   }
 
   #place(body, k, row) {
-    body.place(row);
+    const { apart } = this.scene;
+    // Through a camera everybody is where he was.
+    body.place(row, scaled(apart, this.spread && !this.viewpoint.pinhole ? body.result : 0));
     const colours = new Uint8Array(3 * body.count);
     for (let part = 0; part < body.count; part++) colours.set(this.#partColour(body, row, part), 3 * part);
     this.renderer.place(this.skins[k], body.places, colours);
@@ -144,6 +148,8 @@ export class Player {
     }
     if (shown.body) this.skins.forEach((skin, k) => this.row(k) >= 0 && renderer.drawSkin(skin, through && this.extras.backdrop ? 0.25 : 1));
     this.extras.draw?.(this);
+    renderer.over();
+    this.extras.over?.(this);
     if (shown.skeleton) this.#drawSkeleton();
     this.#placeLabels(matrix, through);
     this.drawn += 1;
@@ -156,7 +162,6 @@ export class Player {
       renderer.drop(this.lines?.joints);
       this.skeleton = this.lines = this.#bones();
     }
-    renderer.over();
     renderer.drawSolid(this.skeleton.bones);
     renderer.drawSolid(this.skeleton.joints, 0.024);
   }
@@ -194,7 +199,7 @@ export class Player {
     [...this.chips.children].forEach((chip, k) => chip.setAttribute("aria-pressed", this.cameras[k] === camera));
     this.back.textContent = camera ? `✕ ${camera.name}` : "";
     this.extras.looked?.(camera);
-    this.redraw();
+    this.#frame(this.timeline.index);
   }
 
   #placeLabels(matrix, through) {
@@ -232,14 +237,18 @@ export class Player {
     const toggle = (name, words, more = null) => make("div", { class: "layer" },
       checkbox(words, this.shown[name], (on) => this.show(name, on)), more);
     const ways = [["sides", "left and right"], ["plain", "clay"], ["parts", "parts"]];
-    if (this.bodies.length > 1) ways.unshift(["person", "people"]);
+    if (this.bodies.length > 1) ways.unshift(["person", this.bodies.some((body) => body.result) ? "results" : "people"]);
     if (this.bodies.some((body) => body.overlap)) ways.push(["inside", "share inside the hull"]);
     const colours = choice("Colours of the body", ways, this.colouring, (value) => this.colour(value));
     this.part("layers").replaceChildren(
       ...(this.cameras.length ? [toggle("cameras", "Cameras", this.extras.cameraChoice), this.chips] : []),
       ...(this.bodies.length ? [toggle("body", "Body", colours), toggle("skeleton", "Skeleton")] : []),
       ...(this.bodies.length > 1 ? this.bodies.map((body, k) => make("div", { class: "layer" }, checkbox(
-        body.name.replace("_", " "), true, (on) => this.showPerson(k, on)))) : []),
+        shownName(body), true, (on) => this.showPerson(k, on)))) : []),
+      ...(this.bodies.some((body) => body.result) ? [make("div", { class: "layer" }, checkbox("Results side by side", true, (on) => {
+        this.spread = on;
+        this.#frame(this.timeline.index);
+      }))] : []),
       ...(this.extras.layers?.(this) ?? []),
       ...(this.bodies.length ? [make("div", { class: "layer" }, checkbox("View follows the body", false, (on) => {
         this.follows = on;
@@ -271,14 +280,16 @@ export class Player {
     const [first] = this.bodies;
     const { body, skeleton } = this.shown;
     const ends = [0, 0.25, 0.5, 0.75, 1].map(ramp);
-    if (this.bodies.length > 1) this.bodies.forEach((one) => lines.push(swatch([one.colour], one.name.replace("_", " "))));
+    if (this.bodies.length > 1) this.bodies.forEach((one) => lines.push(swatch([one.colour], shownName(one))));
     else if (first && (skeleton || (body && this.colouring === "sides")) && first.parts.some((name) => sideOf(name) !== "middle")) {
       for (const side of ["left", "right", "middle"]) lines.push(swatch([SIDES[side]], `${side}: skeleton and body`));
     }
     if (first && body && this.colouring === "inside") {
       lines.push(swatch(ends, "body: share of the part inside the hull, 0 to 100 %"), swatch([UNKNOWN], "part too small to be measured"));
     }
-    if (first?.confidence) lines.push(swatch(ends, `strip: ${first.measure.toLowerCase()}, 0 to 100 %`));
+    for (const measure of new Set(this.bodies.map((one) => one.measure))) {
+      if (measure) lines.push(swatch(ends, `strip: ${measure[0].toLowerCase()}${measure.slice(1)}, 0 to 100 %`));
+    }
     lines.push(...(this.extras.legend?.(this) ?? []));
     this.part("legend").replaceChildren(...lines);
   }

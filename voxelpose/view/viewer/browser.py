@@ -19,7 +19,7 @@ from voxelpose.view.serving.page_answers import (
     whole_number,
 )
 from voxelpose.view.viewer.frame_answer import area_answer, frame_answer, outlined_picture
-from voxelpose.view.viewer.result_scenes import ResultScenes
+from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 from voxelpose.view.viewer.scene import Pictures
 from voxelpose.view.viewer.silhouette_page import FOLDER, SilhouettePage
 
@@ -29,11 +29,18 @@ _LARGEST_BODY = 10_000  # bytes that the page of silhouettes may be sent
 class Browser:
     """Serves scenes to browsers."""
 
-    def __init__(self, scenes: ResultScenes, address: Address | None, frame: int) -> None:
-        """Starts the server, which shows a frame at first. The scenes are closed with it. Without
-        an address it is a part of other pages, which pass requests on to `answer`. InputError where
-        the address cannot be used.
+    def __init__(
+        self,
+        scenes: ResultScenes,
+        address: Address | None,
+        frame: int,
+        others: Sequence[OtherResult] = (),
+    ) -> None:
+        """Starts the server, which shows a frame at first, and other results beside. The scenes are
+        closed with it. Without an address it is a part of other pages, which pass requests on to
+        `answer`. InputError where the address cannot be used.
         """
+        self._others = others
         self.scenes, self._frame = scenes, frame
         self._working, self._ended = threading.Lock(), threading.Event()
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
@@ -88,7 +95,11 @@ class Browser:
         scenes = self.scenes
         rig = Rig(tuple(view.pinhole for view in scenes.lenses.values()))
         frames = int(scenes.frames[0]), int(scenes.frames[-1]) + 1
-        scene = player_scene(scenes.motions, scenes.fps, Stage(scenes.name, rig, frames))
+        results = [(scenes.name, scenes.motions)]
+        results += [(one.name, one.motions) for one in self._others]
+        several = tuple((name, len(own)) for name, own in results) if self._others else ()
+        motions = [motion for _, own in results for motion in own]
+        scene = player_scene(motions, scenes.fps, Stage(scenes.name, rig, frames, several))
         return scene | {
             "shown": self._frame,
             "folder": scenes.title,

@@ -1,7 +1,7 @@
 """Scenes of a result and the recording it was made from, made when asked for, and kept."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,28 @@ class FittedBody:
         """Points (n, 3), metres, that fill each part in a row of the motion."""
         placed = zip(self.volume.part_points, *self.parts(row), strict=True)
         return [points @ rotation.T + origin for points, rotation, origin in placed]
+
+
+@dataclass(frozen=True, eq=False)
+class OtherResult:
+    """A result that is shown beside another: its name, and everybody's poses, upright."""
+
+    name: str
+    motions: tuple[Motion, ...]
+
+    @classmethod
+    def open(cls, folder: Path, fps: float) -> "OtherResult":
+        """Opens a result of a recording of so many frames per second. InputError where it is none,
+        or of another rate: it is no other result of the same recording.
+        """
+        results = open_people(folder)
+        motion = results[0].motion
+        if abs(motion.fps - fps) > 0.01 * fps:
+            raise InputError(
+                f"{folder} has {motion.fps:g} frames per second and the first result {fps:g}: show"
+                " results of one recording side by side"
+            )
+        return cls(folder.resolve().name, tuple(one.motion.upright() for one in results))
 
 
 class ResultScenes:

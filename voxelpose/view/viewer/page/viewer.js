@@ -183,7 +183,7 @@ class Viewer {
       const ends = unpacked(sent);
       const grey = Math.round(BACKGROUND + (LIKELY - BACKGROUND) * (0.15 + 0.85 * Math.min(share, 1)));
       const before = faces.length;
-      for (let k = 0; k < ends.length; k += 6) boneFaces([...ends.slice(k, k + 3)], [...ends.slice(k + 3, k + 6)], 0.006, faces, normals);
+      for (let k = 0; k < ends.length; k += 6) boneFaces([...ends.slice(k, k + 3)], [...ends.slice(k + 3, k + 6)], 0.009, faces, normals);
       for (let k = before; k < faces.length; k++) colours.push(grey);
     }
     renderer.drop(this.others);
@@ -214,11 +214,13 @@ class Viewer {
     this.player.redraw();
   }
 
+  over(player) {
+    const size = 0.8 * (this.hull.size ?? 0.02);
+    if (this.part) this.areas?.forEach((mesh) => mesh.instances && player.renderer.drawSolid(mesh, size));
+    if (player.shown.hypotheses && this.others) player.renderer.drawSolid(this.others);
+  }
+
   draw(player) {
-    const { renderer } = player;
-    const size = this.hull.size ?? 0.02;
-    if (this.part) this.areas?.forEach((mesh) => mesh.instances && renderer.drawSolid(mesh, 0.8 * size));
-    if (player.shown.hypotheses && this.others) renderer.drawSolid(this.others);
     if (player.shown.hull) this.hull.draw(player);
   }
 }
