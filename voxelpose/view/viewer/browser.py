@@ -5,6 +5,7 @@ pictures frame by frame.
 import threading
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any, get_args
 
 from calib.camera import Rig
@@ -77,7 +78,7 @@ class Browser:
     def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         match path:
             case ():
-                return self._answers.file("viewer.html")
+                return self._page()
             case ("api", "scene"):
                 return json_content(self._state())
             case ("api", "frame"):
@@ -89,6 +90,12 @@ class Browser:
             case ("picture", camera):
                 return self._picture(camera, query)
         return None
+
+    def _page(self) -> Content | None:
+        """The page, which bears the result's name."""
+        content = self._answers.file("viewer.html")
+        title = f"<title>{escape(self.scenes.name)} – voxelpose view".encode()
+        return content and (content[0].replace(b"<title>voxelpose view", title, 1), content[1])
 
     def _state(self) -> dict[str, Any]:
         """What the page shows at first, and plays."""

@@ -47,7 +47,6 @@ class Viewer {
       this.changed();
     });
     this.cameraChoice.hidden = !state.filmed;
-    document.title = `${state.name} – voxelpose view`;
     part("reach").hidden = !state.limbs.length;
     part("part").replaceChildren(choice("Part", [["", "none"], ...state.limbs.map((name) => [name, name.replaceAll("_", " ")])], "", (name) => {
       this.part = name;
