@@ -4,6 +4,7 @@ import base64
 import json
 import re
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from voxelpose.cli import run
 from voxelpose.export.formats import export_motion
 from voxelpose.export.html_player import write_html
 from voxelpose.export.player_scene import CONFIDENCE, Stage, player_scene, skeleton_lines
+from voxelpose.view.images import canvas
+from voxelpose.view.viewer.legend import overlap_colours
 
 RIG = ring(3, (320, 240))
 
@@ -72,6 +75,19 @@ _PIXEL = """(point) => {
   const [scale, left, top] = viewpoint.pinhole.fitted(canvas.clientWidth, canvas.clientHeight);
   return [(x - left) / scale - 0.5, (y - top) / scale - 0.5];
 }"""
+
+
+def test_colours_are_those_of_the_overlays_and_the_report():
+    script = files("voxelpose.export").joinpath("page", "player.js").read_text(encoding="utf-8")
+
+    def colours(name: str) -> np.ndarray:
+        text = re.search(rf"const {name} = (.*);", script)
+        assert text is not None
+        return np.array(re.findall(r"(\d+), (\d+), (\d+)", text[1]), int)
+
+    sides = [colour[::-1] for colour in (canvas.LEFT, canvas.RIGHT, canvas.MIDDLE)]
+    assert colours("SIDES").tolist() == [list(side) for side in sides]
+    assert colours("RAMP").tolist() == overlap_colours(np.array([0, 0.5, 1])).tolist()
 
 
 def test_hands_feet_and_head_are_drawn_to_their_ends():

@@ -20,6 +20,7 @@ from voxelpose.view.serving.page_answers import (
     whole_number,
 )
 from voxelpose.view.viewer.frame_answer import area_answer, frame_answer, outlined_picture
+from voxelpose.view.viewer.legend import OUTLYING_CM
 from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 from voxelpose.view.viewer.scene import Pictures
 from voxelpose.view.viewer.silhouette_page import FOLDER, SilhouettePage
@@ -111,6 +112,7 @@ class Browser:
             "shown": self._frame,
             "folder": scenes.title,
             "limbs": list(scenes.limb_names),
+            "far_mm": 10 * OUTLYING_CM,
             "carved": scenes.recording is not None and len(scenes.rig) > 1,
             "hypotheses": scenes.has_hypotheses,
             "filmed": scenes.recording is not None,

@@ -26,7 +26,6 @@ from voxelpose.view.viewer import legend
 from voxelpose.view.viewer.outer_voxels import OuterVoxels
 
 Pictures = Literal["both", "picture", "silhouette"]
-PICTURES: tuple[Pictures, ...] = ("both", "picture", "silhouette")
 PICTURE_PX = 480
 """Longest side of the cameras' pictures in the scene."""
 _MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start

@@ -1,11 +1,11 @@
 // Answers of frames: asked for one at a time, kept up to a size, the newest need first.
 
-const MOST_LETTERS = 3e8;
+const MOST_LETTERS = 2e8;
 
 export class FrameStore {
   // `ask(frame)` gets an answer, `arrived(frame)` is told of it, `failed(text)` of what goes wrong.
   constructor(ask, arrived, failed) {
-    Object.assign(this, { ask, arrived, failed, answers: new Map(), letters: 0, round: 0, busy: false, takes_s: 0.1 });
+    Object.assign(this, { ask, arrived, failed, answers: new Map(), letters: 0, round: 0, busy: false, takes_s: 0.1, lost: null });
   }
 
   has(frame) {
@@ -43,8 +43,10 @@ export class FrameStore {
         if (round !== this.round) continue;
         this.#keep(frame, answer);
         this.takes_s += 0.3 * ((performance.now() - began) / 1000 - this.takes_s);
+        this.lost = null;
         this.failed("");
       } catch (error) {
+        this.lost = frame;
         this.failed(error.message);
         if (this.wanted === frame) this.wanted = null;
         continue;

@@ -9,7 +9,6 @@ import { cross, minus, unit } from "./space.js";
 const PLAIN = [150, 164, 178];
 const UNEXPLAINED = [224, 72, 168];
 const LATE_S = 0.2;
-const FAR_MM = 50;  // as in the program's texts
 const WAYS = { plain: "one colour", parts: "parts of the body", cameras: "cameras that see it", unexplained: "unexplained" };
 
 export class Hull {
@@ -45,7 +44,7 @@ export class Hull {
 
   colour(voxel, parts) {
     const { sent } = this;
-    const far = sent.far_mm[voxel] > FAR_MM;
+    const far = sent.far_mm[voxel] > this.state.far_mm;
     switch (this.way) {
       case "parts": return far || sent.part[voxel] < 0 ? PLAIN : partColour(sent.part[voxel], parts);
       case "cameras": return ramp(sent.cameras[voxel] / this.count);
@@ -109,10 +108,10 @@ export function hullLegend(hull, player, state) {
       const parts = state.bodies[0].parts;
       const few = [...parts.keys()].map((part) => partColour(part, parts.length));
       return [swatch(few.slice(0, 7), "hull: the part of the body next to each voxel, a colour each"),
-        swatch([PLAIN], `no part within ${FAR_MM / 10} cm`)];
+        swatch([PLAIN], `no part within ${state.far_mm / 10} cm`)];
     }
     case "cameras": return [swatch([0, 0.5, 1].map(ramp), `hull: how many of ${hull.count} cameras see it, none to all`)];
-    case "unexplained": return [plain, swatch([UNEXPLAINED], `no part within ${FAR_MM / 10} cm: a bag, a shadow, a lost limb, or room that the cameras cannot see into`)];
+    case "unexplained": return [plain, swatch([UNEXPLAINED], `no part within ${state.far_mm / 10} cm: a bag, a shadow, a lost limb, or room that the cameras cannot see into`)];
     default: return [plain];
   }
 }

@@ -38,7 +38,7 @@ class Viewer {
     this.hull = new Hull(state);
     this.hidden = new Set();
     this.store = new FrameStore(
-      (frame) => asked(`api/frame?frame=${frame}&pictures=${this.cameraKind}`), (frame) => this.arrived(frame), complain);
+      (frame) => asked(`api/frame?frame=${frame}&pictures=${this.cameraKind}`), (frame) => this.arrived(frame), (text) => this.failed(text));
     this.cameraChoice = choice("Cameras show", [["both", "picture and silhouette"], ["picture", "picture"],
       ["silhouette", "silhouette"], ["none", "no picture"]], "both", (kind) => {
       this.cameraKind = kind;
@@ -93,6 +93,11 @@ class Viewer {
     this.tell();
   }
 
+  failed(text) {
+    complain(text);
+    this.tell();
+  }
+
   // A frame's answer is here. While playing, the newest is shown.
   arrived(frame) {
     const { timeline } = this.player;
@@ -110,16 +115,19 @@ class Viewer {
     this.player.redraw();
     const lines = answer.lines.map((line) => make("p", {}, line));
     part("lines").replaceChildren(...lines, ...answer.notes.map((note) => make("p", { class: "warning" }, `⚠ ${note}`)), this.link(frame));
-    await Promise.all(this.player.cameras.map(async (camera) => {
-      const sent = answer.pictures[camera.name];
-      camera.picture = sent ? await createImageBitmap(await jpeg(sent)) : null;
+    const { cameras, renderer } = this.player;
+    const images = await Promise.all(cameras.map(({ name }) => {
+      const sent = answer.pictures[name];
+      return sent ? createImageBitmap(jpeg(sent)) : null;
     }));
-    if (this.used !== frame) return;
-    for (const camera of this.player.cameras) {
-      if (!camera.picture) continue;
-      camera.texture ??= this.player.renderer.texture(true);
-      this.player.renderer.picture(camera.texture, camera.picture);
-    }
+    cameras.forEach((camera, k) => {
+      if (this.used === frame) camera.filmed = Boolean(images[k]);
+      if (this.used === frame && images[k]) {
+        camera.texture ??= renderer.texture(true);
+        renderer.picture(camera.texture, images[k]);
+      }
+      images[k]?.close();
+    });
     this.player.redraw();
   }
 
@@ -131,13 +139,14 @@ class Viewer {
 
   tell() {
     const { timeline } = this.player;
-    part("follows").hidden = !this.state.filmed || this.used === timeline.frame;
+    const lost = this.store.lost === timeline.frame;  // the banner says why
+    part("follows").hidden = !this.state.filmed || this.used === timeline.frame || lost;
     part("follows").textContent = timeline.playing ? "hull and pictures follow as they are carved" : "carving this frame …";
   }
 
   pictures(player) {
     for (const camera of player.cameras) {
-      if (camera.picture && camera.texture) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
+      if (camera.filmed) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
     }
   }
 
@@ -147,7 +156,7 @@ class Viewer {
     const [scale, left, top] = camera.fitted(width, height);
     const x = [left, left + scale * camera.size[0]].map((value) => (2 * value) / width - 1);
     const y = [top, top + scale * camera.size[1]].map((value) => 1 - (2 * value) / height);
-    const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : camera.picture && camera.texture;
+    const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : camera.filmed && camera.texture;
     if (texture) player.renderer.drawPicture(texture, [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]], 1, true);
   }
 
@@ -168,9 +177,14 @@ class Viewer {
     const answer = await fetch(path);
     if (!answer.ok || this.backdropKey !== path) return;
     const image = await createImageBitmap(await answer.blob());
-    if (this.through !== camera || this.backdropKey !== path) return;
-    const texture = this.large?.texture ?? this.player.renderer.texture(true);
-    this.player.renderer.picture(texture, image);
+    if (this.through === camera && this.backdropKey === path) this.enlarged(camera, frame, image);
+    image.close();
+  }
+
+  enlarged(camera, frame, image) {
+    const { renderer } = this.player;
+    const texture = this.largeTexture ??= renderer.texture(true);
+    renderer.picture(texture, image);
     this.large = { camera, texture, frame };
     this.player.redraw();
   }
