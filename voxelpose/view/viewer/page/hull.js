@@ -8,7 +8,6 @@ import { cross, minus, unit } from "./space.js";
 
 const PLAIN = [150, 164, 178];
 const UNEXPLAINED = [224, 72, 168];
-const LATE_S = 0.2;
 const WAYS = { plain: "one colour", parts: "parts of the body", cameras: "cameras that see it", unexplained: "unexplained" };
 
 export class Hull {
@@ -34,8 +33,7 @@ export class Hull {
   }
 
   // Takes what was sent of a frame; null: there is no hull.
-  take(frame, sent, player) {
-    this.frame = frame;
+  take(sent, player) {
     this.sent = sent && Object.fromEntries(Object.entries(sent).map(
       ([name, value]) => [name, typeof value === "object" ? unpacked(value) : value]));
     this.size = sent?.size_m;
@@ -71,15 +69,9 @@ export class Hull {
     this.mesh = renderer.surface(vertices, normalsOf(vertices, faces), colours, faces);
   }
 
-  // While playing, a hull that is not of about the shown moment would be beside the body.
-  late(player) {
-    const { timeline, scene } = player;
-    return Math.abs(timeline.frame - this.frame) > (timeline.playing ? LATE_S * scene.fps : 0);
-  }
-
   // With a body inside, the hull lets it shine through.
   draw(player) {
-    if (!this.mesh || this.late(player)) return;
+    if (!this.mesh) return;
     const inside = player.shown.body && player.bodies.some((_, k) => player.row(k) >= 0);
     const through = player.viewpoint.pinhole && !player.viewpoint.flight;
     const opacity = through ? 0.25 : inside && this.style !== "dots" ? 0.42 : 1;

@@ -9,6 +9,7 @@ import { BALL, boneFaces } from "./renderer.js";
 
 const AREA = [90, 214, 200];
 const DISPUTED = [170, 110, 240];
+const LATE_S = 0.2;  // that hull and pictures may be late while playing
 const LIKELY = 225;
 const BACKGROUND = 40;
 const part = (name) => document.querySelector(`.${name}`);
@@ -110,7 +111,7 @@ class Viewer {
     if (this.used === frame && this.usedKind === this.cameraKind) return;
     const answer = this.store.get(frame);
     Object.assign(this, { used: frame, usedKind: this.cameraKind });
-    this.hull.take(frame, answer.hull, this.player);
+    this.hull.take(answer.hull, this.player);
     this.otherPoses(answer.hypotheses);
     this.player.redraw();
     const lines = answer.lines.map((line) => make("p", {}, line));
@@ -144,6 +145,12 @@ class Viewer {
     part("follows").textContent = timeline.playing ? "hull and pictures follow as they are carved" : "carving this frame …";
   }
 
+  // Whether hull and pictures are of another moment than the shown one: they would be beside the body.
+  late() {
+    const { timeline, scene } = this.player;
+    return Math.abs(timeline.frame - this.used) > (timeline.playing ? LATE_S * scene.fps : 0);
+  }
+
   pictures(player) {
     for (const camera of player.cameras) {
       if (camera.filmed) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
@@ -157,7 +164,8 @@ class Viewer {
     const x = [left, left + scale * camera.size[0]].map((value) => (2 * value) / width - 1);
     const y = [top, top + scale * camera.size[1]].map((value) => 1 - (2 * value) / height);
     const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : camera.filmed && camera.texture;
-    if (texture) player.renderer.drawPicture(texture, [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]], 1, true);
+    const corners = [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]];
+    if (texture) player.renderer.drawPicture(texture, corners, this.late() ? 0.25 : 1, true);
   }
 
   looked(camera) {
@@ -234,7 +242,7 @@ class Viewer {
   }
 
   draw(player) {
-    if (player.shown.hull) this.hull.draw(player);
+    if (player.shown.hull && !this.late()) this.hull.draw(player);
   }
 }
 
