@@ -277,5 +277,7 @@ def test_a_body_without_bones_is_shown(desk):
     for words in (["--png", "a.png"], ["--video", "a.webm"]):
         assert run(["view", "out", "--voxel", "0.05", *words]) == 0
     assert run(["report", "out"]) == 0
+    assert run(["export", "out", "--to", "html"]) == 0
+    assert (desk / "out" / "motion.html").stat().st_size > 50_000
     browser = Browser(ResultScenes("out", voxel_size_m=0.05), Address(port=8393), 0)
     browser.close()

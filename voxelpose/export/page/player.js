@@ -48,7 +48,8 @@ export class Player {
     this.skins = this.bodies.map((body) => this.renderer.skin(body));
     this.shown = { cameras: true, body: true, skeleton: true };
     this.people = this.bodies.map(() => true);
-    this.colouring = this.bodies.length > 1 ? "person" : "sides";
+    this.sided = this.bodies.some((body) => body.parts.some((name) => sideOf(name) !== "middle"));
+    this.colouring = this.bodies.length > 1 ? "person" : this.sided ? "sides" : "plain";
     this.follows = false;
     this.spread = true;
     this.viewpoint = new Viewpoint(this.canvas, scene, () => this.redraw(), () => this.#looked(null));
@@ -116,7 +117,7 @@ export class Player {
         const width = Math.min(0.016, 0.16 * norm(minus(end, start))) * Math.min(size, 1.2);
         const before = faces.length;
         boneFaces(start, end, width, faces, normals);
-        const colour = body.colour ?? SIDES[sideOf(body.parts[body.partOf(bone)])];
+        const colour = body.colour ? mixed(body.colour, [255, 255, 255], 0.5) : SIDES[sideOf(body.parts[body.partOf(bone)])];
         for (let n = before; n < faces.length; n += 3) colours.push(...colour);
       }
       for (const end of new Set(body.bones)) {
@@ -236,13 +237,15 @@ export class Player {
   #makePanel() {
     const toggle = (name, words, more = null) => make("div", { class: "layer" },
       checkbox(words, this.shown[name], (on) => this.show(name, on)), more);
-    const ways = [["sides", "left and right"], ["plain", "clay"], ["parts", "parts"]];
+    const ways = [["plain", "clay"], ["parts", "parts"]];
+    if (this.sided) ways.unshift(["sides", "left and right"]);
     if (this.bodies.length > 1) ways.unshift(["person", this.bodies.some((body) => body.result) ? "results" : "people"]);
     if (this.bodies.some((body) => body.overlap)) ways.push(["inside", "share inside the hull"]);
     const colours = choice("Colours of the body", ways, this.colouring, (value) => this.colour(value));
     this.part("layers").replaceChildren(
       ...(this.cameras.length ? [toggle("cameras", "Cameras", this.extras.cameraChoice), this.chips] : []),
-      ...(this.bodies.length ? [toggle("body", "Body", colours), toggle("skeleton", "Skeleton")] : []),
+      ...(this.bodies.length ? [toggle("body", "Body", colours)] : []),
+      ...(this.bodies.some((body) => body.bones.length) ? [toggle("skeleton", "Skeleton")] : []),
       ...(this.bodies.length > 1 ? this.bodies.map((body, k) => make("div", { class: "layer" }, checkbox(
         shownName(body), true, (on) => this.showPerson(k, on)))) : []),
       ...(this.bodies.some((body) => body.result) ? [make("div", { class: "layer" }, checkbox("Results side by side", true, (on) => {
@@ -281,7 +284,7 @@ export class Player {
     const { body, skeleton } = this.shown;
     const ends = [0, 0.25, 0.5, 0.75, 1].map(ramp);
     if (this.bodies.length > 1) this.bodies.forEach((one) => lines.push(swatch([one.colour], shownName(one))));
-    else if (first && (skeleton || (body && this.colouring === "sides")) && first.parts.some((name) => sideOf(name) !== "middle")) {
+    else if (this.sided && (skeleton || (body && this.colouring === "sides"))) {
       for (const side of ["left", "right", "middle"]) lines.push(swatch([SIDES[side]], `${side}: skeleton and body`));
     }
     if (first && body && this.colouring === "inside") {

@@ -128,7 +128,7 @@ export class Renderer {
     return this.mesh("solid", {
       position: [shape.positions, 3], normal: [shape.normals, 3],
       place: [places, 3, { each: 1 }], colour: [colours, 3, { share: true, each: 1 }],
-    }, null, shape.positions.length / 3, places.length / 3);
+    }, null, places.length ? shape.positions.length / 3 : 0, places.length / 3);
   }
 
   lines(positions, colours) {

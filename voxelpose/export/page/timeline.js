@@ -1,6 +1,6 @@
 // Time: a steady clock, its buttons and keys, and the confidence of every frame as a strip.
 
-import { choice, make } from "./elements.js";
+import { choice, css, make } from "./elements.js";
 
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 const ROW = 12;
@@ -154,6 +154,7 @@ export class Timeline {
         this.#fill(pen, x, 1, top + tall - high, high, this.colour(least));
       }
     }
+    if (body.colour) this.#fill(pen, 0, 5, top, tall, css(body.colour));  // whose row it is
   }
 
   #fill(pen, x, width, top, tall, colour) {
