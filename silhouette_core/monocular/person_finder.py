@@ -68,7 +68,6 @@ class FollowedPerson:
         usual_px: its area.
         looks: (n,) coarse histogram of the colours; None: they are not known.
         box_px: (2, 2) corners of the box about it.
-        cut: whether the border of the image cut the silhouette.
         seen: frames in which the silhouette was apart, each by how slender it was.
         came_from: number of a person in whose silhouette this one was before; None: nobody's.
     """
@@ -79,14 +78,13 @@ class FollowedPerson:
     usual_px: float
     looks: NDArray[np.float64] | None
     box_px: NDArray[np.float64]
-    cut: bool
     came_from: int | None
     seen: float = 0.0
 
     @classmethod
     def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
         """Somebody who is first seen apart in a frame, and where from."""
-        place = piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px, piece.cut
+        place = piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px
         return cls(frame, *place, host)
 
     def merged(self, piece: _Piece) -> None:
@@ -97,7 +95,7 @@ class FollowedPerson:
     def moved(self, piece: _Piece) -> None:
         """Learns from a silhouette that is this person's."""
         self.speed_px = _mixed(self.speed_px, piece.centre_px - self.near_px)
-        self.near_px, self.box_px, self.cut = piece.centre_px, piece.box_px, piece.cut
+        self.near_px, self.box_px = piece.centre_px, piece.box_px
         self.usual_px = _mixed(self.usual_px, piece.area)
         self.seen += piece.slender
         if self.looks is not None and piece.looks is not None:
@@ -107,7 +105,7 @@ class FollowedPerson:
 @dataclass(frozen=True, eq=False)
 class _Piece:
     """A component of a foreground image that is large enough for a person: its number, area, px,
-    slenderness, box (2, 2) and colours; whether the border cuts it.
+    slenderness, centre (2,), box (2, 2) and colours.
     """
 
     label: int
@@ -116,7 +114,6 @@ class _Piece:
     centre_px: NDArray[np.float64]
     box_px: NDArray[np.float64]
     looks: NDArray[np.float64] | None
-    cut: bool
 
 
 class PeopleFollower:
@@ -158,7 +155,8 @@ class PeopleFollower:
         for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
             missing = [k for k in there if k not in owners and k not in merged]
             if missing:  # comes back; by the colours, if there are any
-                owners[min(missing, key=lambda k: _unlike(self.people[k], pieces[j]))] = j
+                back = min(missing, key=lambda k: _unlike(self.people[k], pieces[j]))
+                self.people[back].near_px, owners[back] = pieces[j].centre_px, j
             elif self._is_open:
                 owners[len(self.people)] = j
                 hosts = [k for k in there if _holds(self.people[k].box_px, pieces[j].centre_px)]
@@ -185,7 +183,6 @@ class PeopleFollower:
         smallest = min((person.usual_px for person in people), default=np.inf)
         least = PERSON.least_of_usual * min(smallest, float((area * slender).max()))
         found = []
-        height, width = components.labels.shape
         for k in np.flatnonzero(area * slender >= max(LEAST_PX, least)).tolist():
             box = np.array([[x[k], y[k]], [right[k], bottom[k]]])
             looks = None
@@ -193,9 +190,8 @@ class PeopleFollower:
                 crop = _colours(self.lens, picture, components.labels == k + 1)
                 own = crop.part(components.labels == k + 1)
                 looks = coarse_histogram(crop.bins[own])
-            cut = bool((box[0] <= 1).any() or (box[1] >= (width - 1, height - 1)).any())
             centre = components.centroids[k, ::-1]
-            found.append(_Piece(k + 1, area[k], float(slender[k]), centre, box, looks, cut))
+            found.append(_Piece(k + 1, area[k], float(slender[k]), centre, box, looks))
         return found
 
     def _merged(
@@ -203,13 +199,13 @@ class PeopleFollower:
     ) -> dict[int, int]:
         """By number, people who have one silhouette with others, and which piece that is.
 
-        Who was last cut by the border has left; else who has no silhouette is in that which holds
-        the place, if it is larger than its owner's alone.
+        Who has no silhouette is in that which holds the place, if it is larger than its owner's
+        alone.
         """
         merged: dict[int, int] = {}
         for k in there:
             person = self.people[k]
-            if k in owners or person.cut:
+            if k in owners:
                 continue
             place_px = person.near_px + person.speed_px
             for owner, j in owners.items():
@@ -239,7 +235,7 @@ def people_apart(
     for last, person in zip(follower.people, begun, strict=True):
         host = person if person.came_from is None else people[person.came_from]
         # Who came out of another's silhouette was in it from its beginning.
-        place = {name: getattr(host, name) for name in ("first", "near_px", "box_px", "cut")}
+        place = {name: getattr(host, name) for name in ("first", "near_px", "box_px")}
         people.append(replace(person, **place, usual_px=last.usual_px, looks=last.looks))
     longest = np.argsort([-person.seen for person in follower.people], kind="stable")[:count]
     chosen = [people[k] for k in longest.tolist()]

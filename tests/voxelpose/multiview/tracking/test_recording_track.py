@@ -35,7 +35,7 @@ def tracked(error, at_m=None):
     start = SimpleNamespace(candidate=SimpleNamespace(objects=False), cost_of=np.mean)
     body = SimpleNamespace(model=None)
     joints_m = np.full((2, 15, 3), error if at_m is None else at_m)
-    seen = SimpleNamespace(there=np.ones(2, bool))
+    seen = SimpleNamespace(there=np.ones(2, bool), places_m=None)
     tracker = SimpleNamespace(
         error=np.full(2, error), body=body, poses=[None] * 2, observations=seen
     )
