@@ -8,6 +8,7 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter, StageClock
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from voxelpose.multiview.matching.matcher import MatchSettings
@@ -96,3 +97,17 @@ def test_where_both_agree_the_first_stands(result):
 
 def test_the_papers_silhouettes_stay_as_they_are(result):
     assert result(WRONG, RIGHT, background="paper") == (WRONG, {}, 1)
+
+
+def test_one_of_several_people_is_supposed_where_the_place_is_known():
+    """As in the nearest frame, moved; not where nobody is, and of one person nowhere."""
+    pose = Pose(np.array([1.0, 2, 0.9]), np.eye(3), np.zeros(3))
+    places_m = np.array([[1.0, 2, 1], [1.2, 2, 1], [1.5, 2, 1], [np.nan] * 3])
+    there = ~np.isnan(places_m[:, 0])
+    seen = SimpleNamespace(places_m=places_m, there=there)
+    poses = [pose, None, None, None]
+    found = recording_track._supposed(SimpleNamespace(poses=poses, observations=seen))
+    assert found[3] is None
+    assert [one.root_m[0] for one in found[:3]] == pytest.approx([1.0, 1.2, 1.5])
+    alone = SimpleNamespace(places_m=None, there=np.ones(4, bool))
+    assert recording_track._supposed(SimpleNamespace(poses=poses, observations=alone)) is poses
