@@ -37,7 +37,7 @@ from calib.moments import even_moments
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
-from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX, PersonFinder
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.frame_reader import VIDEOS

@@ -1,8 +1,9 @@
 """Several people: `python -m benchmarks.people N CAMERAS SEED ...`
 
 N people of ../shared/render before CAMERAS cameras, a recording for each seed (level 1), fitted
-with nothing told. Prints a row each: how many are found, whose frames are lost, the mean error of
-the joints relative to the pelvis of everybody and of the worst, mm, and the verdicts. Recordings
+with nothing told; before one camera, tracked, with their number told. Prints a row each: how many
+are found, whose frames are lost, the mean error of the joints relative to the pelvis of everybody
+and of the worst, mm, and the verdicts. Recordings
 and results stay in out/people; results are made again.
 """
 
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.drawn import SHARED, drawn
+from calib.errors import InputError
 from voxelpose.evaluation import evaluate_people
 from voxelpose.fitting import Output, fit_people
 from voxelpose.recording.folder import Recording
@@ -35,7 +37,13 @@ def main(words: list[str]) -> int:
     for recording in drawn(folder, seeds, 1, options=options):
         begun = time.perf_counter()
         out = OUT / "results" / folder.name / recording.name
-        results = fit_people(Recording.open(recording), Output(out, True, pictures=False))
+        how = ("monocular", None, people) if cameras == 1 else ("multiview", None, None)
+        output = Output(out, True, pictures=False)
+        try:
+            results = fit_people(Recording.open(recording), output, None, *how)
+        except InputError as error:
+            print(f"{recording.name:<6}{error}", flush=True)
+            continue
         spent_s = time.perf_counter() - begun
         verdicts = " ".join(verdict_of(result.summary).level for result in results)
         row = f"{recording.name:<6}{len(results):>5}"

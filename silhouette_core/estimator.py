@@ -32,6 +32,9 @@ GROUP = "silhouette_core.estimators"
 ONE_CAMERA = "monocular", "tree"
 """Estimators of `voxelpose track`."""
 
+ONE_PERSONS = "what was told of the person is one person's, and is not used"
+"""Note where several people are estimated, see `Settings.of_anybody`."""
+
 Frame = NDArray[np.uint8]
 """(H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included)."""
 

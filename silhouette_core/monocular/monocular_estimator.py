@@ -5,15 +5,23 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.errors import InputError
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
-from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.estimator import (
+    ONE_PERSONS,
+    Estimate,
+    Frame,
+    FrameSource,
+    Settings,
+    read_options,
+)
 from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
@@ -23,14 +31,18 @@ from silhouette_core.monocular.body_library import (
     some_silhouettes,
 )
 from silhouette_core.monocular.monocular_stages import (
-    LONG_SIDE_PX,
     MonocularOptions,
-    PersonFinder,
     PoseStages,
     TrackedPerson,
     person_for,
 )
 from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person_finder import (
+    LONG_SIDE_PX,
+    OneOfPeople,
+    PersonFinder,
+    people_apart,
+)
 from silhouette_core.monocular.tracking.joint_error import hypothesis_spread, joint_errors
 from silhouette_core.monocular.tracking.trajectory import (
     FrameEstimate,
@@ -41,7 +53,7 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
@@ -52,7 +64,7 @@ _COUNT = 5  # hypotheses that are stored of a frame, at most
 
 
 class MonocularEstimator:
-    """Estimates motion from one camera.
+    """Estimates motion from one camera, of a person, or of several whose silhouettes stay apart.
 
     A person is followed by what the learned proposal expects, other bodies by the samples of paper
     A's tree; see docs/papers.md.
@@ -63,6 +75,12 @@ class MonocularEstimator:
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
+        return self.estimate_people(source, settings, reporter, 1)[0]
+
+    def estimate_people(
+        self, source: FrameSource, settings: Settings, reporter: Reporter, people: int | None
+    ) -> list[Estimate]:
+        """See `silhouette_core.estimator.PeopleEstimator.estimate_people`; None: one person."""
         options = read_options(MonocularOptions, settings.options, "monocular")
         if len(source.rig) != 1:
             raise InputError(
@@ -70,6 +88,11 @@ class MonocularEstimator:
                 " with --camera NAME"
             )
         set_threads(settings.threads)
+        count = people or 1
+        if count > 1:
+            if settings != settings.of_anybody:
+                reporter.note(ONE_PERSONS)
+            settings, options = settings.of_anybody, replace(options, body="")
         known = body_of_track(options.body, options.library, reporter) or person_for(
             options, settings, reporter
         )
@@ -90,20 +113,86 @@ class MonocularEstimator:
             )
         )
         reporter.stage("motion model")
-        clock, hypotheses, interval_s = StageClock(), HypothesisStore(frame), 1 / source.fps
-        coloured = (
-            isinstance(tracked, TrackedPerson)
-            and not source.silhouettes_given
-            and not options.outline_only
-        )
-        absent: list[int] = []
-        stages = PoseStages(tracked, camera, settings, options, interval_s, clock, root)
-        finder = PersonFinder(camera, coloured)
-        frames = _noted(read_ahead(_people(source, silhouettes, finder, clock)), stages)
+        work = _Tracking(source, settings, options, silhouettes, frame, (tracked, root), reporter)
+        if count == 1:
+            return [work.estimate(PersonFinder(camera, work.coloured))]
+        finders = work.finders(count)
+        estimates = [work.estimate(finder) for finder in finders]
+        merged = max(finder.merged for finder in finders)
+        if merged:
+            reporter.note(
+                f"people have one silhouette in {merged} of {source.frame_count} frames: nobody who"
+                " is in it has a pose there"
+            )
+        return estimates
+
+
+@dataclass(frozen=True, eq=False)
+class _Tracking:
+    """Tracking of people before one camera; `tracked` is whom, or a library of another body, and
+    the place of its root, if that stands still.
+    """
+
+    source: FrameSource
+    settings: Settings
+    options: MonocularOptions
+    silhouettes: Silhouettes
+    frame: UprightFrame
+    tracked: tuple[TrackedPerson | PoseLibrary, Pose | None]
+    reporter: Reporter
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, in the upright frame."""
+        return self.frame.rig(self.source.rig).cameras[0]
+
+    @property
+    def coloured(self) -> bool:
+        """Whether what lies inside of outlines is used."""
+        plain = self.source.silhouettes_given or self.options.outline_only
+        return isinstance(self.tracked[0], TrackedPerson) and not plain
+
+    def finders(self, count: int) -> list[OneOfPeople]:
+        """Finders of so many people, who are looked for in the whole recording.
+
+        Raises:
+            InputError: fewer are seen apart.
+        """
+        source, name = self.source, self.source.rig.names[0]
+        self.reporter.stage("people", source.frame_count)
+
+        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
+            for _, _, frames in source:
+                yield frames[name], self.silhouettes.of(frames)[name]
+                self.reporter.advance()
+
+        coloured = not source.silhouettes_given
+        people = people_apart(read_ahead(seen()), self.camera, count, coloured)
+        if len(people) < count:
+            found = "nobody is" if not people else f"{len(people)} at most are"
+            raise InputError(
+                f"{count} people were asked for, and {found} seen apart by camera {name}: give"
+                f" --people {max(len(people), 1)}, or look at the silhouettes with `voxelpose"
+                " setup`"
+            )
+        at = self.camera, self.coloured, people
+        return [OneOfPeople(*at, number) for number in range(count)]
+
+    def estimate(self, finder: PersonFinder) -> Estimate:
+        """Estimate of the person that is found.
+
+        Raises:
+            InputError: nobody is found in any frame.
+        """
+        source, settings, options = self.source, self.settings, self.options
+        (tracked, root), interval_s = self.tracked, 1 / source.fps
+        clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
+        stages = PoseStages(tracked, self.camera, settings, options, interval_s, clock, root)
+        people = read_ahead(_people(source, self.silhouettes, finder, clock))
+        frames = _noted(people, stages)
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
-
-        estimates = _estimates(frames, stages, absent, source.frame_count, reporter)
+        estimates = _estimates(frames, stages, absent, source.frame_count, self.reporter)
         with nullcontext() if settings.smooth else fewer_threads():
             motion = _motion(
                 estimates,
@@ -118,10 +207,13 @@ class MonocularEstimator:
                 " and that somebody moves before it"
             )
         facts = _facts(tracked, options, settings, motion, absent)
-        facts |= {"colours": coloured, "by_texture": silhouettes.by_texture}
+        silhouettes = self.silhouettes
+        facts |= {"colours": self.coloured, "by_texture": silhouettes.by_texture}
         facts |= {"moving_cameras": silhouettes.moving}
+        if isinstance(finder, OneOfPeople):
+            facts["frames_merged"] = finder.merged
         return Estimate(
-            motion.in_world(frame),
+            motion.in_world(self.frame),
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
             facts,
             hypotheses,

@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Frame, Settings
-from silhouette_core.image.head_colours import ColourCrop
+from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.occlusion import standing_areas, usual_areas
-from silhouette_core.monocular.person import Person, find_person
+from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
@@ -37,7 +35,6 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 
-LONG_SIDE_PX = 960
 STARTS = "facing", "any"
 
 
@@ -68,32 +65,6 @@ class MonocularOptions:
                 raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
         if self.start not in STARTS:
             raise InputError(f"start {self.start!r} is not known: use {' or '.join(STARTS)}")
-
-
-class PersonFinder:
-    """Finds the person in one frame after the other.
-
-    Args:
-        coloured: whether the person's colours are kept.
-    """
-
-    def __init__(self, camera: Camera, coloured: bool):
-        self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
-        self._near_px: NDArray[np.float64] | None = None
-        self._usual_px: float | None = None
-
-    def find(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
-        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
-        person = find_person(self._lens.undistort(silhouette), self._near_px, self._usual_px)
-        if person is None:
-            return None
-        if self._coloured:
-            person = replace(person, colours=_colours(self._lens, picture, person.mask))
-        moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
-        area, usual = moments["m00"], self._usual_px
-        self._usual_px = area if usual is None else 0.9 * usual + 0.1 * area
-        self._near_px = np.array([moments["m10"], moments["m01"]]) / area
-        return person
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,14 +182,3 @@ def _scaled(model: BodyModel, stature_m: float) -> BodyModel:
     if np.allclose(BodyModel.from_sizes(sizes).shape, model.shape):
         return scaled
     return scaled.reshaped(model.shape)  # made for a body of its own
-
-
-def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
-    """Colours in the rectangle that holds a silhouette."""
-    (top, bottom), (left, right) = (
-        (int(found[0]), int(found[-1]) + 1)
-        for found in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    )
-    return ColourCrop.of(
-        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
-    )

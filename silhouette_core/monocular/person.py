@@ -14,7 +14,8 @@ from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.monocular.tuning import PERSON
 
 _BORDER_PX = 2
-_LEAST_PX = 150  # of a person's smallest silhouette
+LEAST_PX = 150
+"""Of a person's smallest silhouette."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +59,13 @@ def find_person(
     area = components.sizes[1:].astype(float)
     (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
     w, h = right - x, bottom - y
-    weight = area * np.minimum(h / (PERSON.slender * w), 1)
+    weight = area * slenderness(w, h)
     if near_px is not None:
         # The root of the area is half a person's height: more than anybody moves within a frame.
         distance = np.linalg.norm(components.centroids[:, ::-1] + first - near_px, axis=1)
         weight /= 1 + (distance / np.sqrt(usual_px or area.max())) ** 2
     main = int(weight.argmax())
-    if area[main] < max(_LEAST_PX, PERSON.least_of_usual * (usual_px or 0.0)):
+    if area[main] < max(LEAST_PX, PERSON.least_of_usual * (usual_px or 0.0)):
         return None
     piece = (area >= PERSON.least_piece * area[main]) & ((area <= area[main]) | (h >= w))
     # A small thing far away is none of the person's: a reflection, a screen, a curtain.
@@ -83,6 +84,11 @@ def find_person(
     person = np.zeros_like(mask)
     person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
     return Person(person, _is_cut(person))
+
+
+def slenderness(width: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height over width of boxes, relative to that of most silhouettes; 1 at most."""
+    return np.minimum(height / (PERSON.slender * width), 1)
 
 
 def _is_cut(mask: NDArray[np.bool_]) -> bool:

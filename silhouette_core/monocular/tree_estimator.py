@@ -27,8 +27,9 @@ from silhouette_core.monocular.monocular_estimator import (
     check_person,
     upright_frame,
 )
-from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX, STARTS, PersonFinder
+from silhouette_core.monocular.monocular_stages import STARTS
 from silhouette_core.monocular.person import upright_distance
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX

@@ -14,16 +14,18 @@ from voxelpose.cli.fit import Asked, EstimationArguments
 
 @dataclass(frozen=True, kw_only=True)
 class Track(EstimationArguments):
-    """Estimates the motion of a person from one camera.
+    """Estimates the motion of a person, or of several, from one camera.
 
     RECORDING is a video, or a folder with a video per camera and, if possible, calibration.toml and
     background/ with the empty view. Without a calibration, typical camera parameters are assumed.
     OUT receives the same files as from `voxelpose fit`, and hypotheses.csv: the five most probable
-    poses of every frame with their probabilities. With the --body of a robot or an animal, a
+    poses of every frame with their probabilities. Of several people OUT/person_1 and so on receive
+    them. With the --body of a robot or an animal, a
     library of that body's motion, or poses within the limits of its joints.
 
       voxelpose track clip.mp4 --out clip_track --stature 1.75
       voxelpose track walk --camera cam_1 --out walk_track --stature 1.75
+      voxelpose track talk --camera cam_1 --out talk_track --people 2
       voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
       voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
       voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
@@ -31,6 +33,9 @@ class Track(EstimationArguments):
       voxelpose track walk --camera cam_1 --method paper --stature 1.75 --out walk_tree
     """
 
+    people: Annotated[int, arg(metavar="N")] = 1
+    """Number of people: each is tracked while the silhouettes are apart. 1: one, whoever else
+    passes by."""
     camera: OptionalName = None
     """Name of the camera. Default: the only one."""
     method: Method = "learned"
@@ -44,11 +49,14 @@ class Track(EstimationArguments):
 
     def asked(self) -> Asked:
         """See `EstimationArguments.asked`."""
+        from voxelpose.multiview.people import number_of_people
         from voxelpose.recording.folder import one_camera
 
         estimator, options = method_options(
             self.method, self.start, self.outline_only, self.library
         )
+        people = number_of_people(str(self.people))
         folder, camera = one_camera(self.recording, self.camera)
         paper = self.method == "paper" and self.background == "auto"
-        return Asked(folder, (camera,), options, estimator, background="paper" if paper else None)
+        background = "paper" if paper else None
+        return Asked(folder, (camera,), options, estimator, people, background)

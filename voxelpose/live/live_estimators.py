@@ -18,13 +18,12 @@ from silhouette_core.estimator import Settings
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.monocular_stages import (
-    LONG_SIDE_PX,
     MonocularOptions,
-    PersonFinder,
     PoseStages,
     person_for,
 )
 from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree_estimator import TreeFollower, TreeOptions, library_of
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import landmarks, place

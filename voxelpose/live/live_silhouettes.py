@@ -13,7 +13,7 @@ from calib.camera import Rig
 from calib.components import label_components
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
-from silhouette_core.monocular.monocular_stages import LONG_SIDE_PX
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX
 from voxelpose.live.remote_object import RemoteObject
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.tuning import LIVE

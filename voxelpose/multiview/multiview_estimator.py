@@ -11,7 +11,13 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.estimator import (
+    ONE_PERSONS,
+    Estimate,
+    FrameSource,
+    Settings,
+    read_options,
+)
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.conditioning import conditioned, quality_with_filled
@@ -126,7 +132,7 @@ class MultiViewEstimator:
                 found = [work.track(prepared, kept)]
             else:
                 if known is not None or settings != settings.of_anybody:
-                    reporter.note("what was told of the person is one person's, and is not used")
+                    reporter.note(ONE_PERSONS)
                 found = PeopleTrack(work.of_anybody(), prepared, places_m).track(kept)
             at = prepared.numbers, prepared.times_s
             motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]

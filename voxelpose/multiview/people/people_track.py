@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -19,7 +19,6 @@ from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
 from voxelpose.multiview.people.presence import at_all_times, find_people
-from voxelpose.multiview.person.body_choice import Start
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
@@ -27,7 +26,7 @@ from voxelpose.multiview.silhouettes.observation_store import (
     carved_observations,
 )
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
-from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, TrackWork
+from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, Tracked, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 
 _ROUNDS = 2  # in which everybody is followed again beside the others as they were found
@@ -92,6 +91,18 @@ class PeopleTrack:
 
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
+
+        def again(cut: PreparedSilhouettes) -> list[Tracked]:
+            return replace(self, prepared=cut).followed(kept)
+
+        found, changed = self.work.cut_anew(self.followed(kept), self.prepared, again, kept)
+        return [
+            (tracker, self.work.finished(tracker, start) | {"cut_by_body": changed})
+            for tracker, start in found
+        ]
+
+    def followed(self, kept: ExitStack) -> list[Tracked]:
+        """Everybody followed: alone first, then with the others drawn; `kept` as above."""
         stack = kept.enter_context(ExitStack())
         found = self._begun(stack)
         for _ in range(_ROUNDS):
@@ -103,15 +114,15 @@ class PeopleTrack:
             for tracker in trackers:
                 self.work.again(tracker)
             before.close()
-        return [(tracker, self.work.finished(tracker, start)) for tracker, start in found]
+        return found
 
-    def _begun(self, kept: ExitStack) -> list[tuple[PoseTracker, Start]]:
+    def _begun(self, kept: ExitStack) -> list[Tracked]:
         """Everybody followed beside the others' pieces of hull, which may hide too much of a person
         or leave too much of the others: of both ways, those that explain all silhouettes best
         together.
         """
         ways = [self._silhouettes(self._hull_pieces(), kept, bodies=one) for one in (False, True)]
-        found: list[list[tuple[PoseTracker, Start]]] = []
+        found: list[list[Tracked]] = []
         for k, (wide, narrow) in enumerate(zip(*ways, strict=True)):
             alike = np.array_equal(wide[0].pixels(), narrow[0].pixels())
             asked = [wide] if alike else [wide, narrow]

@@ -1,9 +1,9 @@
-"""Silhouettes cut anew where the body was found.
+"""Silhouettes cut anew where bodies were found.
 
-Pose and silhouette are estimated in turn. What the body covers was no empty scene, the colours
-there are the person's, and in each frame it speaks for the pixels inside of its outline and against
-those outside. It says less than a pixel that is sure of itself: a wrong pose does not make itself
-right. After PoseCut (Bray, Kohli and Torr, ECCV 2006).
+Pose and silhouette are estimated in turn. What a body covers was no empty scene, the colours
+there are the person's, and in each frame it speaks for the pixels inside of its outline; outside of
+all, they speak against them. They say less than a pixel that is sure of itself: a wrong pose does
+not make itself right. After PoseCut (Bray, Kohli and Torr, ECCV 2006).
 """
 
 from __future__ import annotations
@@ -27,79 +27,92 @@ from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tuning import BODY_EVIDENCE
 
+Body = tuple[BodyModel, Sequence[Pose | None]]
+"""A body and its poses in all frames; None: it was not found."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyEvidence:
-    """What a body says of the pixels of a recording's frames.
+    """What bodies say of the pixels of a recording's frames.
 
     Attributes:
-        model: the body.
-        poses: of T frames, in the frame of `views`; None: not found.
+        bodies: everybody's, posed in the frame of `views`.
         views: the C pinhole cameras.
         recorded: the cameras as they filmed.
         late: (C,) number of frames by which a camera's pictures come later than the others'.
     """
 
-    model: BodyModel
-    poses: Sequence[Pose | None]
+    bodies: Sequence[Body]
     views: Rig
     recorded: Rig
     late: Sequence[int]
 
     def __call__(self, name: str, step: int, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Odds of the person (h, w), nats, of a camera's frame in a size (w, h)."""
+        """Odds of people (h, w), nats, of a camera's frame in a size (w, h): of each pixel those of
+        the body that says most; somebody who was not found may be anywhere.
+        """
         drawn = self._drawn(name, step, size)
-        if drawn is None:
-            return np.zeros(size[::-1], np.float32)
-        return as_recorded(body_odds(*drawn, BODY_EVIDENCE.most), self.recorded[name])
+        odds = [
+            np.zeros(size[::-1], np.float32)
+            if body is None
+            else body_odds(*body, BODY_EVIDENCE.most)
+            for body in drawn
+        ]
+        if not any(drawn):
+            return odds[0]
+        return as_recorded(np.maximum.reduce(odds), self.recorded[name])
 
     def silhouette(self, name: str, step: int, size: tuple[int, int]) -> NDArray[np.bool_]:
-        """The body (h, w) bool in a camera's frame, as recorded, in a size (w, h)."""
-        drawn = self._drawn(name, step, size)
-        if drawn is None:
+        """The bodies (h, w) bool in a camera's frame, as recorded, in a size (w, h)."""
+        found = [body[0] for body in self._drawn(name, step, size) if body is not None]
+        if not found:
             return np.zeros(size[::-1], np.bool_)
-        return as_recorded(drawn[0].astype(np.float32), self.recorded[name]) > 0.5
+        union = np.logical_or.reduce(found).astype(np.float32)
+        return as_recorded(union, self.recorded[name]) > 0.5
 
     def _drawn(
         self, name: str, step: int, size: tuple[int, int]
-    ) -> tuple[NDArray[np.bool_], float] | None:
-        """The body (h, w) bool in a pinhole's frame, and how far, px, from its outline it says the
+    ) -> list[tuple[NDArray[np.bool_], float] | None]:
+        """Each body (h, w) bool in a pinhole's frame, and how far, px, from its outline it says the
         most; None where it was not found.
         """
         c = self.views.names.index(name)
-        t = step - self.late[c]
-        pose = self.poses[t] if 0 <= t < len(self.poses) else None
-        if pose is None:
-            return None
-        camera, model = self.views.cameras[c], self.model
+        t, camera = step - self.late[c], self.views.cameras[c]
         camera = camera.pinhole(size[0] / camera.size[0])
-        seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, size)
-        depth_m = max(float(np.median(seen[:, 2])), 0.3)
-        return parts > 0, max(BODY_EVIDENCE.reach_m * camera.matrix[0, 0] / depth_m, 1.0)
+        drawn: list[tuple[NDArray[np.bool_], float] | None] = []
+        for model, poses in self.bodies:
+            pose = poses[t] if 0 <= t < len(poses) else None
+            if pose is None:
+                drawn.append(None)
+                continue
+            seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
+            parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, size)
+            depth_m = max(float(np.median(seen[:, 2])), 0.3)
+            reach_px = max(BODY_EVIDENCE.reach_m * camera.matrix[0, 0] / depth_m, 1.0)
+            drawn.append((parts > 0, reach_px))
+        return drawn
 
 
 @contextmanager
-def cut_by_body(
+def cut_by_bodies(
     prepared: PreparedSilhouettes,
-    model: BodyModel,
-    poses: Sequence[Pose | None],
+    bodies: Sequence[Body],
     clock: StageClock,
     reporter: Reporter,
 ) -> Iterator[PreparedSilhouettes]:
-    """Silhouettes cut anew where a body was found, for a `with` block.
+    """Silhouettes cut anew where bodies were found, for a `with` block.
 
     Args:
-        prepared: the silhouettes by which it was found.
-        model: the body.
-        poses: of all frames, in the upright frame; None: not found.
+        prepared: the silhouettes by which they were found.
+        bodies: posed in the upright frame.
         clock: told the durations.
         reporter: told the progress.
     """
     footage, views = prepared.footage, prepared.observer.views
-    evidence = BodyEvidence(model, poses, views.rig, footage.source.rig, footage.late)
-    reporter.stage("silhouettes by the body", len(poses))
-    with closing(MaskStore([camera.size for camera in views.rig], len(poses))) as store:
+    evidence = BodyEvidence(bodies, views.rig, footage.source.rig, footage.late)
+    count = len(prepared.store)
+    reporter.stage("silhouettes by the body", count)
+    with closing(MaskStore([camera.size for camera in views.rig], count)) as store:
         with clock("silhouettes"):
             silhouettes = footage.silhouettes(evidence)
         for t, (_, _, frames) in enumerate(footage.source):

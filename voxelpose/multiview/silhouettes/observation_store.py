@@ -92,6 +92,20 @@ class ObservationStore:
         """Number of frames."""
         return len(self._masks)
 
+    @property
+    def there(self) -> np.ndarray:
+        """(T,) bool, frames in which the person may be seen."""
+        if self.places_m is None:
+            return np.ones(len(self), np.bool_)
+        return ~np.isnan(self.places_m[:, 0])
+
+    @property
+    def places_m(self) -> np.ndarray | None:
+        """(T, 3) float64, about where one of several people is; NaN: not there. None: there are no
+        others.
+        """
+        return None if self._others is None else self._others.places_m
+
     def carve(self, frames: Sequence[int]) -> None:
         """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -25,7 +26,7 @@ from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeomet
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.quality.quality import NEAR_MM
-from voxelpose.multiview.silhouettes.body_evidence import cut_by_body
+from voxelpose.multiview.silhouettes.body_evidence import cut_by_bodies
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -38,6 +39,8 @@ _CUTS = 2  # of the silhouettes by the body
 _OTHER_SEX = {"male": "female", "female": "male"}
 _NECK = LANDMARK_NAMES.index("neck")
 _Facts = dict[str, object]
+Tracked = tuple[PoseTracker, Start]
+"""Somebody who was followed, and from which start."""
 
 
 def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
@@ -66,8 +69,9 @@ def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
 
 
 def spread_errors(tracker: PoseTracker) -> list[float]:
-    """Silhouette errors of frames that are spread over a recording."""
-    return tracker.error[even_moments(len(tracker.error), REFIT_FRAMES)].tolist()
+    """Silhouette errors of frames that are spread over the time in which somebody is there."""
+    there = tracker.error[tracker.observations.there]
+    return there[even_moments(len(there), REFIT_FRAMES)].tolist()
 
 
 def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
@@ -121,7 +125,12 @@ class TrackWork:
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
         tracker, start, objects, shown = self._person(prepared, kept)
-        (tracker, start), changed = self._cut_by_body((tracker, start), shown, kept)
+
+        def again(cut: PreparedSilhouettes) -> list[Tracked]:
+            observations = self._observations(cut, kept)
+            return [self.tracked(observations, objects=start.candidate.objects)]
+
+        [(tracker, start)], changed = self.cut_anew([(tracker, start)], shown, again, kept)
         facts = self.finished(tracker, start)
         facts["cut_by_body"] = changed
         if objects is not None:
@@ -170,7 +179,7 @@ class TrackWork:
                 break
             without = kept.enter_context(prepared.without(found.pixels))
             again = self.tracked(self._observations(without, kept), objects=True)
-            if _cost(*again) >= _cost(tracker, start):
+            if _cost([again]) >= _cost([(tracker, start)]):
                 break
             objects, shown, (tracker, start) = found, without, again
         if objects is not None:
@@ -183,30 +192,36 @@ class TrackWork:
             )
         return tracker, start, objects, shown
 
-    def _cut_by_body(
-        self, found: tuple[PoseTracker, Start], prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[tuple[PoseTracker, Start], dict[str, float]]:
-        """While a person is improbable, tracks it again in silhouettes cut anew where it was found;
-        the more probable is taken, if it is elsewhere. Also what share of them changed, by camera
-        name.
+    def cut_anew(
+        self,
+        found: list[Tracked],
+        prepared: PreparedSilhouettes,
+        again: Callable[[PreparedSilhouettes], list[Tracked]],
+        kept: ExitStack,
+    ) -> tuple[list[Tracked], dict[str, float]]:
+        """While somebody is improbable, tracks everybody `again` in silhouettes cut anew where all
+        were found; the more probable are taken, if they are elsewhere. Also what share of the
+        silhouettes changed, by camera name.
         """
         changed: dict[str, float] = {}
         given = prepared.footage.source.silhouettes_given
         for _ in range(_CUTS if self.settings.background != "paper" and not given else 0):
-            tracker, start = found
-            if not is_improbable(spread_errors(tracker)):
+            if not any(is_improbable(spread_errors(tracker)) for tracker, _ in found):
                 break
-            at = tracker.body.model, tracker.poses, self.clock, self.reporter
-            cut = kept.enter_context(cut_by_body(prepared, *at))
-            again = self.tracked(self._observations(cut, kept), objects=start.candidate.objects)
-            # Where both agree the first stands: a body is no witness for silhouettes that it made.
-            agree = _apart_mm(tracker, again[0]) < NEAR_MM
-            if agree or _cost(*again) >= _cost(*found):
+            bodies = [(tracker.body.model, _supposed(tracker)) for tracker, _ in found]
+            cut = kept.enter_context(cut_by_bodies(prepared, bodies, self.clock, self.reporter))
+            others = again(cut)
+            # Where both agree the first stand: a body is no witness for silhouettes that it made.
+            pairs = zip(found, others, strict=True)
+            agree = all(_apart_mm(old, new) < NEAR_MM for (old, _), (new, _) in pairs)
+            if agree or _cost(others) >= _cost(found):
                 break
-            found, changed = again, _changed(prepared, cut)
+            found, changed = others, _changed(prepared, cut)
         if changed:
+            whose = "the bodies" if len(found) > 1 else "the body"
+            they = "they were found" if len(found) > 1 else "it was found"
             self.reporter.note(
-                "the body explained the silhouettes poorly: they were cut anew where it was found"
+                f"{whose} explained the silhouettes poorly: they were cut anew where {they}"
             )
         return found, changed
 
@@ -283,15 +298,29 @@ def _changed(old: PreparedSilhouettes, new: PreparedSilhouettes) -> dict[str, fl
     return dict(zip(old.rig.names, shares.round(4).tolist(), strict=True))
 
 
+def _supposed(tracker: PoseTracker) -> list[Pose | None]:
+    """Poses; also where one of several people is, and was not found: as in the nearest frame."""
+    poses, places_m = tracker.poses, tracker.observations.places_m
+    posed = np.array([t for t, pose in enumerate(poses) if pose is not None])
+    if places_m is None or not len(posed):
+        return poses
+    supposed: list[Pose | None] = [None] * len(poses)
+    for t in np.flatnonzero(tracker.observations.there).tolist():
+        near = int(posed[np.abs(posed - t).argmin()])
+        pose, moved_m = poses[near], places_m[t] - places_m[near]
+        supposed[t] = pose and replace(pose, root_m=pose.root_m + moved_m)
+    return supposed
+
+
 def _apart_mm(first: PoseTracker, second: PoseTracker) -> float:
     """Median distance of the joints of two tracks of the same frames."""
     apart = np.linalg.norm(first.joints_m() - second.joints_m(), axis=2)
     return 1000 * float(np.nanmedian(apart))
 
 
-def _cost(tracker: PoseTracker, start: Start) -> float:
-    """Cost of the person that was tracked."""
-    return start.cost_of(spread_errors(tracker))
+def _cost(people: list[Tracked]) -> float:
+    """Cost of the people that were tracked."""
+    return sum(start.cost_of(spread_errors(tracker)) for tracker, start in people)
 
 
 def begin_again(tracker: PoseTracker) -> None:

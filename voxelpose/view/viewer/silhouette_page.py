@@ -94,25 +94,23 @@ class FitSilhouettes:
 
     def __init__(self, scenes: ResultScenes) -> None:
         self._scenes, recording = scenes, scenes.recording
-        # Whether the fit cut silhouettes by the body, which is one person's.
-        self.cut = bool(scenes.facts.get("cut_by_body")) and len(scenes.motions) == 1
+        self.cut = bool(scenes.facts.get("cut_by_body"))  # whether the fit did, by the bodies
         found = scenes.facts.get("late_frames", {})  # by camera name
         self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
-        self._evidence: list[BodyEvidence] = []  # of everybody that is fitted
+        self._evidence: BodyEvidence | None = None  # of everybody that is fitted
         if recording is not None:
             poses = [scenes.poses(number) for number in recording.numbers.tolist()]
             given = scenes.views.rig, recording.rig, list(self.late.values())
-            self._evidence = [
-                BodyEvidence(motion.model, [step[k] for step in poses], *given)
-                for k, motion in enumerate(scenes.motions)
-            ]
+            people = enumerate(scenes.motions)
+            bodies = [(motion.model, [step[k] for step in poses]) for k, motion in people]
+            self._evidence = BodyEvidence(bodies, *given) if bodies else None
 
     def model(self, cut: bool) -> Silhouettes:
         """Background models, learned with the body where silhouettes were `cut` by it."""
         reader = self._scenes.reader
         if reader is None:
             raise ValueError("there is no recording")
-        return reader.silhouettes_with(self._evidence[0]) if cut else reader.silhouettes
+        return reader.silhouettes_with(self._evidence) if cut else reader.silhouettes
 
     def of(
         self,
@@ -129,12 +127,12 @@ class FitSilhouettes:
             plain: by the pictures alone.
             cut: by the body; None: the fit did not cut.
         """
-        if not self._evidence:
+        if self._evidence is None:
             return {}
         alone = plain.of(frames)
         used, reasons, odds = alone, ("", ""), {}
         bodies = {
-            name: self._bodies(name, moment + self.late[name], mask.shape[::-1])
+            name: self._evidence.silhouette(name, moment + self.late[name], mask.shape[::-1])
             for name, mask in alone.items()
         }
         if cut is not None:
@@ -142,7 +140,7 @@ class FitSilhouettes:
             used = {k: cut.of({k: frame}, step=steps[k])[k] for k, frame in frames.items()}
             reasons = "added by the body", "taken out by the body"
             odds = {
-                name: self._evidence[0](name, steps[name], cut_size(mask.shape[::-1]))
+                name: self._evidence(name, steps[name], cut_size(mask.shape[::-1]))
                 for name, mask in alone.items()
             }
         elif self._scenes.estimator == "multiview":
@@ -157,10 +155,6 @@ class FitSilhouettes:
             name: FitSilhouette(mask, used[name], bodies[name], reasons, odds.get(name))
             for name, mask in alone.items()
         }
-
-    def _bodies(self, name: str, step: int, size: tuple[int, int]) -> Mask:
-        """Everybody (h, w) bool in a camera's frame."""
-        return np.any([one.silhouette(name, step, size) for one in self._evidence], axis=0)
 
     def _completed(
         self, frames: Mapping[str, Frame], plain: Silhouettes, alone: Mapping[str, Mask]

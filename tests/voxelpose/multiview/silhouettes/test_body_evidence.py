@@ -20,7 +20,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence, cut_by_body
+from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence, cut_by_bodies
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     Footage,
@@ -110,7 +110,7 @@ def overlaps(store, truth):
 
 
 def cut(prepared, poses):
-    return cut_by_body(prepared, BODY, poses, StageClock(), SilentReporter())
+    return cut_by_bodies(prepared, [(BODY, poses)], StageClock(), SilentReporter())
 
 
 def test_a_shadow_in_the_colours_of_the_clothes_is_cut_off(walk, prepared):
@@ -139,8 +139,22 @@ def test_a_body_is_drawn_where_the_lens_shows_it():
     lens = UndistortedView.from_camera(camera, None)
     rig = Rig((lens.pinhole,))
     pose = stance(BODY)
-    odds = BodyEvidence(BODY, [pose], rig, Rig((camera,)), [0])("cam", 0, camera.size)
+    odds = BodyEvidence([(BODY, [pose])], rig, Rig((camera,)), [0])("cam", 0, camera.size)
     (true,) = photograph(PinholeViews.from_rig(rig), BODY, pose)
     seen = lens.undistort(odds > 0)
     assert np.count_nonzero(seen & true) > 0.95 * np.count_nonzero(seen | true)
     assert np.abs(odds).max() == pytest.approx(4.5)
+
+
+def test_of_several_bodies_the_one_that_says_most_is_asked():
+    (near, far), (camera, _) = (stance(BODY), stance(BODY, place_m=(0.3, 0.9))), VIEWS.rig
+    places = VIEWS.rig, VIEWS.rig, [0, 0]
+
+    def odds(*poses):
+        evidence = BodyEvidence([(BODY, [pose]) for pose in poses], *places)
+        return evidence(camera.name, 0, camera.size)
+
+    apart = [odds(near), odds(far)]
+    assert np.array_equal(odds(near, far), np.maximum(*apart))
+    # Somebody who was not found may be anywhere: nothing speaks against any pixel.
+    assert np.array_equal(odds(near, None), np.maximum(apart[0], 0))

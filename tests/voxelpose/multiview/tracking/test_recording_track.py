@@ -8,6 +8,7 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter, StageClock
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from voxelpose.multiview.matching.matcher import MatchSettings
@@ -35,19 +36,12 @@ def tracked(error, at_m=None):
     start = SimpleNamespace(candidate=SimpleNamespace(objects=False), cost_of=np.mean)
     body = SimpleNamespace(model=None)
     joints_m = np.full((2, 15, 3), error if at_m is None else at_m)
-    tracker = SimpleNamespace(error=np.full(2, error), body=body, poses=[None] * 2)
+    seen = SimpleNamespace(there=np.ones(2, bool), places_m=None)
+    tracker = SimpleNamespace(
+        error=np.full(2, error), body=body, poses=[None] * 2, observations=seen
+    )
     tracker.joints_m = lambda: joints_m
     return tracker, start
-
-
-class Work(TrackWork):
-    """Finds persons whose errors are told beforehand."""
-
-    def _observations(self, prepared, kept):
-        return prepared
-
-    def tracked(self, observations, *, objects=False):
-        return tracked(self.settings.options["errors"].pop(0), self.settings.options.get("at_m"))
 
 
 @pytest.fixture
@@ -58,14 +52,21 @@ def result(monkeypatch):
     def cut(prepared, *_):
         yield silhouettes(3)
 
-    monkeypatch.setattr(recording_track, "cut_by_body", cut)
+    monkeypatch.setattr(recording_track, "cut_by_bodies", cut)
 
     def result(first, *again, background="auto", at_m=None):
-        settings = Settings(background=background, options={"errors": list(again), "at_m": at_m})
-        work = Work(settings, 10, MatchSettings(), None, StageClock(), SilentReporter())
+        settings, told = Settings(background=background), (StageClock(), SilentReporter())
+        work, errors = TrackWork(settings, 10, MatchSettings(), None, *told), list(again)
+
+        def followed(errors, at_m=None):
+            errors = errors if isinstance(errors, tuple) else (errors,)
+            return [tracked(error, at_m) for error in errors]
+
         with ExitStack() as kept:
-            (tracker, _), changed = work._cut_by_body(tracked(first), silhouettes(4), kept)
-        return tracker.error[0], changed, len(settings.options["errors"])
+            at = followed(first), silhouettes(4), lambda _: followed(errors.pop(0), at_m), kept
+            found, changed = work.cut_anew(*at)
+        people = tuple(float(tracker.error[0]) for tracker, _ in found)
+        return people if len(people) > 1 else people[0], changed, len(errors)
 
     return result
 
@@ -79,6 +80,12 @@ def test_an_improbable_one_is_tracked_again_and_the_more_probable_taken(result):
     assert result(WRONG, 0.5, 0.01) == (WRONG, {}, 1)
 
 
+def test_of_several_people_all_are_tracked_again_where_one_is_improbable(result):
+    assert result((RIGHT, WRONG), (0.09, RIGHT), 0.01) == ((0.09, RIGHT), {"cam": 0.25}, 1)
+    assert result((RIGHT, RIGHT), 0.01) == ((RIGHT, RIGHT), {}, 1)
+    assert result((RIGHT, WRONG), (WRONG, WRONG), 0.01) == ((RIGHT, WRONG), {}, 1)
+
+
 def test_it_is_cut_twice_at_most(result):
     assert result(WRONG, 0.35, 0.3, 0.01) == (0.3, {"cam": 0.25}, 1)
 
@@ -90,3 +97,17 @@ def test_where_both_agree_the_first_stands(result):
 
 def test_the_papers_silhouettes_stay_as_they_are(result):
     assert result(WRONG, RIGHT, background="paper") == (WRONG, {}, 1)
+
+
+def test_one_of_several_people_is_supposed_where_the_place_is_known():
+    """As in the nearest frame, moved; not where nobody is, and of one person nowhere."""
+    pose = Pose(np.array([1.0, 2, 0.9]), np.eye(3), np.zeros(3))
+    places_m = np.array([[1.0, 2, 1], [1.2, 2, 1], [1.5, 2, 1], [np.nan] * 3])
+    there = ~np.isnan(places_m[:, 0])
+    seen = SimpleNamespace(places_m=places_m, there=there)
+    poses = [pose, None, None, None]
+    found = recording_track._supposed(SimpleNamespace(poses=poses, observations=seen))
+    assert found[3] is None
+    assert [one.root_m[0] for one in found[:3]] == pytest.approx([1.0, 1.2, 1.5])
+    alone = SimpleNamespace(places_m=None, there=np.ones(4, bool))
+    assert recording_track._supposed(SimpleNamespace(poses=poses, observations=alone)) is poses

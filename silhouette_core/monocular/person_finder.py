@@ -1,0 +1,326 @@
+"""Whose silhouette is whose before one camera: one person's, or one of several people's.
+
+People whose silhouettes stay apart are found each. Where two have one silhouette, neither is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from calib.camera import Camera
+from calib.components import MaskComponents, label_components
+from silhouette_core.estimator import Frame
+from silhouette_core.image.head_colours import ColourCrop, coarse_histogram
+from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.monocular.person import LEAST_PX, Person, find_person, slenderness
+from silhouette_core.monocular.tuning import PERSON
+
+LONG_SIDE_PX = 960
+_MOST = 2  # what it costs that a silhouette is somebody's: 1 by its place, 1 by its colours
+Averaged = TypeVar("Averaged", float, NDArray[np.float64])
+
+
+class PersonFinder:
+    """Finds the person in one frame after the other.
+
+    Args:
+        coloured: whether the person's colours are kept.
+    """
+
+    def __init__(self, camera: Camera, coloured: bool):
+        self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
+        self._near_px: NDArray[np.float64] | None = None
+        self._usual_px: float | None = None
+
+    def find(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
+        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
+        return self.among(picture, self._lens.undistort(silhouette))
+
+    def among(self, picture: Frame, mask: NDArray[np.bool_]) -> Person | None:
+        """Person in a frame (H, W, 3) as recorded, among what may be it, (h, w), undistorted."""
+        person = find_person(mask, self._near_px, self._usual_px)
+        if person is None:
+            return None
+        if self._coloured:
+            person = replace(person, colours=_colours(self._lens, picture, person.mask))
+        moments = cv2.moments(person.mask.view(np.uint8), binaryImage=True)
+        area, usual = moments["m00"], self._usual_px
+        self._usual_px = area if usual is None else _mixed(usual, area)
+        self._near_px = np.array([moments["m10"], moments["m01"]]) / area
+        return person
+
+
+@dataclass(eq=False)
+class FollowedPerson:
+    """What is known of one of several people from the frames so far.
+
+    Attributes:
+        first: number of frames before the first.
+        near_px: (2,) where the silhouette was, or may be.
+        speed_px: (2,) by which it moves in a frame.
+        usual_px: its area.
+        looks: (n,) coarse histogram of the colours; None: they are not known.
+        box_px: (2, 2) corners of the box about it.
+        seen: frames in which the silhouette was apart, each by how slender it was.
+        came_from: number of a person in whose silhouette this one was before; None: nobody's.
+    """
+
+    first: int
+    near_px: NDArray[np.float64]
+    speed_px: NDArray[np.float64]
+    usual_px: float
+    looks: NDArray[np.float64] | None
+    box_px: NDArray[np.float64]
+    came_from: int | None
+    seen: float = 0.0
+
+    @classmethod
+    def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
+        """Somebody who is first seen apart in a frame, and where from."""
+        place = piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px
+        return cls(frame, *place, host)
+
+    def merged(self, piece: _Piece) -> None:
+        """Goes on within a silhouette with others."""
+        self.near_px = (self.near_px + self.speed_px).clip(*piece.box_px)
+        self.box_px = piece.box_px
+
+    def moved(self, piece: _Piece) -> None:
+        """Learns from a silhouette that is this person's."""
+        self.speed_px = _mixed(self.speed_px, piece.centre_px - self.near_px)
+        self.near_px, self.box_px = piece.centre_px, piece.box_px
+        self.usual_px = _mixed(self.usual_px, piece.area)
+        self.seen += piece.slender
+        if self.looks is not None and piece.looks is not None:
+            self.looks = _mixed(self.looks, piece.looks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A component of a foreground image that is large enough for a person: its number, area, px,
+    slenderness, centre (2,), box (2, 2) and colours.
+    """
+
+    label: int
+    area: float
+    slender: float
+    centre_px: NDArray[np.float64]
+    box_px: NDArray[np.float64]
+    looks: NDArray[np.float64] | None
+
+
+class PeopleFollower:
+    """Follows people whose silhouettes stay apart, frame by frame.
+
+    Args:
+        camera: which filmed.
+        people: whom; None: everybody who appears, added to `people`.
+        coloured: whether frames have colours, which tell people apart where they part again.
+
+    Attributes:
+        merged: numbers of those who have one silhouette with others in the last frame.
+    """
+
+    def __init__(self, camera: Camera, people: list[FollowedPerson] | None, coloured: bool):
+        self.merged: frozenset[int] = frozenset()
+        self.lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
+        self.people = [] if people is None else people
+        self._is_open = people is None
+        self._frame = -1
+
+    def find(self, picture: Frame, mask: NDArray[np.bool_]) -> list[NDArray[np.bool_] | None]:
+        """Where each person may be in the next frame, (h, w) bool; None: not there, or not apart.
+
+        Args:
+            picture: (H, W, 3) as recorded.
+            mask: (h, w) bool, all foreground, undistorted.
+        """
+        self._frame += 1
+        components = label_components(mask)
+        there = [k for k, person in enumerate(self.people) if person.first <= self._frame]
+        pieces = self._pieces(components, picture, [self.people[k] for k in there])
+        taken = _assigned([self.people[k] for k in there], pieces)
+        owners = {there[k]: j for k, j in taken.items()}
+        merged = self._merged(owners, pieces, there)
+        self.merged = frozenset(merged)
+        for k in merged:
+            self.people[k].merged(pieces[merged[k]])
+        for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
+            missing = [k for k in there if k not in owners and k not in merged]
+            if missing:  # comes back; by the colours, if there are any
+                back = min(missing, key=lambda k: _unlike(self.people[k], pieces[j]))
+                self.people[back].near_px, owners[back] = pieces[j].centre_px, j
+            elif self._is_open:
+                owners[len(self.people)] = j
+                hosts = [k for k in there if _holds(self.people[k].box_px, pieces[j].centre_px)]
+                host = hosts[0] if hosts else None
+                self.people.append(FollowedPerson.begun(self._frame, pieces[j], host))
+        for k, j in owners.items():
+            if k not in merged:
+                self.people[k].moved(pieces[j])
+        claimed = sorted({*owners.values(), *merged.values()})
+        nearest = _nearest(components, [pieces[j].label for j in claimed])
+        apart = {k: claimed.index(j) for k, j in owners.items() if k not in merged}
+        numbers = range(len(self.people))
+        return [mask & (nearest == apart[k]) if k in apart else None for k in numbers]
+
+    def _pieces(
+        self, components: MaskComponents, picture: Frame, people: Sequence[FollowedPerson]
+    ) -> list[_Piece]:
+        """Components that are large enough for one of some people, or for anybody."""
+        area = components.sizes[1:].astype(float)
+        if not len(area):
+            return []
+        (y, x), (bottom, right) = components.bounds.transpose(1, 2, 0).astype(float)
+        slender = slenderness(right - x, bottom - y)
+        smallest = min((person.usual_px for person in people), default=np.inf)
+        least = PERSON.least_of_usual * min(smallest, float((area * slender).max()))
+        found = []
+        for k in np.flatnonzero(area * slender >= max(LEAST_PX, least)).tolist():
+            box = np.array([[x[k], y[k]], [right[k], bottom[k]]])
+            looks = None
+            if self._coloured:
+                crop = _colours(self.lens, picture, components.labels == k + 1)
+                own = crop.part(components.labels == k + 1)
+                looks = coarse_histogram(crop.bins[own])
+            centre = components.centroids[k, ::-1]
+            found.append(_Piece(k + 1, area[k], float(slender[k]), centre, box, looks))
+        return found
+
+    def _merged(
+        self, owners: dict[int, int], pieces: list[_Piece], there: list[int]
+    ) -> dict[int, int]:
+        """By number, people who have one silhouette with others, and which piece that is.
+
+        Who has no silhouette is in that which holds the place, if it is larger than its owner's
+        alone.
+        """
+        merged: dict[int, int] = {}
+        for k in there:
+            person = self.people[k]
+            if k in owners:
+                continue
+            place_px = person.near_px + person.speed_px
+            for owner, j in owners.items():
+                alone = self.people[owner].usual_px + PERSON.least_of_usual * person.usual_px
+                if _holds(pieces[j].box_px, place_px) and pieces[j].area >= alone:
+                    merged |= {k: j, owner: j}
+        return merged
+
+
+def people_apart(
+    frames: Iterator[tuple[Frame, NDArray[np.bool_]]], camera: Camera, count: int, coloured: bool
+) -> list[FollowedPerson]:
+    """The people who are longest seen apart, as they begin, in the order of their places.
+
+    Args:
+        frames: pictures (H, W, 3) and foreground (h, w) bool, both as recorded.
+        camera: which filmed them.
+        count: number of people, at most.
+        coloured: see `PeopleFollower`.
+    """
+    follower = PeopleFollower(camera, None, coloured)
+    begun: list[FollowedPerson] = []
+    for picture, silhouette in frames:
+        follower.find(picture, follower.lens.undistort(silhouette))
+        begun += [replace(person) for person in follower.people[len(begun) :]]
+    people = []
+    for last, person in zip(follower.people, begun, strict=True):
+        host = person if person.came_from is None else people[person.came_from]
+        # Who came out of another's silhouette was in it from its beginning.
+        place = {name: getattr(host, name) for name in ("first", "near_px", "box_px")}
+        people.append(replace(person, **place, usual_px=last.usual_px, looks=last.looks))
+    longest = np.argsort([-person.seen for person in follower.people], kind="stable")[:count]
+    chosen = [people[k] for k in longest.tolist()]
+    return sorted(chosen, key=lambda person: (person.first, person.near_px[0]))
+
+
+class OneOfPeople(PersonFinder):
+    """Finds one of several people in one frame after the other.
+
+    Args:
+        people: everybody, from `people_apart`.
+        number: whom, from 0.
+
+    Attributes:
+        merged: in how many frames so far somebody else has the same silhouette.
+    """
+
+    def __init__(
+        self, camera: Camera, coloured: bool, people: Sequence[FollowedPerson], number: int
+    ):
+        super().__init__(camera, coloured)
+        own = [replace(person) for person in people]
+        known = any(person.looks is not None for person in people)
+        self._follower = PeopleFollower(camera, own, known)
+        self._number, self.merged = number, 0
+
+    def among(self, picture: Frame, mask: NDArray[np.bool_]) -> Person | None:
+        """See `PersonFinder.among`."""
+        own = self._follower.find(picture, mask)[self._number]
+        self.merged += self._number in self._follower.merged
+        return None if own is None else super().among(picture, own)
+
+
+def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dict[int, int]:
+    """Which piece is whose: indices of pieces by people's. Nobody moves within a frame by half
+    their height, which is the root of the area.
+    """
+    costs = np.full((len(people), len(pieces)), float(_MOST))
+    for k, person in enumerate(people):
+        for j, piece in enumerate(pieces):
+            away = np.linalg.norm(piece.centre_px - person.near_px - person.speed_px)
+            away /= np.sqrt(person.usual_px)
+            if away < 1 and piece.area >= PERSON.least_of_usual * person.usual_px:
+                costs[k, j] = away + _unlike(person, piece)
+    rows, columns = linear_sum_assignment(costs)
+    pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+    return {k: j for k, j in pairs if costs[k, j] < _MOST}
+
+
+def _unlike(person: FollowedPerson, piece: _Piece) -> float:
+    """How different the colours of a person and a piece are, 0 to 1: Hellinger's distance."""
+    if person.looks is None or piece.looks is None:
+        return 0.0
+    return float(np.sqrt(max(1 - np.sqrt(person.looks * piece.looks).sum(), 0.0)))
+
+
+def _holds(box_px: NDArray[np.float64], place_px: NDArray[np.float64]) -> bool:
+    """Whether a place is in a box."""
+    return bool((box_px[0] <= place_px).all() and (place_px <= box_px[1]).all())
+
+
+def _nearest(components: MaskComponents, labels: Sequence[int]) -> NDArray[np.intp]:
+    """Which of some components is nearest to each pixel, (h, w); 0 where there is but one."""
+    if len(labels) < 2:
+        return np.zeros(components.labels.shape, np.intp)
+    away = [
+        cv2.distanceTransform(
+            (components.labels != label).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3
+        )
+        for label in labels
+    ]
+    return np.argmin(away, axis=0)
+
+
+def _mixed(old: Averaged, new: Averaged) -> Averaged:
+    """An average over the last ten frames or so."""
+    return 0.9 * old + 0.1 * new
+
+
+def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
+    """Colours in the rectangle that holds a silhouette."""
+    (top, bottom), (left, right) = (
+        (int(found[0]), int(found[-1]) + 1)
+        for found in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    )
+    return ColourCrop.of(
+        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
+    )
