@@ -1,7 +1,7 @@
 """Lens calibration of one camera from images of a board: focal lengths, centre and distortion."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -126,6 +126,27 @@ def calibrate_intrinsics(
     total = float(np.sqrt((counts * errors**2).sum() / counts.sum()))
     table = tuple(lines[name] for name in views)
     return Intrinsics(found, total, table, deviations, _coverage(good, size))
+
+
+def lens_error_px(board: Board, camera: Camera, views: Sequence[BoardView]) -> float:
+    """Root mean square reprojection error, px, of a lens as it is, in pictures of a board of the
+    size at which it was calibrated.
+    """
+    lens = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+    seen = [
+        (view, poses[0])
+        for view in views
+        if (poses := ideal_poses(lens, board.points_m[view.ids], view.pixels))
+    ]
+    if not seen:
+        return float("nan")
+    owner = np.repeat(np.arange(len(seen)), [len(view.ids) for view, _ in seen])
+    points = np.concatenate([board.points_m[view.ids] for view, _ in seen])
+    pixels = np.concatenate([view.pixels for view, _ in seen])
+    turns, shifts = (np.array([pose[part] for _, pose in seen]) for part in (0, 1))
+    scene = BundleScene((lens,), turns, shifts)
+    found = adjust(scene, Observations(np.zeros_like(owner), owner, points, pixels), "boards")
+    return rms_px(found.residuals_px)
 
 
 def _solve(
