@@ -14,6 +14,12 @@ import msgspec
 from calib.errors import InputError
 from voxelpose.report.page import REPORT
 from voxelpose.setup_page.page_requests import LARGEST_BODY
+from voxelpose.studio.calibration_step import (
+    RIG_PICTURE,
+    SHEET,
+    BoardAsked,
+    CalibrationAsked,
+)
 from voxelpose.studio.studio_jobs import EXPORTED
 from voxelpose.studio.studio_session import (
     ExportAsked,
@@ -101,7 +107,12 @@ class StudioServer(GatedServer):
                 await self._tell(writer)
             case ("download",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
-                await _send(writer, folder / EXPORTED, f"{folder.name}.zip")
+                nothing = "nothing is exported yet: export first"
+                await _send(writer, folder / EXPORTED, f"{folder.name}.zip", nothing)
+            case ("sheet", "board"):
+                folder = await asyncio.to_thread(session.folder.project, query.get("project", ""))
+                nothing = "no board is made yet: make it first"
+                await _send(writer, folder / SHEET, SHEET, nothing)
             case ("report",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
                 content = await asyncio.to_thread((folder / REPORT).read_bytes)
@@ -115,7 +126,7 @@ class StudioServer(GatedServer):
         self, request: GateRequest, query: Mapping[str, str], reader: StreamReader
     ) -> Reply:
         """Takes a file of a project."""
-        given = {key: query.get(key, "") for key in ("project", "name", "place")}
+        given = {key: query.get(key, "") for key in ("project", "name", "place", "camera")}
         try:
             asked = msgspec.convert(given | {"bytes": request.body_bytes}, FileAsked)
         except msgspec.ValidationError as error:
@@ -170,6 +181,14 @@ class StudioServer(GatedServer):
                 return json_content(session.project(project))
             case ("api", "form"):
                 return json_content(session.form(project, query.get("command", "")))
+            case ("api", "calibration"):
+                return json_content(session.calibration.state(project))
+            case ("still",):
+                asked = project, query.get("place", ""), query.get("camera", "")
+                return session.calibration.still(*asked), "image/jpeg"
+            case ("rig",):
+                picture = session.folder.project(project) / RIG_PICTURE
+                return picture.read_bytes(), "image/png"
             case ("sheet",):
                 return session.sheet(query.get("result", "")), "image/jpeg"
         return None
@@ -186,6 +205,11 @@ class StudioServer(GatedServer):
                 session.remove(parse_request(body, FileAsked))
             case ("api", "fit"):
                 session.start_fit(parse_request(body, FitAsked))
+            case ("api", "board"):
+                asked = parse_request(body, BoardAsked)
+                return json_content(session.calibration.sheet(asked))
+            case ("api", "calibrate"):
+                session.calibration.start(parse_request(body, CalibrationAsked))
             case ("api", "export"):
                 session.start_export(parse_request(body, ExportAsked))
             case ("api", "stop"):
@@ -200,12 +224,12 @@ def _head(headers: Mapping[str, str]) -> bytes:
     return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
 
 
-async def _send(writer: StreamWriter, path: Path, name: str) -> None:
-    """Sends a file to be kept. InputError where it is not there."""
+async def _send(writer: StreamWriter, path: Path, name: str, nothing: str) -> None:
+    """Sends a file to be kept. InputError with a line where there is `nothing`."""
     try:
         file = path.open("rb")
     except OSError:
-        raise InputError("nothing is exported yet: export first") from None
+        raise InputError(nothing) from None
     with file:
         headers = {
             "Content-Type": "application/octet-stream",

@@ -219,9 +219,10 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
     if file is not None:
         (walk / file).unlink()
     forms, folder = CommandForms(), StudioFolder(desk)
-    command = forms.command("fit", walk, desk / "x", STANDING | settings, folder.project)
+    fixed = {"recording": walk, "out": desk / "x"}
+    command = forms.command("fit", walk, fixed, STANDING | settings, folder.project)
     with pytest.raises(StepError) as error:
-        estimate(SilentReporter(), forms.work(), command, folder.root)
+        estimate(SilentReporter(), forms.work("fit"), command, folder.root)
     assert error.value.step == step and line in str(error.value)
 
 

@@ -1,6 +1,7 @@
 // The studio: one step at a time, by the address; the job of the program is followed all the while.
 
 import { getJson, onConnection, postJson } from "./api.js";
+import { calibrateStep } from "./calibrate_step.js";
 import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
 import { importStep } from "./import_step.js";
@@ -9,8 +10,8 @@ import { addRail } from "./rail.js";
 import { viewStep } from "./view_step.js";
 
 const by = (id) => document.getElementById(id);
-const VIEWS = { projects: projectsStep, import: importStep, fit: fitStep, view: viewStep, export: exportStep };
-const TITLES = { projects: "Projects", import: "Import", fit: "Fit", view: "View", export: "Export" };
+const VIEWS = { projects: projectsStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep };
+const TITLES = { projects: "Projects", import: "Import", calibrate: "Calibrate", fit: "Fit", view: "View", export: "Export" };
 
 class Studio {
   constructor() {
