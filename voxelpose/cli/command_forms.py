@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, get_origin, get_type_hints
 
 from calib.errors import InputError
+from voxelpose.cli.arguments import BoardArguments
 from voxelpose.cli.options import (
     Option,
     choices_of,
@@ -25,6 +26,7 @@ from voxelpose.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from calib.board import Board
     from silhouette_core.progress import Reporter
     from voxelpose.cli.fit import EstimationArguments
     from voxelpose.results import Result
@@ -146,9 +148,18 @@ class CommandForms:
         """Function that runs a command."""
         return run_calibration if command.startswith("calibrate.") else run_estimation
 
-    def values(self, project: Path) -> Mapping[str, tuple[Any, str]]:
-        """Settings of `fit` by the files of a project."""
-        return folder_settings("fit", project)
+    def values(self, command: str, project: Path) -> Mapping[str, tuple[Any, str]]:
+        """Settings of a command by the files of a project."""
+        return folder_settings(command, project)
+
+    def board(self, project: Path) -> Board | None:
+        """The board that the files of a project describe; None where they do not. InputError where
+        there is no such board.
+        """
+        found = folder_settings("calibrate.intrinsics", project)
+        like = {field.name for field in fields(BoardArguments)}
+        known = {name: found[name].value for name in like & found.keys()}
+        return BoardArguments(**known).to_board() if {"board", "square"} <= known.keys() else None
 
     def formats(self) -> dict[str, str]:
         """What `export` writes, by the names of the formats, as its help says."""

@@ -30,8 +30,10 @@ SHEET = "board.pdf"
 """File of a project that holds the board to be printed."""
 RIG_PICTURE = "calibration_rig.png"
 """File beside a calibration that shows the cameras in the room."""
+LENSES = "lenses.toml"
+"""File of a project that holds the lenses, without positions."""
 _STILLS, _WALK = "boards", "board_walk"
-_LENSES, _CALIBRATION = "lenses.toml", "calibration.toml"
+_CALIBRATION = "calibration.toml"
 _LENS_REPORT, _RIG_REPORT = "lenses_lenses.json", "calibration_places.json"
 _COMMANDS = "board", "intrinsics", "extrinsics", "sync"
 _OF_BOARD = "board", "square", "marker", "dictionary"  # which two commands share
@@ -89,7 +91,7 @@ class CalibrationStep:
                 "take": (project / TIMESTAMPS).is_file(),
             },
             "points": len(read_points(points).known_m) if points.is_file() else 0,
-            "lenses": _report(project / _LENS_REPORT) if (project / _LENSES).is_file() else None,
+            "lenses": _report(project / _LENS_REPORT) if (project / LENSES).is_file() else None,
             "rig": _report(project / _RIG_REPORT) if (project / _CALIBRATION).is_file() else None,
             "rig_picture": picture.stat().st_mtime if picture.is_file() else None,
             "calibration": None if calibration is None else calibration.name,
@@ -159,12 +161,12 @@ class CalibrationStep:
     def _files(self, project: Path, asked: CalibrationAsked) -> dict[str, Any]:
         """The files that a calibration reads and writes. InputError where one is not there yet."""
         command, of = asked.command, asked.of
-        lenses = project / _LENSES if (project / _LENSES).is_file() else calibration_path(project)
+        lenses = project / LENSES if (project / LENSES).is_file() else calibration_path(project)
         walk = project / _WALK
         if command == "intrinsics":
             if not pictures_by_camera(project / _STILLS):
                 raise InputError("there are no pictures of the board: add them above")
-            return {"pictures": (project / _STILLS,), "out": project / _LENSES}
+            return {"pictures": (project / _STILLS,), "out": project / LENSES}
         if of == "boards" and not pictures_by_camera(walk, stills=True):
             raise InputError("there are no videos of the carried board: add them above")
         if command == "sync":

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Protocol
 
 from msgspec import Meta
 
+from calib.board import Board
 from silhouette_core.progress import Reporter
 from voxelpose.setup_page.setup_session import SettingValues
 from voxelpose.view.serving.page_answers import Name
@@ -49,8 +50,14 @@ class Commands(Protocol):
         """
         ...
 
-    def values(self, project: Path) -> SettingValues:
-        """Settings of `fit` by the files of a project."""
+    def values(self, command: str, project: Path) -> SettingValues:
+        """Settings of a command by the files of a project."""
+        ...
+
+    def board(self, project: Path) -> Board | None:
+        """The board that the files of a project describe; None where they do not. InputError where
+        there is no such board.
+        """
         ...
 
     def formats(self) -> dict[str, str]:

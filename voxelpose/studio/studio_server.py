@@ -20,6 +20,7 @@ from voxelpose.studio.calibration_step import (
     BoardAsked,
     CalibrationAsked,
 )
+from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
 from voxelpose.studio.studio_session import (
     ExportAsked,
@@ -183,6 +184,13 @@ class StudioServer(GatedServer):
                 return json_content(session.form(project, query.get("command", "")))
             case ("api", "calibration"):
                 return json_content(session.calibration.state(project))
+            case ("api", "cameras"):
+                return json_content(session.recording.state(project))
+            case ("preview",):
+                picture = session.job.picture(query.get("camera", ""))
+                if picture is None:
+                    raise InputError("there is no picture yet")
+                return picture, "image/jpeg"
             case ("still",):
                 asked = project, query.get("place", ""), query.get("camera", "")
                 return session.calibration.still(*asked), "image/jpeg"
@@ -210,6 +218,10 @@ class StudioServer(GatedServer):
                 return json_content(session.calibration.sheet(asked))
             case ("api", "calibrate"):
                 session.calibration.start(parse_request(body, CalibrationAsked))
+            case ("api", "record"):
+                session.recording.start(parse_request(body, RecordAsked))
+            case ("api", "ask"):
+                session.job.ask(parse_request(body, AskedOfJob).word)
             case ("api", "export"):
                 session.start_export(parse_request(body, ExportAsked))
             case ("api", "stop"):

@@ -21,6 +21,7 @@ from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SettingValues, SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.record_step import RecordStep
 from voxelpose.studio.studio_commands import Commands, Typed
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
@@ -123,6 +124,7 @@ class StudioSession:
         self.folder, self.commands = folder, commands
         self.job, self.viewer = PageJob(), OpenedViewer()
         self.calibration = CalibrationStep(folder, commands, self.job)
+        self.recording = RecordStep(folder, commands, self.job)
         self._lock = threading.Lock()
         self._setup: tuple[str, SetupPage] | None = None
 
@@ -148,7 +150,7 @@ class StudioSession:
         files = project_files(folder)
         known: dict[str, Any] = {"name": name, "files": files}
         try:
-            values = self.commands.values(folder)
+            values = self.commands.values("fit", folder)
             given = _reading(values)
             recording, fault = OpenedFolder.open(folder, *given).recording, ""
             names = list(recording.rig.names)
@@ -236,7 +238,7 @@ class StudioSession:
         with self._lock:
             if self._setup is None or self._setup[0] != name or again:
                 folder = self.folder.project(name)
-                read = partial(self.commands.values, folder)
+                read = partial(self.commands.values, "fit", folder)
                 opened = OpenedFolder.open(folder, *_reading(read()))
                 session = SetupSession(opened, read, self.job, "../../")
                 self._setup = name, SetupPage(session)

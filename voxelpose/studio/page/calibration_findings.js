@@ -29,7 +29,7 @@ function card(step, name, file, lens) {
 }
 
 // Cells of the picture in which corners were seen, over a picture: red where there were none.
-function coverage({ corners_per_cell: cells, size }) {
+export function coverage({ corners_per_cell: cells, size }) {
   const [width, height] = size;
   const canvas = make("canvas", { width: 400, height: Math.round((400 * height) / width), role: "img", "aria-label": `The board was seen in ${cells.flat().filter(Boolean).length} of ${cells.flat().length} cells of the picture` });
   const pen = canvas.getContext("2d");

@@ -7,11 +7,12 @@ import { fitStep } from "./fit_step.js";
 import { importStep } from "./import_step.js";
 import { projectsStep } from "./projects_step.js";
 import { addRail } from "./rail.js";
+import { recordStep } from "./record_step.js";
 import { viewStep } from "./view_step.js";
 
 const by = (id) => document.getElementById(id);
-const VIEWS = { projects: projectsStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep };
-const TITLES = { projects: "Projects", import: "Import", calibrate: "Calibrate", fit: "Fit", view: "View", export: "Export" };
+const VIEWS = { projects: projectsStep, record: recordStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep };
+const TITLES = { projects: "Projects", record: "Record", import: "Import", calibrate: "Calibrate", fit: "Fit", view: "View", export: "Export" };
 
 class Studio {
   constructor() {
