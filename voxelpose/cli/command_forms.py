@@ -29,10 +29,15 @@ if TYPE_CHECKING:
     from calib.board import Board
     from silhouette_core.progress import Reporter
     from voxelpose.cli.fit import EstimationArguments
+    from voxelpose.cli.live import Live
+    from voxelpose.live.session import LiveSession
     from voxelpose.results import Result
 
-# What the page decides: where files lie.
-_NOT_IN_FORMS = {"out", "overwrite", "verbose", "intrinsics", "points"}
+# What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
+_NOT_IN_FORMS = set(
+    "out overwrite verbose intrinsics points source send loop record record_now duration page host"
+    " port token browser".split()
+)
 _FILES = {"body", "segmenter", "library"}  # options whose value may name a file
 _INPUTS = {bool: "checkbox", int: "number", float: "number"}
 
@@ -146,6 +151,8 @@ class CommandForms:
 
     def work(self, command: str) -> Callable[[Reporter, Any], Any]:
         """Function that runs a command."""
+        if command == "live":
+            return prepare_session
         return run_calibration if command.startswith("calibrate.") else run_estimation
 
     def values(self, command: str, project: Path) -> Mapping[str, tuple[Any, str]]:
@@ -187,6 +194,11 @@ def run_calibration(reporter: Reporter, command: CalibrationCommand) -> Any:
     found = command.calibrate(reporter)
     command.write(found)
     return found
+
+
+def prepare_session(reporter: Reporter, command: Live) -> LiveSession:
+    """The session of a command, whose cameras are not running yet."""
+    return command.prepare(reporter)
 
 
 def _input_of(option: Option) -> str:

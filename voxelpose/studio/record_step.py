@@ -62,7 +62,7 @@ class RecordAsked(Struct, forbid_unknown_fields=True):
 class AskedOfJob(Struct, forbid_unknown_fields=True):
     """A word for the job that is running."""
 
-    word: Literal["record", "finish", "background", "start", "stop"]
+    word: Literal["record", "finish", "background", "start", "stop", "end recording"]
 
 
 class RecordStep:

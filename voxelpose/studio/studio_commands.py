@@ -46,7 +46,7 @@ class Commands(Protocol):
 
     def work(self, command: str) -> Callable[[Reporter, Any], Any]:
         """Function of a module that runs a command and returns what it found: of an estimation the
-        results, of a calibration what its `calibrate` says.
+        results, of a calibration what its `calibrate` says, of `live` the session.
         """
         ...
 

@@ -20,6 +20,7 @@ from voxelpose.studio.calibration_step import (
     BoardAsked,
     CalibrationAsked,
 )
+from voxelpose.studio.live_step import LiveAsked, ReceiversAsked
 from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
 from voxelpose.studio.studio_session import (
@@ -99,6 +100,8 @@ class StudioServer(GatedServer):
             case ("view", *parts) if "-" in parts:
                 depth = parts.index("-") + 2
                 await self._view("/".join(parts[: depth - 2]), request, depth, reader, writer)
+            case ("live", "-", *_):
+                await session.live.relay(request.below(2), reader, writer)
             case _ if request.upgrade:
                 return error_reply("400 Bad Request", "no WebSocket is here")
             case ("check", name, *rest):
@@ -184,6 +187,8 @@ class StudioServer(GatedServer):
                 return json_content(session.form(project, query.get("command", "")))
             case ("api", "calibration"):
                 return json_content(session.calibration.state(project))
+            case ("api", "live"):
+                return json_content(session.live.state(project))
             case ("api", "cameras"):
                 return json_content(session.recording.state(project))
             case ("preview",):
@@ -220,6 +225,10 @@ class StudioServer(GatedServer):
                 session.calibration.start(parse_request(body, CalibrationAsked))
             case ("api", "record"):
                 session.recording.start(parse_request(body, RecordAsked))
+            case ("api", "live"):
+                session.live.start(parse_request(body, LiveAsked))
+            case ("api", "receivers"):
+                session.live.send_to(parse_request(body, ReceiversAsked))
             case ("api", "ask"):
                 session.job.ask(parse_request(body, AskedOfJob).word)
             case ("api", "export"):

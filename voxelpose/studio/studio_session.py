@@ -20,6 +20,7 @@ from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SettingValues, SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
+from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep
 from voxelpose.studio.studio_commands import Commands, Typed
@@ -125,6 +126,7 @@ class StudioSession:
         self.job, self.viewer = PageJob(), OpenedViewer()
         self.calibration = CalibrationStep(folder, commands, self.job)
         self.recording = RecordStep(folder, commands, self.job)
+        self.live = LiveStep(folder, commands, self.job, self.recording)
         self._lock = threading.Lock()
         self._setup: tuple[str, SetupPage] | None = None
 

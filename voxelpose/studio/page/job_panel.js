@@ -5,9 +5,9 @@ import { addressOf, STEPS } from "./rail.js";
 
 const VERBS = {
   fit: "Fitting", track: "Tracking", export: "Exporting", check: "Checking the cameras of",
-  recording: "Recording", "lens calibration": "Calibrating the lenses of", "position calibration": "Calibrating the positions of", synchronisation: "Putting in step the cameras of", "board synchronisation": "Putting in step the board's videos of",
+  recording: "Recording", "live session": "Live session of", "lens calibration": "Calibrating the lenses of", "position calibration": "Calibrating the positions of", synchronisation: "Putting in step the cameras of", "board synchronisation": "Putting in step the board's videos of",
 };
-const HERE = ["fit", "calibrate", "record"]; // steps that show their own errors, beside the settings
+const HERE = ["fit", "calibrate", "record", "live"]; // steps that show their own errors, beside the settings
 
 export function duration(seconds) {
   if (seconds < 50) return `${Math.max(5, Math.ceil(seconds / 5) * 5)} s`;

@@ -93,7 +93,7 @@ class PageServer:
             guard_connections(self.viser, self._peers)
             body = 0 if beside is None else _LARGEST_BODY
             self.gate = None if address is None else Gate(address, self.answer, body)
-            self.url = "" if self.gate is None else self.gate.url
+            self.url, self.port = ("", 0) if self.gate is None else (self.gate.url, self.gate.port)
         except BaseException:
             self._stop_viser()
             raise
