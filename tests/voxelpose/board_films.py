@@ -18,7 +18,13 @@ def write_video(path: Path, frames: list[np.ndarray]) -> None:
     writer.release()
 
 
-def film_boards(folder: Path, rig: Rig, board: Board, floor_m: np.ndarray) -> Path:
+def film_boards(
+    folder: Path,
+    rig: Rig,
+    board: Board,
+    floor_m: np.ndarray,
+    distance_m: tuple[float, float] = (1.5, 2.4),
+) -> Path:
     """Writes stills of the board before each camera, stills/NAME, and videos of it being carried
     about after it lay on the floor with its middle there, walk/NAME.avi.
     """
@@ -36,6 +42,6 @@ def film_boards(folder: Path, rig: Rig, board: Board, floor_m: np.ndarray) -> Pa
         )
         stills = folder / "stills" / camera.name
         stills.mkdir(parents=True)
-        for index, pose in enumerate(held_poses(12, number, (1.5, 2.4))):
+        for index, pose in enumerate(held_poses(12, number, distance_m)):
             cv2.imwrite(str(stills / f"{index:02d}.png"), own.picture(pose))
     return folder

@@ -20,7 +20,7 @@ export async function liveStep(studio, state, project) {
   step.holder.append(
     make("section", { class: "job" }, make("h3", {}, "Cameras"),
       make("p", { class: "note" }, known.there.take.length ? "Without an address, the project's own videos are played as if filmed." : ""), rows.element),
-    ...grouped(known.form, (row) => field(row, step.typed), [], [make("div", { class: "field" }, checkbox("loop", true, (on) => (step.loop = on), { id: "live_loop" }), make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."))]));
+    ...grouped(known.form, (row) => field(row.name === "camera" && known.cameras.length ? { ...row, input: "choice", choices: known.cameras, none: "all" } : row, step.typed), [], [make("div", { class: "field" }, checkbox("loop", true, (on) => (step.loop = on), { id: "live_loop" }), make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."))]));
   studio.watch((job) => show(step, job));
   return [
     make("h2", {}, "Live"),

@@ -112,6 +112,7 @@ function preview(step, job) {
   step.record.hidden = phase !== "preview";
   step.record.disabled = !job.cameras?.every((camera) => camera.pictures > 0);
   step.finish.hidden = phase !== "recording";
+  step.finish.disabled = !(job.moments > 1);
   for (const camera of job.cameras ?? []) tile(step, camera);
 }
 
