@@ -155,6 +155,23 @@ def worse(studio, walk) -> None:
     assert lines["cam_1"]["before_rms_px"] > 3 > 10 * lines["cam_1"]["rms_px"]
 
 
+def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monkeypatch):
+    for number in (1, 2):
+        (walk / f"cam_{number}.mp4").write_bytes(b"x")
+        (walk / "board_walk").mkdir(exist_ok=True)
+        (walk / "board_walk" / f"cam_{number}.mp4").write_bytes(b"x")
+    (walk / "voxelpose.toml").write_text('[calibrate.sync]\nboard = "8x5"\n')
+    started = []
+    monkeypatch.setattr(studio._session.job, "start", lambda *given: started.append(given))
+    assert start(studio, "sync", "take", by="sound", seconds=9)[0] == 200
+    assert start(studio, "sync", "boards", by="board")[0] == 200
+    (kind, of, _, _, take), (other, _, _, _, board) = started
+    assert (kind, of, other) == ("synchronisation", "walk", "board synchronisation")
+    assert (take.recording, take.out) == (walk, walk / "timestamps.csv")
+    assert (take.board, take.by, take.seconds, take.intrinsics) == (None, "sound", 9.0, None)
+    assert board.board == "8x5" and board.out == walk / "board_walk" / "timestamps.csv"
+
+
 @pytest.mark.slow
 def test_a_failure_is_told_where_it_can_be_mended(studio, walk, filmed, truth):
     shutil.copytree(filmed / "walk", walk / "board_walk")

@@ -29,7 +29,7 @@ export async function calibrateStep(studio, state, project) {
     (place || step.top).append(step.panel);
     if (place) place.closest("details")?.setAttribute("open", "");
     step.panel.replaceChildren(...(mine || job.state === "running" ? [jobPanel(studio, job, project, () => outcome(job))] : []));
-    for (const start of holders.querySelectorAll("button[data-calibrate]")) start.disabled = job.state === "running";
+    allowStarts(step);
   });
   return [
     make("h2", {}, "Calibrate"),
@@ -139,7 +139,7 @@ function timePart(step) {
 }
 
 function drawFiles(step) {
-  const { known, uploads, studio } = step;
+  const { known, uploads } = step;
   step.sheet.hidden = !known.sheet;
   const look = (names) => Object.entries(names).map(([name, title]) => {
     const made = field(known.forms.intrinsics.find((row) => row.name === name), step.typed.look, "look");
@@ -175,7 +175,13 @@ function drawFiles(step) {
       picker("Choose a folder", (files) => uploads.addFolder("board_walk", files), { webkitdirectory: true, "data-folder": "board_walk" }))), takeWalk));
   step.rig.replaceChildren(...rigFindings(step));
   step.times.replaceChildren(known.in_step.take ? make("p", { class: "note" }, "timestamps.csv tells the time of every frame; it is written anew.") : "");
-  for (const start of step.holders.querySelectorAll("button[data-calibrate]")) start.disabled = studio.job.state === "running";
+  allowStarts(step);
+}
+
+// Nothing begins while files are still coming, which it would not see.
+function allowStarts(step) {
+  const waits = step.studio.job.state === "running" || step.uploads.waiting;
+  for (const start of step.holders.querySelectorAll("button[data-calibrate]")) start.disabled = waits;
 }
 
 function freeCamera(files) {

@@ -43,7 +43,7 @@ export class Uploads {
   take(items) {
     if (!this.waiting) Object.assign(this, { refused: [], sent: 0 });
     this.queue.push(...items);
-    if (!this.busy) this.sendAll();
+    if (!this.sending) this.sending = this.sendAll().finally(() => (this.sending = null));
   }
 
   stop() {
