@@ -51,8 +51,7 @@ def calibrate_lenses(
     lenses, failures = [], {}
     for name, pictures in cameras.items():
         count = pictures.frame_count
-        total = count if pictures.stills else -(-count // stride(count))
-        reporter.stage(f"pictures of {name}", total)
+        reporter.stage(f"pictures of {name}", -(-count // stride(count)))
         try:
             views = find_views(board, pictures, max_views, reporter)
             reporter.stage(f"lens of {name}")

@@ -24,6 +24,7 @@ from voxelpose.studio.live_step import LiveAsked, ReceiversAsked
 from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
 from voxelpose.studio.studio_session import (
+    CalibrationTaken,
     ExportAsked,
     FileAsked,
     FitAsked,
@@ -216,6 +217,8 @@ class StudioServer(GatedServer):
                 session.target(parse_request(body, FileAsked))
             case ("api", "remove"):
                 session.remove(parse_request(body, FileAsked))
+            case ("api", "calibration"):
+                session.take_calibration(parse_request(body, CalibrationTaken))
             case ("api", "fit"):
                 session.start_fit(parse_request(body, FitAsked))
             case ("api", "board"):

@@ -11,8 +11,9 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
+from calib.atomic import write_whole
 from calib.errors import InputError
-from voxelpose.recording.folder import Recording
+from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
 from voxelpose.setup_page.drawn_places import change_section
@@ -49,6 +50,13 @@ class FileAsked(Struct, forbid_unknown_fields=True):
     place: Place = "video"
     camera: Annotated[str, Meta(max_length=200)] = ""  # of a picture; "": it is named as the file
     bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
+
+
+class CalibrationTaken(Struct, forbid_unknown_fields=True):
+    """A calibration that a project takes over from another one."""
+
+    project: Name
+    of: Name
 
 
 class FitAsked(Struct, forbid_unknown_fields=True):
@@ -187,6 +195,19 @@ class StudioSession:
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
         remove_file(self.folder, project, asked.name)
+
+    def take_calibration(self, asked: CalibrationTaken) -> None:
+        """Copies the calibration of another project, whose cameras have not been moved since.
+        InputError where there is none, or another one is there.
+        """
+        project, other = (self.folder.project(name) for name in (asked.project, asked.of))
+        self._check_idle(asked.project)
+        source, there = calibration_path(other), calibration_path(project)
+        if source is None or not source.is_file():
+            raise InputError(f"{asked.of} has no calibration in a file: choose another project")
+        if there is not None:
+            raise InputError(f"{there.name} is there: remove it first")
+        write_whole(project / source.name, source.read_bytes())
 
     def _check_idle(self, project: str) -> None:
         state = self.job.status(of=project)

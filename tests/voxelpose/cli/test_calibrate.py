@@ -3,6 +3,7 @@ be.
 """
 
 import json
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -163,6 +164,19 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
     assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
     assert "exists: give --out another name, or add --overwrite" in failure(capsys, *words)
+
+
+def test_many_pictures_in_a_folder_are_a_film(studio, tmp_path, capsys):
+    (tmp_path / "cam_0").mkdir()
+    for number, still in enumerate(sorted((studio / "stills" / "cam_0").glob("*.png"))):
+        for copy in range(6):
+            shutil.copy(still, tmp_path / "cam_0" / f"{6 * number + copy:04d}.png")
+    words = ["calibrate", "intrinsics", str(tmp_path / "cam_0"), *LIKE_THIS, "--frames", "8"]
+    assert run([*words, "--out", str(tmp_path / "lens.toml")]) == 0
+    assert "shows the board much as another frame does" in capsys.readouterr().out
+    report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
+    assert len(report["pictures"]) == 72
+    assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
 
 
 def test_boards_that_are_not_there_are_told_of(studio, tmp_path, capsys):

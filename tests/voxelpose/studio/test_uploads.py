@@ -142,6 +142,21 @@ def test_pictures_that_fit_nowhere_are_refused(studio, walk, place, name, line):
     assert [one for one in names(walk) if one != "boards"] == before
 
 
+def test_a_calibration_is_taken_over_from_another_project(studio, walk, made):
+    room = walk.parent / "room"
+    room.mkdir()
+    asked = {"project": "walk", "of": "room"}
+    status, answer = ask(studio, "/api/calibration", asked)
+    assert status == 400 and "room has no calibration in a file" in answer["error"]
+    (room / "calibration.toml").write_bytes((made / "calibration.toml").read_bytes())
+    assert ask(studio, "/api/calibration", asked)[0] == 200
+    assert (walk / "calibration.toml").read_bytes() == (made / "calibration.toml").read_bytes()
+    status, answer = ask(studio, "/api/calibration", asked)
+    assert status == 400 and "calibration.toml is there: remove it first" in answer["error"]
+    for of in ("..", "../made", "nobody"):
+        assert ask(studio, "/api/calibration", asked | {"of": of})[0] == 400
+
+
 def test_sizes_are_refused_before_anything_is_sent(studio, walk, monkeypatch):
     def told(place: str, name: str, count: int) -> tuple:
         asked = {"project": "walk", "place": place, "name": name, "bytes": count}

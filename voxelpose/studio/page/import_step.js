@@ -1,7 +1,7 @@
 // Import: files of a project, and what the program reads in them.
 
 import { getJson } from "./api.js";
-import { make, refusal } from "./parts.js";
+import { button, make, refusal } from "./parts.js";
 import { addressOf } from "./rail.js";
 import { dropTarget, fileList, picker, STILLS, Uploads, VIDEOS } from "./uploads.js";
 
@@ -16,7 +16,7 @@ const PLACES = [
 
 export async function importStep(studio, state, project) {
   const holder = make("div");
-  const step = { studio, project, holder };
+  const step = { studio, project, holder, calibrated: state.projects.filter((one) => one.calibrated && one.name !== project).map((one) => one.name) };
   step.uploads = new Uploads(studio, project, () => draw(step), () => renew(step));
   await renew(step);
   return [make("h2", {}, "Import"), make("p", { class: "lead" }, "Choose the files, or drop them here. They are copied into the project's folder."), holder];
@@ -60,5 +60,15 @@ function card(step, place, title, hint, accept, pictures) {
     make("h3", {}, title), make("p", {}, hint), fileList(step, files), uploads.progress(place),
     make("div", { class: "row wrap" },
       picker(words, take, { accept, multiple: pictures, "data-place": place, "aria-label": `${words}: ${title}` }),
+      place === "calibration" && !files.length && step.calibrated.length > 0 && fromProject(step),
       pictures && picker("Choose a folder", (chosen) => uploads.addFolder(place, chosen), { webkitdirectory: true, "data-folder": place, "aria-label": `Choose a folder: ${title}` }))), take);
+}
+
+// The calibration of another project, if the cameras have not been moved since.
+function fromProject(step) {
+  const select = make("select", { id: "calibration_of", "aria-label": "Project whose calibration is used" }, ...step.calibrated.map((name) => make("option", { value: name }, name)));
+  const use = async () => {
+    if (await step.studio.send("api/calibration", { project: step.project, of: select.value })) await renew(step);
+  };
+  return make("span", { class: "row wrap" }, make("small", { class: "note" }, "or that of"), select, button("Use it", use, { id: "use_calibration" }));
 }
