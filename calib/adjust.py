@@ -16,7 +16,7 @@ from calib.rotation import matrix_from_rodrigues
 from calib.tuning import BOARDS
 
 IntArray = NDArray[np.int64]
-Free = Literal["lenses", "poses", "both"]
+Free = Literal["boards", "lenses", "poses", "both"]
 Fixed = Literal["camera", "board"]
 
 
@@ -59,7 +59,8 @@ class Adjustment:
         residuals_px: (N, 2) float64, px, observed minus reprojected.
         covariances: One (p, p) float64 per camera, of its free parameters: rotation (rad, about
             camera axes) and translation (m), then focal lengths (as logarithms), centre and
-            distortion, or one of the two groups; zeros for fixed parameters.
+            distortion, or one of the two groups; zeros for fixed parameters. None where no
+            parameter of a camera is free.
     """
 
     scene: BundleScene
@@ -74,7 +75,7 @@ def adjust(
 
     Args:
         free: "poses": poses of boards and cameras are free. "lenses": poses of boards and the lens
-            parameters are free. "both": all are free.
+            parameters are free. "both": all are free. "boards": poses of boards alone.
         fixed: What defines the world if camera poses are free: the first camera or the first board.
 
     Returns:
@@ -179,14 +180,15 @@ class _Problem:
     ) -> None:
         self.start, self.observations, self.free = scene, observations, free
         self.term_count = max((len(camera.distortion) for camera in scene.cameras), default=0)
-        self.lens_at = 0 if free == "lenses" else 6
-        self.block = self.lens_at + (0 if free == "poses" else 4 + self.term_count)
+        self.lens_at = 0 if free in ("boards", "lenses") else 6
+        lenses_free = free in ("lenses", "both")
+        self.block = self.lens_at + (4 + self.term_count if lenses_free else 0)
         self.boards_at = self.block * len(scene.cameras)
         self.size = self.boards_at + 6 * len(scene.translations)
         still = 0 if fixed == "camera" else self.boards_at
         self.moving = (
             np.arange(self.size)
-            if free == "lenses"
+            if free in ("boards", "lenses")
             else np.delete(np.arange(self.size), np.s_[still : still + 6])
         )
 
@@ -200,7 +202,7 @@ class _Problem:
         """Scene for all parameters."""
         boards = parameters[self.boards_at :].reshape(-1, 6)
         turned = Rotation.from_rotvec(boards[:, :3]).as_matrix() @ self.start.rotations
-        blocks = parameters[: self.boards_at].reshape(-1, self.block)
+        blocks = parameters[: self.boards_at].reshape(len(self.start.cameras), self.block)
         cameras = tuple(
             self._moved(camera, block)
             for camera, block in zip(self.start.cameras, blocks, strict=True)
@@ -209,14 +211,14 @@ class _Problem:
 
     def _moved(self, camera: Camera, block: FloatArray) -> Camera:
         """A camera with its block of parameters applied."""
-        if self.free != "lenses":
+        if self.lens_at:
             rotation = matrix_from_rodrigues(block[:3])
             camera = replace(
                 camera,
                 rotation=rotation @ camera.rotation,
                 translation=rotation @ camera.translation + block[3:6],
             )
-        if self.free == "poses":
+        if self.block == self.lens_at:
             return camera
         lens = block[self.lens_at :]
         matrix = camera.matrix.copy()
@@ -254,7 +256,7 @@ class _Problem:
         """Distortion terms divided by their scales, one per camera and term: a term of its scale
         costs as much as one corner with an error of a pixel.
         """
-        if self.free == "poses" or not self.term_count:
+        if self.block == self.lens_at or not self.term_count:
             return np.zeros(0)
         start = np.array(
             [
@@ -305,6 +307,8 @@ def _covariances(
     jacobian: sparse.csr_matrix, sigma: float, problem: _Problem
 ) -> tuple[FloatArray, ...]:
     """Each camera's block of the inverse normal matrix; very large in undetermined directions."""
+    if not problem.block:
+        return ()
     normal = (jacobian.T @ jacobian).toarray()
     ours = np.flatnonzero(problem.moving < problem.boards_at)
     inner = normal[np.ix_(ours, ours)]

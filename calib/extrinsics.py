@@ -6,7 +6,7 @@ others is reported by name.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class Extrinsics:
         rms_px: Root mean square reprojection error of all cameras.
         shared_boards: Number of boards seen by each pair of cameras.
         advice: Remarks on implausible results.
+        before_px: Root mean square reprojection error of an earlier calibration, in the same
+            pictures, by the names of its cameras; empty where there is none.
     """
 
     rig: Rig
@@ -64,6 +66,7 @@ class Extrinsics:
     rms_px: float
     shared_boards: Mapping[Pair, int]
     advice: tuple[str, ...]
+    before_px: Mapping[str, float] = field(default_factory=dict)
 
 
 def calibrate_extrinsics(
@@ -108,16 +111,40 @@ def calibrate_extrinsics(
     return Extrinsics(Rig(cameras), table, rms_px(adjusted.residuals_px), shared, _advice(table))
 
 
+def board_errors(board: Board, rig: Rig, views: Views) -> dict[str, float]:
+    """Root mean square reprojection error, px, by the names of a rig's cameras, which stay where
+    they are while each board is moved to where it fits best.
+
+    Args:
+        views: Detected boards: moment -> camera name -> view; other cameras' do not count.
+
+    Raises:
+        InputError: No two of the cameras saw a board at the same moment, or pictures have another
+            size than the lenses were calibrated at.
+    """
+    known = {
+        moment: {name: view for name, view in seen.items() if name in rig}
+        for moment, seen in views.items()
+    }
+    candidates = board_candidates(board, rig, known)
+    _, scene, seen = _scene(board, rig.cameras, known, candidates, None, every=True)
+    residuals_px = adjust(scene, seen, "boards").residuals_px
+    rows = {camera.name: seen.camera == index for index, camera in enumerate(rig)}
+    return {name: rms_px(residuals_px[own]) for name, own in rows.items() if own.any()}
+
+
 def _scene(
     board: Board,
     cameras: tuple[Camera, ...],
     views: Views,
     candidates: Candidates,
     floor: str | None,
+    every: bool = False,
 ) -> tuple[list[str], BundleScene, Observations]:
     """Initial pose of every board, and the observations.
 
-    Each board gets the candidate pose with the smallest error over all cameras.
+    Each board gets the candidate pose with the smallest error over all cameras; boards that fit
+    nowhere are left out, unless `every` one counts.
     """
     moments: list[str] = []
     rotations, translations, parts = [], [], []
@@ -138,7 +165,7 @@ def _scene(
         if not choices:
             continue
         error, flips, pose = min(choices, key=lambda choice: choice[0])
-        if error > BOARDS.far_px * len(flips):
+        if error > BOARDS.far_px * len(flips) and not every:
             continue
         for name, flipped in flips.items():
             view, index = views[moment][name], by_name[name][0]

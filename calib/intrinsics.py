@@ -1,7 +1,7 @@
 """Lens calibration of one camera from images of a board: focal lengths, centre and distortion."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -125,7 +125,28 @@ def calibrate_intrinsics(
     counts = np.array([len(view.ids) for view in good.values()])
     total = float(np.sqrt((counts * errors**2).sum() / counts.sum()))
     table = tuple(lines[name] for name in views)
-    return Intrinsics(found, total, table, deviations, _coverage(good, size))
+    return Intrinsics(found, total, table, deviations, corner_coverage(good.values(), size))
+
+
+def lens_error_px(board: Board, camera: Camera, views: Sequence[BoardView]) -> float:
+    """Root mean square reprojection error, px, of a lens as it is, in pictures of a board of the
+    size at which it was calibrated.
+    """
+    lens = replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+    seen = [
+        (view, poses[0])
+        for view in views
+        if (poses := ideal_poses(lens, board.points_m[view.ids], view.pixels))
+    ]
+    if not seen:
+        return float("nan")
+    owner = np.repeat(np.arange(len(seen)), [len(view.ids) for view, _ in seen])
+    points = np.concatenate([board.points_m[view.ids] for view, _ in seen])
+    pixels = np.concatenate([view.pixels for view, _ in seen])
+    turns, shifts = (np.array([pose[part] for _, pose in seen]) for part in (0, 1))
+    scene = BundleScene((lens,), turns, shifts)
+    found = adjust(scene, Observations(np.zeros_like(owner), owner, points, pixels), "boards")
+    return rms_px(found.residuals_px)
 
 
 def _solve(
@@ -207,9 +228,9 @@ def _check_plausible(camera: Camera) -> None:
         )
 
 
-def _coverage(views: Mapping[str, BoardView], size: tuple[int, int]) -> NDArray[np.int64]:
-    """Number of corners in each cell of a grid over the image."""
-    pixels = np.concatenate([view.pixels for view in views.values()])
+def corner_coverage(views: Iterable[BoardView], size: tuple[int, int]) -> NDArray[np.int64]:
+    """Number of corners of views, (8, 8) int64, in each cell of an image (width, height) px."""
+    pixels = np.concatenate([np.zeros((0, 2)), *(view.pixels for view in views)])
     column, row = np.clip(pixels / size * _COVERAGE_GRID, 0, _COVERAGE_GRID - 1).astype(int).T
     counts = np.zeros((_COVERAGE_GRID, _COVERAGE_GRID), dtype=np.int64)
     np.add.at(counts, (row, column), 1)

@@ -153,6 +153,20 @@ def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
     )
 
 
+def measured_errors(rig: Rig, points: ScenePoints) -> dict[str, float]:
+    """Root mean square reprojection error, px, of measured points by the names of a rig's cameras
+    that see some.
+    """
+    errors: dict[str, float] = {}
+    for camera in rig:
+        seen = [name for name in points.known_m if camera.name in points.pixels.get(name, {})]
+        if seen:
+            placed, _ = camera.project(np.array([points.known_m[name] for name in seen]))
+            pixels = np.array([points.pixels[name][camera.name] for name in seen])
+            errors[camera.name] = rms_px(pixels - placed)
+    return errors
+
+
 def _start(lenses: Rig, points: ScenePoints) -> tuple[dict[str, Camera], dict[str, FloatArray]]:
     """Initial poses of cameras and triangulated points, cameras with most points first.
 

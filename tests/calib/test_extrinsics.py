@@ -11,7 +11,7 @@ from benchmarks.board_scene import align_rigs
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import calibrate_extrinsics, pose_difference
+from calib.extrinsics import board_errors, calibrate_extrinsics, pose_difference
 from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 
@@ -51,6 +51,22 @@ def test_a_room_is_found_in_noise():
         assert 0.1 < line.position_mm < 5
     assert np.isnan(result.table[0].position_mm)
     assert result.advice == ()
+
+
+def test_an_earlier_calibration_is_judged_by_the_same_boards():
+    truth = room(3)
+    views = board_views(truth, CHECKERBOARD, 12, noise_px=0.3)
+    errors = board_errors(CHECKERBOARD, truth, views)
+    assert errors == pytest.approx(dict.fromkeys(truth.names, 0.3 * np.sqrt(2)), rel=0.15)
+    first, *others = truth
+    moved = Rig((replace(first, translation=first.translation + np.array([0.1, 0, 0])), *others))
+    after = board_errors(CHECKERBOARD, moved, views)
+    assert max(after, key=lambda name: after[name]) == first.name
+    assert after[first.name] > 3 * errors[first.name]
+    far = Rig((replace(first, translation=first.translation + np.array([2.0, 0, 0])), *others))
+    assert board_errors(CHECKERBOARD, far, views)[first.name] > 2 * after[first.name]
+    two = Rig(tuple(others))
+    assert board_errors(CHECKERBOARD, two, views).keys() == set(two.names)
 
 
 def test_lenses_that_are_a_little_wrong_are_refined_with_the_poses():

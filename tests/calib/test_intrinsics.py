@@ -8,7 +8,7 @@ from boards import CHECKERBOARD, lens_views
 from calib.board import Board, BoardView
 from calib.camera import Camera
 from calib.errors import InputError
-from calib.intrinsics import calibrate_intrinsics
+from calib.intrinsics import calibrate_intrinsics, lens_error_px
 
 MATRIX = np.array([[900.0, 0, 650], [0, 905, 350], [0, 0, 1]])
 
@@ -43,6 +43,13 @@ def test_the_true_lens_is_found_in_noise(lens, distortion):
     off_px = np.abs(np.diag(result.camera.matrix)[:2] - [900, 905])
     assert (off_px < 4 * result.focal_error_px).all()
     assert (result.focal_error_px < 5).all()
+
+
+def test_an_earlier_lens_is_judged_in_the_same_pictures():
+    truth = camera([-0.2, 0.08, 0.001, -0.001])
+    views = [*lens_views(truth, 12, noise_px=0.2).values()]
+    assert lens_error_px(CHECKERBOARD, truth, views) == pytest.approx(0.2 * np.sqrt(2), rel=0.15)
+    assert lens_error_px(CHECKERBOARD, camera([0.0, 0.0, 0.0, 0.0]), views) > 1
 
 
 def test_pictures_that_are_all_as_coarse_are_all_kept():

@@ -1,5 +1,7 @@
 """Where cameras stand, from points of the scene."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from boards import room, without_poses
@@ -7,7 +9,7 @@ from boards import room, without_poses
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
-from calib.points import ScenePoints, calibrate_from_points
+from calib.points import ScenePoints, calibrate_from_points, measured_errors
 
 
 def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> ScenePoints:
@@ -31,6 +33,18 @@ def test_cameras_stand_in_the_world_of_the_measured_points():
         assert degrees < min(0.3, 4 * line.rotation_deg)
         assert line.seen == 24
     assert result.shared_boards["cam_0", "cam_1"] == 24
+
+
+def test_an_earlier_calibration_is_judged_by_the_measured_points():
+    truth = room(2)
+    points = listed(truth, measured=20)
+    errors = measured_errors(truth, points)
+    assert errors == pytest.approx(dict.fromkeys(truth.names, 0.3 * np.sqrt(2)), rel=0.4)
+    first, second = truth
+    moved = Rig((replace(first, translation=first.translation + np.array([0.1, 0, 0])), second))
+    assert measured_errors(moved, points)[first.name] > 5
+    assert measured_errors(moved, points)[second.name] == errors[second.name]
+    assert measured_errors(without_poses(room(3)), listed(truth, measured=0)) == {}
 
 
 def test_a_camera_without_measured_points_is_reached_by_shared_ones():

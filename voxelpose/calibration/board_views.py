@@ -21,21 +21,27 @@ from voxelpose.recording.timestamps import Times
 from voxelpose.tuning import BOARD_SEARCH
 
 _MAX_EXAMINED = 400  # frames of a video in which the board is searched
+_MOST_STILLS = 60  # pictures of a folder; more are frames of a film
 _PATIENT_STEP = 20  # one frame in this many is searched with more effort
 _KEPT_FAILURES = 5  # pictures without the board in which another board is searched
 NOT_NEW = "shows the board much as another frame does"
 
 
 def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
-    """Yields names and pictures: all stills, of any sizes, or every n-th frame of a video."""
+    """Yields names and pictures: all stills, of any sizes, or every n-th frame of a film."""
+    step = stride(pictures.frame_count)
     if pictures.stills:
-        for still in pictures.stills:
+        for still in pictures.stills[::step]:
             yield still.name, read_still(still)
         return
-    step = stride(pictures.frame_count)
     for number, frame in enumerate(pictures):
         if number % step == 0:
             yield f"frame {number}", frame
+
+
+def is_film(pictures: FrameReader) -> bool:
+    """Whether pictures are frames, of which some are enough, not stills taken one by one."""
+    return not 0 < len(pictures.stills) <= _MOST_STILLS
 
 
 def stride(frame_count: int) -> int:
@@ -91,7 +97,7 @@ def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> N
 def find_views(
     board: Board, pictures: FrameReader, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | str]:
-    """Detects the board in one camera's pictures, of a video in at most `max_views` frames: by name
+    """Detects the board in one camera's pictures, of a film in at most `max_views` frames: by name
     a view, or the reason why there is none.
 
     Raises:
@@ -99,13 +105,13 @@ def find_views(
             is described.
     """
     views: dict[str, BoardView | str] = {}
-    find = BoardFinder(board, stills=bool(pictures.stills))
+    find = BoardFinder(board, stills=not is_film(pictures))
     for name, picture in _examined(pictures):
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
         raise InputError(f"the board was found in none of {len(views)} pictures: {find.failure()}")
-    if pictures.stills:
+    if not is_film(pictures):
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     kept = select_views(board, seen, max_views)
@@ -233,7 +239,7 @@ def board_moments(
     useful = np.flatnonzero((times[first] >= begin) & (times[first] <= end))
     numbers = useful[:: stride(max(len(useful), 1))]
     numbers = np.union1d(numbers, [] if floor is None else [floor]).astype(np.int64)
-    finders = {name: BoardFinder(board, bool(reader.stills)) for name, reader in readers.items()}
+    finders = {name: BoardFinder(board, not is_film(reader)) for name, reader in readers.items()}
     views: dict[str, dict[str, BoardView]] = {f"frame {number}": {} for number in numbers}
     for name, reader in readers.items():
         before, after, part = frames_around(times[name], times[first][numbers])

@@ -1,7 +1,8 @@
 """Camera poses from a recording of a board."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from calib.board import Board
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import Extrinsics, calibrate_extrinsics
+from calib.extrinsics import Extrinsics, board_errors, calibrate_extrinsics
 from calib.pairs import check_lens_size
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import board_moments
@@ -27,12 +28,14 @@ class ExtrinsicsSettings:
         floor: Frame at which the board lies on the floor, of the first camera if there are time
             stamps; None if there is none.
         cameras: Names of the cameras used; None for all.
+        earlier: A calibration whose error in the same pictures is told; None if there is none.
     """
 
     floor: int | None = None
     max_moments: int = 150
     cameras: Sequence[str] | None = None
     refine_lenses: bool = False
+    earlier: Rig | None = None
 
 
 def extrinsics_from_recording(
@@ -64,7 +67,12 @@ def extrinsics_from_recording(
         )
     reporter.stage("bundle adjustment")
     floor = None if settings.floor is None else f"frame {settings.floor}"
-    return calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
+    found = calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
+    if settings.earlier is None:
+        return found
+    with suppress(InputError):  # of other cameras, or of another size
+        return replace(found, before_px=board_errors(board, settings.earlier, views))
+    return found
 
 
 def _readers(
@@ -153,6 +161,7 @@ def extrinsics_report(result: Extrinsics) -> dict[str, object]:
                 "center_m": camera.center_m,
                 "seen": line.seen,
                 "rms_px": line.rms_px,
+                "before_rms_px": result.before_px.get(camera.name),
                 "position_standard_error_mm": line.position_mm,
                 "rotation_standard_error_deg": line.rotation_deg,
             }

@@ -1,12 +1,13 @@
 """Lens calibration of all cameras from pictures of a board."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics
+from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics, lens_error_px
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import find_views, stride
 from voxelpose.recording.frame_reader import FrameReader
@@ -14,11 +15,17 @@ from voxelpose.recording.frame_reader import FrameReader
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's lens and the views by picture name from which it was calibrated."""
+    """A camera's lens and the views by picture name from which it was calibrated.
+
+    Attributes:
+        before_px: error of an earlier calibration of it in the views that were used; None where
+            there is none.
+    """
 
     camera: str
     intrinsics: Intrinsics
     views: Mapping[str, BoardView | str]
+    before_px: float | None = None
 
     def used(self) -> dict[str, BoardView]:
         """The views that were used."""
@@ -36,21 +43,35 @@ def calibrate_lenses(
     kind: LensKind,
     max_views: int,
     reporter: Reporter,
+    earlier: Rig | None = None,
 ) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates each camera separately; returns also the reasons of failure by camera."""
+    """Calibrates each camera separately; returns also the reasons of failure by camera. Lenses of
+    an earlier calibration are compared.
+    """
     lenses, failures = [], {}
     for name, pictures in cameras.items():
         count = pictures.frame_count
-        total = count if pictures.stills else -(-count // stride(count))
-        reporter.stage(f"pictures of {name}", total)
+        reporter.stage(f"pictures of {name}", -(-count // stride(count)))
         try:
             views = find_views(board, pictures, max_views, reporter)
             reporter.stage(f"lens of {name}")
-            lenses.append(Lens(name, calibrate_intrinsics(board, views, kind, name), views))
+            lens = Lens(name, calibrate_intrinsics(board, views, kind, name), views)
+            lenses.append(replace(lens, before_px=_before_px(board, lens, earlier)))
         except InputError as error:
             message = str(error)
             failures[name] = message if name in message else f"camera {name}: {message}"
     return lenses, failures
+
+
+def _before_px(board: Board, lens: Lens, earlier: Rig | None) -> float | None:
+    """Error of an earlier calibration of a lens; None where there is none of this size."""
+    if earlier is None or lens.camera not in earlier:
+        return None
+    camera = earlier[lens.camera]
+    if camera.size != lens.intrinsics.camera.size:
+        return None
+    error_px = lens_error_px(board, camera, list(lens.used().values()))
+    return error_px if math.isfinite(error_px) else None
 
 
 def lens_rig(lenses: list[Lens]) -> Rig:
@@ -81,6 +102,7 @@ def lens_report(lenses: list[Lens]) -> dict[str, object]:
             "distortion": camera.distortion,
             "fisheye": camera.fisheye,
             "rms_px": intrinsics.rms_px,
+            "before_rms_px": lens.before_px,
             "focal_standard_error_px": intrinsics.focal_error_px,
             "corners_per_cell": intrinsics.coverage,
             "advice": intrinsics.advice,

@@ -26,6 +26,12 @@ GROUPS = {
     " record_now private page host port token browser",
 }
 """Fields of `fit`, `track` and `live` by the group in which help shows them; others are expert."""
+CALIBRATION_GROUPS = {
+    "basic": "pictures recording out overwrite board square paper charuco model by floor intrinsics"
+    " points",
+    "camera": "cameras unit label rates reference",
+}
+"""Those of `calibrate board`, `intrinsics`, `extrinsics` and `sync`."""
 
 
 def _optional(metavar: str, words: str | None = None) -> Any:

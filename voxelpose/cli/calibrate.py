@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -16,6 +16,7 @@ from voxelpose.cli.calibrate_sync import CalibrateSync
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
+    from calib.board import Board
     from calib.camera import Rig
     from calib.upright import UprightFrame
     from voxelpose.calibration.check import Check
@@ -32,6 +33,7 @@ class CalibrateBoard:
       voxelpose calibrate board --board 8x5 --square 0.1 --paper large --charuco --out board.pdf
     """
 
+    groups: ClassVar = arguments.CALIBRATION_GROUPS
     out: Annotated[Path, arg(metavar="FILE")]
     """PDF to be written."""
     paper: Literal["a4", "a3", "a2", "a1", "a0", "letter", "tabloid", "large"] = "a4"
@@ -47,10 +49,32 @@ class CalibrateBoard:
 
     def run(self) -> None:
         """Writes the PDF and prints what to measure."""
+        arguments.refuse_existing([self.out], self.overwrite)
+        board, (width, height) = self.write()
+        columns, rows, square = board.columns, board.rows, board.square_m
+        print(
+            f"{self.out}: page of {1000 * width:.0f} x {1000 * height:.0f} mm; print at 100 %"
+            " ('actual size'), not 'fit to page'"
+        )
+        print(
+            f"then measure: {columns + 1} squares in a row are {1000 * (columns + 1) * square:g}"
+            f" mm, {rows + 1} in a column {1000 * (rows + 1) * square:g} mm; if not, divide what"
+            f" you measure by {columns + 1} and give that as --square"
+        )
+        marker = board.marker_m
+        markers = f" --marker {marker:g} --dictionary {self.dictionary}" if marker else ""
+        print(f"in the other commands: --board {columns}x{rows} --square {square:g}{markers}")
+        if board.is_symmetric:
+            print(
+                "note: this board looks the same after half a turn: with one even and one odd"
+                " number, its first corner is unique"
+            )
+
+    def write(self) -> tuple[Board, tuple[float, float]]:
+        """Writes the PDF; returns the board, and the page's width and height, m."""
         from calib.board import Board
         from calib.board_sheet import largest_square_m, write_pdf
 
-        arguments.refuse_existing([self.out], self.overwrite)
         columns, rows = arguments.corner_counts(self.board)
         if self.paper == "large" and self.square is None:
             raise InputError(
@@ -62,23 +86,7 @@ class CalibrateBoard:
         )
         marker = round(0.75 * square, 5) if self.charuco else None
         board = Board(columns, rows, square, marker, self.dictionary)
-        width, height = write_pdf(board, self.out, None if self.paper == "large" else self.paper)
-        print(
-            f"{self.out}: page of {1000 * width:.0f} x {1000 * height:.0f} mm; print at 100 %"
-            " ('actual size'), not 'fit to page'"
-        )
-        print(
-            f"then measure: {columns + 1} squares in a row are {1000 * (columns + 1) * square:g}"
-            f" mm, {rows + 1} in a column {1000 * (rows + 1) * square:g} mm; if not, divide what"
-            f" you measure by {columns + 1} and give that as --square"
-        )
-        markers = f" --marker {marker:g} --dictionary {self.dictionary}" if marker else ""
-        print(f"in the other commands: --board {columns}x{rows} --square {square:g}{markers}")
-        if board.is_symmetric:
-            print(
-                "note: this board looks the same after half a turn: with one even and one odd"
-                " number, its first corner is unique"
-            )
+        return board, write_pdf(board, self.out, None if self.paper == "large" else self.paper)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -16,6 +16,7 @@ from voxelpose.cli.terminal import Progress, plain, rich_console
 if TYPE_CHECKING:
     from calib.camera import Rig
     from calib.extrinsics import Extrinsics
+    from silhouette_core.progress import Reporter
     from voxelpose.calibration.lenses import Lens
 
 _MAX_LINES = 60  # with more pictures, those left out are counted by reason
@@ -32,6 +33,7 @@ class CalibrateIntrinsics(arguments.BoardArguments):
       voxelpose calibrate intrinsics cam_1.mp4 cam_2.mp4 --board 8x5 --square 0.029 --out lenses.toml
     """  # noqa: E501
 
+    groups: ClassVar = arguments.CALIBRATION_GROUPS
     pictures: Annotated[Positional[tuple[Path, ...]], arg(metavar="PICTURES")]
     """Folders of images, videos, images, or a folder of these."""
     out: Annotated[Path, arg(metavar="OUT")]
@@ -45,44 +47,65 @@ class CalibrateIntrinsics(arguments.BoardArguments):
 
     def run(self) -> None:
         """Calibrates the lenses."""
+        arguments.refuse_existing(self._written(), self.overwrite)
         with Progress() as progress:
-            progress.stage("opening")
-            from voxelpose.calibration.board_views import cameras_in
-            from voxelpose.calibration.lenses import (
-                calibrate_lenses,
-                lens_notes,
-                lens_report,
-                lens_rig,
-            )
-            from voxelpose.calibration.pictures import beside, coverage_picture, write_calibration
+            found = self.calibrate(progress)
+        print_lenses(found[0])
+        self.write(found)
+        print(
+            f"{self.out}: lenses of {len(found[0])} cameras, without their positions (next:"
+            " voxelpose calibrate extrinsics)"
+        )
+        print(f"{self._written()[1]}: where boards were seen")
 
-            picture, report = beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
-            arguments.refuse_existing([self.out, picture, report], self.overwrite)
-            board = self.to_board()
-            cameras = cameras_in(self.pictures)
-            if (selected := arguments.camera_names(self.cameras)) is not None:
-                if missing := [name for name in selected if name not in cameras]:
-                    raise InputError(
-                        f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}"
-                    )
-                cameras = {name: cameras[name] for name in selected}
-            lenses, failures = calibrate_lenses(board, cameras, self.model, self.frames, progress)
-        print_lenses(lenses)
+    def calibrate(self, reporter: Reporter) -> tuple[list[Lens], dict[str, str]]:
+        """Lenses, and the reasons of failure by camera. InputError where there are no pictures."""
+        reporter.stage("opening")
+        from voxelpose.calibration.board_views import cameras_in
+        from voxelpose.calibration.lenses import calibrate_lenses
+
+        board = self.to_board()
+        cameras = cameras_in(self.pictures)
+        if (selected := arguments.camera_names(self.cameras)) is not None:
+            if missing := [name for name in selected if name not in cameras]:
+                raise InputError(
+                    f"no pictures of {', '.join(missing)}: there are {', '.join(cameras)}"
+                )
+            cameras = {name: cameras[name] for name in selected}
+        earlier = earlier_rig(self.out)
+        return calibrate_lenses(board, cameras, self.model, self.frames, reporter, earlier)
+
+    def write(self, found: tuple[list[Lens], dict[str, str]]) -> None:
+        """Writes what `calibrate` found: the lenses, where boards were seen, and a report.
+        InputError where a camera has failed.
+        """
+        from voxelpose.calibration.lenses import lens_notes, lens_report, lens_rig
+        from voxelpose.calibration.pictures import coverage_picture, write_calibration
+
+        lenses, failures = found
         if failures:
             advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
             raise InputError("; ".join(failures.values()) + advice * bool(lenses))
-        write_calibration(
-            lens_rig(lenses),
-            self.out,
-            {"intrinsics": lens_notes(lenses)},
-            (picture, coverage_picture(lenses)),
-            (report, lens_report(lenses)),
-        )
-        print(
-            f"{self.out}: lenses of {len(lenses)} cameras, without their positions (next:"
-            " voxelpose calibrate extrinsics)"
-        )
-        print(f"{picture}: where boards were seen")
+        out, picture, report = self._written()
+        notes, shown = {"intrinsics": lens_notes(lenses)}, coverage_picture(lenses)
+        said = lens_report(lenses)
+        write_calibration(lens_rig(lenses), out, notes, (picture, shown), (report, said))
+
+    def _written(self) -> tuple[Path, Path, Path]:
+        """Files: the lenses, a picture, a report."""
+        from voxelpose.calibration.pictures import beside
+
+        return self.out, beside(self.out, "coverage.png"), beside(self.out, "lenses.json")
+
+
+def earlier_rig(out: Path) -> Rig | None:
+    """The calibration that a new one replaces; None where there is none that can be read."""
+    from calib.files import read_rig
+
+    try:
+        return read_rig(out, lenses=True) if out.exists() else None
+    except InputError:
+        return None
 
 
 def print_lenses(lenses: list[Lens]) -> None:
@@ -119,6 +142,8 @@ def print_lenses(lenses: list[Lens]) -> None:
             f" {centre[0]:.1f}, {centre[1]:.1f} px, distortion"
             f" {' '.join(f'{term:.4f}' for term in intrinsics.camera.distortion)}"
         )
+        if lens.before_px is not None:
+            console.print(f"  the lens as it was before: {lens.before_px:.3f} px")
         for advice in intrinsics.advice:
             console.print(f"  [yellow]{plain(advice)}[/yellow]")
 
@@ -141,6 +166,7 @@ class CalibrateExtrinsics:
         --out calibration.toml
     """  # noqa: E501
 
+    groups: ClassVar = arguments.CALIBRATION_GROUPS
     recording: Annotated[
         Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
     ] = None
@@ -170,29 +196,20 @@ class CalibrateExtrinsics:
 
     def run(self) -> None:
         """Calibrates positions and directions."""
+        arguments.refuse_existing(self._written(), self.overwrite)
         with Progress() as progress:
-            progress.stage("opening")
-            from calib.files import read_rig
-            from calib.files.anipose import read_notes
-            from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
-            from voxelpose.calibration.pictures import beside, rig_picture, write_calibration
-
-            picture, report = beside(self.out, "rig.png"), beside(self.out, "places.json")
-            arguments.refuse_existing([self.out, picture, report], self.overwrite)
-            lenses = read_rig(self.intrinsics, self.unit, lenses=True)
-            extrinsics = self._extrinsics(lenses, progress)
+            extrinsics = self.calibrate(progress)
+        print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
+        self.write(extrinsics)
+        print(f"{self.out}: {len(extrinsics.rig)} cameras with their positions, in metres")
+        print(
+            f"{self._written()[1]}: the rig from above and from the side; does it look like the"
+            " room?"
+        )
         from calib.upright import axis_name, other_up
 
-        grounded = self.points is not None or self.floor is not None
-        print_extrinsics(extrinsics, "points" if self.points is not None else "boards")
-        notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
-        shown = rig_picture(extrinsics.rig, grounded)
-        said = extrinsics_report(extrinsics)
-        write_calibration(extrinsics.rig, self.out, notes, (picture, shown), (report, said))
-        print(f"{self.out}: {len(extrinsics.rig)} cameras with their positions, in metres")
-        print(f"{picture}: the rig from above and from the side; does it look like the room?")
         up = other_up(extrinsics.rig)
-        if not grounded:
+        if not self._grounded:
             found = "z" if up is None else axis_name(up)
             print(
                 "note: without --floor the world is the first camera's frame, in which up is"
@@ -205,21 +222,30 @@ class CalibrateExtrinsics:
                 " world by themselves; for others `voxelpose calibrate convert --up cameras`"
             )
 
-    def _extrinsics(self, lenses: Rig, progress: Progress) -> Extrinsics:
-        """Returns the calibration from a board or from points."""
+    def calibrate(self, reporter: Reporter) -> Extrinsics:
+        """Positions and directions, from a board or from points. InputError where something is
+        missing, or they are not determined.
+        """
+        reporter.stage("opening")
+        from calib.files import read_rig
+
+        lenses = read_rig(self.intrinsics, self.unit, lenses=True)
         if (self.points is None) == (self.recording is None):
             raise InputError(
                 "give either RECORDING, a folder of videos of a board, or --points, a list of"
                 " points"
             )
         if self.points is not None:
-            from calib.points import calibrate_from_points, read_points
+            from calib.points import calibrate_from_points, measured_errors, read_points
 
             points = read_points(self.points)
             names = arguments.camera_names(self.cameras) or [
                 name for name in lenses.names if name in points.cameras()
             ]
-            return calibrate_from_points(lenses.select(names), points)
+            found = calibrate_from_points(lenses.select(names), points)
+            earlier = earlier_rig(self.out)
+            before = {} if earlier is None else measured_errors(earlier, points)
+            return replace(found, before_px=before)
         from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
 
         if self.board is None or self.square is None or self.recording is None:
@@ -231,9 +257,35 @@ class CalibrateExtrinsics:
             board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary
         ).to_board()
         settings = ExtrinsicsSettings(
-            self.floor, self.moments, arguments.camera_names(self.cameras), self.refine_lenses
+            self.floor,
+            self.moments,
+            arguments.camera_names(self.cameras),
+            self.refine_lenses,
+            earlier_rig(self.out),
         )
-        return extrinsics_from_recording(board, lenses, self.recording, settings, progress)
+        return extrinsics_from_recording(board, lenses, self.recording, settings, reporter)
+
+    def write(self, found: Extrinsics) -> None:
+        """Writes what `calibrate` found: the calibration, a picture of the rig, and a report."""
+        from calib.files.anipose import read_notes
+        from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
+        from voxelpose.calibration.pictures import rig_picture, write_calibration
+
+        out, picture, report = self._written()
+        notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(found)}
+        shown, said = rig_picture(found.rig, self._grounded), extrinsics_report(found)
+        write_calibration(found.rig, out, notes, (picture, shown), (report, said))
+
+    @property
+    def _grounded(self) -> bool:
+        """Whether the world is the floor's."""
+        return self.points is not None or self.floor is not None
+
+    def _written(self) -> tuple[Path, Path, Path]:
+        """Files: the calibration, a picture, a report."""
+        from voxelpose.calibration.pictures import beside
+
+        return self.out, beside(self.out, "rig.png"), beside(self.out, "places.json")
 
 
 def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
@@ -256,6 +308,9 @@ def print_extrinsics(extrinsics: Extrinsics, unit: str) -> None:
             f" {errors}  {position}"
         )
     console.print(f"{extrinsics.rms_px:.3f} px overall")
+    if extrinsics.before_px:
+        before = ", ".join(f"{name} {px:.2f}" for name, px in extrinsics.before_px.items())
+        console.print(f"error of the calibration as it was before, px: {plain(before)}")
     pairs = ", ".join(f"{a}-{b} {count}" for (a, b), count in extrinsics.shared_boards.items())
     console.print(f"{unit} that pairs of cameras share: {plain(pairs)}")
     for advice in extrinsics.advice:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
@@ -13,22 +12,8 @@ from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
 if TYPE_CHECKING:
+    from silhouette_core.progress import Reporter
     from voxelpose.calibration.sync import Sync
-
-_NAMES = {
-    "board": "the board's speed",
-    "sound": "sound",
-    "silhouettes": "silhouettes moving up and down",
-}
-_REMEDIES = {
-    "geometry": "the cameras agree at no offset: calibrate first, then synchronise, or give --by",
-    "board": "carry the board so that all cameras see it, now faster and now slower",
-    "sound": "clap where all cameras hear it, or try --by silhouettes",
-    "silhouettes": (
-        "let somebody squat, jump or raise the arms in view of all cameras, give --seconds and"
-        " --most, or clap and try --by sound"
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -49,6 +34,7 @@ class CalibrateSync:
         --out board_walk/timestamps.csv
     """
 
+    groups: ClassVar = arguments.CALIBRATION_GROUPS
     recording: arguments.RecordingFolder
     out: arguments.OptionalFile = None
     """Table of times to be written (cam_id,frame_time). Default: offsets are only printed."""
@@ -82,42 +68,53 @@ class CalibrateSync:
         """Estimates the offsets."""
         arguments.refuse_existing([self.out], self.overwrite)
         with Progress() as progress:
-            progress.stage("opening")
-            from calib.files import read_rig
-            from voxelpose.calibration.sync import SyncSettings, sync_recording
-
-            board = None
-            if self.board is not None:
-                # Speeds are compared in shape, not in size: any square does.
-                square = 0.1 if self.square is None else self.square
-                board = arguments.BoardArguments(
-                    board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
-                ).to_board()
-            settings = SyncSettings(
-                self.most,
-                self.seconds,
-                self.reference,
-                camera_rates(self.rates),
-                self.unit,
-                None if self.by == "auto" else self.by,
-                board,
-                None
-                if self.intrinsics is None
-                else read_rig(self.intrinsics, self.unit, lenses=True),
-                self.label,
-            )
-            sync = sync_recording(
-                self.recording, settings, arguments.camera_names(self.cameras), progress
-            )
+            sync = self.calibrate(progress)
         print_sync(sync)
         if self.out is not None:
-            if not sync.result.agreed:
-                raise InputError(f"{self.out} was not written: {_REMEDIES[sync.by]}")
-            sync.write(self.out)
+            self.write(sync)
             print(
                 f"{self.out}: time of every frame; as timestamps.csv in the recording, all commands"
                 " use it"
             )
+
+    def calibrate(self, reporter: Reporter) -> Sync:
+        """The offsets. InputError where nothing tells them."""
+        reporter.stage("opening")
+        from calib.files import read_rig
+        from voxelpose.calibration.sync import SyncSettings, sync_recording
+
+        board = None
+        if self.board is not None:
+            # Speeds are compared in shape, not in size: any square does.
+            square = 0.1 if self.square is None else self.square
+            board = arguments.BoardArguments(
+                board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
+            ).to_board()
+        lenses = None
+        if self.intrinsics is not None:
+            lenses = read_rig(self.intrinsics, self.unit, lenses=True)
+        settings = SyncSettings(
+            self.most,
+            self.seconds,
+            self.reference,
+            camera_rates(self.rates),
+            self.unit,
+            None if self.by == "auto" else self.by,
+            board,
+            lenses,
+            self.label,
+        )
+        cameras = arguments.camera_names(self.cameras)
+        return sync_recording(self.recording, settings, cameras, reporter)
+
+    def write(self, found: Sync) -> None:
+        """Writes the time of every frame. InputError where the offsets are not sure."""
+        from voxelpose.calibration.sync_verdict import sync_remedy
+
+        if self.out is not None:
+            if not found.result.agreed:
+                raise InputError(f"{self.out} was not written: {sync_remedy(found)}")
+            found.write(self.out)
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
@@ -139,6 +136,8 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
+    from voxelpose.calibration.sync_verdict import sync_verdict
+
     rows = []
     for line in sync.result.offsets:
         named = plain(line.camera), f"{sync.fps[line.camera]:g}"
@@ -150,34 +149,5 @@ def print_sync(sync: Sync) -> None:
             rows.append((*named, *found, interval))
     print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
     console = rich_console(soft_wrap=True)
-    for line in (*_verdict(sync), *(f"note: {note}" for note in sync.notes)):
+    for line in (*sync_verdict(sync), *(f"note: {note}" for note in sync.notes)):
         console.print(plain(line))
-
-
-def _verdict(sync: Sync) -> Iterator[str]:
-    """Lines that tell what offsets were found from, and how well the cameras agree."""
-    from calib.signals import SignalOffsets
-
-    found = sync.result
-    if not isinstance(found, SignalOffsets):
-        yield (
-            f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
-            " these offsets"
-        )
-        if not found.agreed:
-            yield (
-                "the cameras agree at no offset: the offsets above follow from the motion of the"
-                " outlines only, and are rough; check the calibration first"
-            )
-        return
-    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {found.correlation:.2f}"
-    if found.disagreement_s == found.disagreement_s:
-        pairs += f", and their offsets agree within {1000 * found.disagreement_s:.1f} ms"
-    yield pairs
-    if found.unlike:
-        yield f"{', '.join(found.unlike)} recorded nothing like the others: not synchronised"
-    if found.ambiguous:
-        yield (
-            f"other offsets are nearly as likely for {', '.join(found.ambiguous)}: motion that"
-            " repeats itself, or too little of it"
-        )

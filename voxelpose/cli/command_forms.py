@@ -1,5 +1,5 @@
-"""Commands of estimation as forms: their options in groups, as tables for a page, and commands made
-of what was typed into it.
+"""Commands as forms: their options in groups, as tables for a page, and commands made of what was
+typed into it.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import itertools
 import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Protocol, get_origin, get_type_hints
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import GROUPS
+from voxelpose.cli.arguments import BoardArguments
 from voxelpose.cli.options import (
     Option,
     choices_of,
@@ -26,13 +26,32 @@ from voxelpose.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from calib.board import Board
     from silhouette_core.progress import Reporter
     from voxelpose.cli.fit import EstimationArguments
+    from voxelpose.cli.live import Live
+    from voxelpose.live.session import LiveSession
     from voxelpose.results import Result
 
-_NOT_IN_FORMS = {"out", "overwrite", "verbose"}
+# What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
+_NOT_IN_FORMS = set(
+    "out overwrite verbose intrinsics points source send loop record record_now duration page host"
+    " port token browser".split()
+)
 _FILES = {"body", "segmenter", "library"}  # options whose value may name a file
 _INPUTS = {bool: "checkbox", int: "number", float: "number"}
+
+
+class CalibrationCommand(Protocol):
+    """A command that calibrates something, and writes it then."""
+
+    def calibrate(self, reporter: Reporter, /) -> Any:
+        """What is found. InputError where something is missing."""
+        ...
+
+    def write(self, found: Any, /) -> None:
+        """Writes what was found. InputError where it is not good enough."""
+        ...
 
 
 def option_helps(command: type) -> dict[str, str]:
@@ -53,7 +72,7 @@ def option_helps(command: type) -> dict[str, str]:
 
 
 class CommandForms:
-    """`fit` and `track` for the studio's page; see `studio_session.Commands`."""
+    """Commands for the studio's page, by their sections; see `studio_commands.Commands`."""
 
     def form(self, command: str, project: Path) -> list[dict[str, Any]]:
         """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`),
@@ -61,8 +80,8 @@ class CommandForms:
         """
         kind = load_command(command)
         helps, values = option_helps(kind), folder_settings(command, project)
-        group = {field: name for name, fields in GROUPS.items() for field in fields.split()}
-        order = [*GROUPS, "expert"]
+        group = {field: name for name, listed in kind.groups.items() for field in listed.split()}
+        order = [*kind.groups, "expert"]
         rows = []
         for option in options_of(kind).values():
             if option.field in _NOT_IN_FORMS:
@@ -88,13 +107,13 @@ class CommandForms:
         self,
         command: str,
         project: Path,
-        out: Path,
+        fixed: Mapping[str, Any],
         given: Mapping[str, Any],
         inside: Callable[[str], Path],
     ) -> Any:
         """A command that overwrites, of what files say and what is `given`, by options' names, None
-        for the usual value; `inside` finds a file that a setting names. InputError where a value
-        makes no sense.
+        for the usual value, and of fields that are `fixed`; `inside` finds a file that a setting
+        names. InputError where a value makes no sense.
         """
         kind = load_command(command)
         options = options_of(kind)
@@ -112,8 +131,17 @@ class CommandForms:
                 path = inside(str(given.get(field, values[field])))
                 values[field] = path if field == "library" else str(path)
         taken = {name: setting.file for name, setting in found.items() if name not in given}
-        fixed = {"recording": project, "out": out, "overwrite": True, "sources": taken}
-        return made_of(kind, values | fixed)
+        known = {"overwrite": True, "sources": taken, **fixed}
+        there = {field.name for field in fields(kind)}
+        values |= {name: value for name, value in known.items() if name in there}
+        missing = [
+            option.name
+            for option in options.values()
+            if option.default is MISSING and option.field not in values
+        ]
+        if missing:
+            raise InputError(f"{' and '.join(missing)} must be known: fill in the field")
+        return made_of(kind, values)
 
     def shares(self, command: EstimationArguments) -> Mapping[str, float] | None:
         """Shares of the time of a command's stages."""
@@ -121,13 +149,24 @@ class CommandForms:
 
         return SHARES.get(command.asked().estimator)
 
-    def work(self) -> Callable[[Reporter, Any], Sequence[Result]]:
+    def work(self, command: str) -> Callable[[Reporter, Any], Any]:
         """Function that runs a command."""
-        return run_estimation
+        if command == "live":
+            return prepare_session
+        return run_calibration if command.startswith("calibrate.") else run_estimation
 
-    def values(self, project: Path) -> Mapping[str, tuple[Any, str]]:
-        """Settings of `fit` by the files of a project."""
-        return folder_settings("fit", project)
+    def values(self, command: str, project: Path) -> Mapping[str, tuple[Any, str]]:
+        """Settings of a command by the files of a project."""
+        return folder_settings(command, project)
+
+    def board(self, project: Path) -> Board | None:
+        """The board that the files of a project describe; None where they do not. InputError where
+        there is no such board.
+        """
+        found = folder_settings("calibrate.intrinsics", project)
+        like = {field.name for field in fields(BoardArguments)}
+        known = {name: found[name].value for name in like & found.keys()}
+        return BoardArguments(**known).to_board() if {"board", "square"} <= known.keys() else None
 
     def formats(self) -> dict[str, str]:
         """What `export` writes, by the names of the formats, as its help says."""
@@ -148,6 +187,18 @@ def run_estimation(reporter: Reporter, command: EstimationArguments) -> Sequence
         if beside is not None:
             beside.terminate()
             beside.wait()
+
+
+def run_calibration(reporter: Reporter, command: CalibrationCommand) -> Any:
+    """Runs a command, without a word on the terminal; returns what it found, which is written."""
+    found = command.calibrate(reporter)
+    command.write(found)
+    return found
+
+
+def prepare_session(reporter: Reporter, command: Live) -> LiveSession:
+    """The session of a command, whose cameras are not running yet."""
+    return command.prepare(reporter)
 
 
 def _input_of(option: Option) -> str:

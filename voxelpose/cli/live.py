@@ -19,6 +19,7 @@ from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 if TYPE_CHECKING:
     from rich.status import Status
 
+    from silhouette_core.progress import Reporter
     from voxelpose.live.live_frame import SessionState
     from voxelpose.live.live_page import Page
     from voxelpose.live.senders import Senders
@@ -32,7 +33,7 @@ def show_state(state: SessionState, line: Status, said: tuple[str, ...]) -> tupl
     """
     wrong = tuple(f"{name}: {words}" for name, words in state.cameras.items() if words != "ok")
     if sys.stderr.isatty():
-        numbers = f"{state.fps:.0f} frames a second, {state.dropped} dropped"
+        numbers = f"{state.fps:.0f} of {state.arriving_fps:.0f} frames a second"
         if math.isfinite(state.latency_s):
             numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
         line.update(plain("; ".join([state.message, numbers, *wrong])))
@@ -118,53 +119,14 @@ class Live(arguments.PageArguments):
 
     def run(self) -> None:
         """Runs the session."""
-        self._check()
+        self.check()
         with Progress() as progress:
             progress.note_compilation("multiview")
-            progress.stage("loading the program")
-            from silhouette_core.estimator import Settings
-            from voxelpose.live.camera_source import CameraSource
-            from voxelpose.live.live_input import make_estimator, open_input
-            from voxelpose.live.senders import Senders
-            from voxelpose.live.session import LiveSession
-
-            progress.stage("reading calibration and empty view")
-            sources = [CameraSource.parse(text) for text in self.source]
-            names = (
-                (self.camera,) if self.camera is not None else arguments.camera_names(self.cameras)
-            )
-            live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
-            live = live.upright(arguments.up_direction(self.up), progress)
-            known = live.recording.subject
-            subject = replace(
-                known,
-                stature_m=self.stature or known.stature_m,
-                chest_girth_m=self.chest or known.chest_girth_m,
-                sex=self.sex if self.sex != "unknown" else known.sex,
-            )
-            method, options = arguments.method_options(
-                self.method, self.start, self.outline_only, self.library
-            )
-            settings = Settings(
-                stature_m=subject.stature_m,
-                chest_m=subject.chest_girth_m,
-                sex=subject.sex,  # type: ignore[arg-type]
-                smooth=False,
-                backend=self.backend,
-                options=options if len(live.recording.rig) == 1 else {},
-            )
-            session_settings = replace(
-                live.settings(subject),
-                loop=self.loop,
-                countdown_s=self.countdown,
-                record=self.record or Path(time.strftime("live_%Y-%m-%d_%H-%M-%S")),
-                private=self.private,
-            )
-            progress.stage("preparing the estimation")
-            estimator = make_estimator(live, settings, progress, method)
-            session = LiveSession(session_settings, estimator)
+            session = self.prepare(progress)
         with ExitStack() as parts:
             parts.callback(session.close)
+            from voxelpose.live.senders import Senders
+
             senders = Senders(self.send)
             parts.callback(senders.close)
             session.receivers.append(senders.send)
@@ -178,7 +140,50 @@ class Live(arguments.PageArguments):
                 print(file=sys.stderr)
         print_session(session)
 
-    def _check(self) -> None:
+    def prepare(self, reporter: Reporter) -> LiveSession:
+        """The session, whose cameras are not running yet. InputError where something is missing, or
+        does not fit.
+        """
+        reporter.stage("loading the program")
+        from silhouette_core.estimator import Settings
+        from voxelpose.live.camera_source import CameraSource
+        from voxelpose.live.live_input import make_estimator, open_input
+        from voxelpose.live.session import LiveSession
+
+        reporter.stage("reading calibration and empty view")
+        sources = [CameraSource.parse(text) for text in self.source]
+        names = (self.camera,) if self.camera is not None else arguments.camera_names(self.cameras)
+        live = open_input(self.folder, sources, names, self.unit, self.fps, self.label)
+        live = live.upright(arguments.up_direction(self.up), reporter)
+        known = live.recording.subject
+        subject = replace(
+            known,
+            stature_m=self.stature or known.stature_m,
+            chest_girth_m=self.chest or known.chest_girth_m,
+            sex=self.sex if self.sex != "unknown" else known.sex,
+        )
+        method, options = arguments.method_options(
+            self.method, self.start, self.outline_only, self.library
+        )
+        settings = Settings(
+            stature_m=subject.stature_m,
+            chest_m=subject.chest_girth_m,
+            sex=subject.sex,  # type: ignore[arg-type]
+            smooth=False,
+            backend=self.backend,
+            options=options if len(live.recording.rig) == 1 else {},
+        )
+        session_settings = replace(
+            live.settings(subject),
+            loop=self.loop,
+            countdown_s=self.countdown,
+            record=self.record or Path(time.strftime("live_%Y-%m-%d_%H-%M-%S")),
+            private=self.private,
+        )
+        reporter.stage("preparing the estimation")
+        return LiveSession(session_settings, make_estimator(live, settings, reporter, method))
+
+    def check(self) -> None:
         """Refuses, by an InputError, what cannot be done, before anything is begun."""
         if self.folder is not None and not self.folder.is_dir():
             raise InputError(f"there is no folder {self.folder}: give one with calibration.toml")

@@ -7,6 +7,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Literal, TypeVar
@@ -71,6 +72,20 @@ class CameraSource:
         return "stream" if self.address.lower().startswith(_SCHEMES) else "file"
 
 
+def list_webcams() -> dict[int, str]:
+    """Names of this machine's webcams by their numbers, where the system tells (Linux); elsewhere
+    none.
+    """
+    found = {}
+    for folder in Path("/sys/class/video4linux").glob("video*"):
+        number = folder.name.removeprefix("video")
+        with suppress(OSError, UnicodeError):
+            # A camera has further devices, without pictures.
+            if number.isdecimal() and (folder / "index").read_text("utf-8").strip() == "0":
+                found[int(number)] = (folder / "name").read_text("utf-8").strip()
+    return dict(sorted(found.items()))
+
+
 def retry_waits_s() -> Iterator[float]:
     """Yields waits before a camera or receiver that failed is tried again and again, s."""
     wait_s = 0.5
@@ -84,7 +99,7 @@ class CameraReader:
     is "ok", "ended" where no picture will come any more, or a line that says what is wrong.
 
     Args:
-        size: (width, height) px for which the camera is calibrated.
+        size: (width, height) px for which the camera is calibrated; None: as its pictures come.
         now: seconds since the session's start.
         fps: rate at which a file is played; None: the file's own.
     """
@@ -92,7 +107,7 @@ class CameraReader:
     def __init__(
         self,
         source: CameraSource,
-        size: tuple[int, int],
+        size: tuple[int, int] | None,
         deliver: Deliver,
         now: Callable[[], float],
         fps: float | None = None,
@@ -140,8 +155,9 @@ class CameraReader:
         """Reads a webcam or a stream until it fails."""
         if self.source.kind == "webcam":
             capture = cv2.VideoCapture(int(self.source.address))
-            capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
-            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
+            if self._size is not None:
+                capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
+                capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         else:
             timeouts = cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, cv2.CAP_PROP_READ_TIMEOUT_MSEC
@@ -179,8 +195,9 @@ class CameraReader:
                 return
 
     def _hand_over(self, taken_s: float, picture: Frame) -> None:
+        size = picture.shape[1], picture.shape[0]
+        self._size = self._size or size
         width, height = self._size
-        size = picture.shape[1::-1]
         if size != self._size:
             if abs(size[0] * height - size[1] * width) > 0.01 * size[0] * height:
                 self.state = (

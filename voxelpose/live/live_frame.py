@@ -61,9 +61,23 @@ class SessionState:
     frames: int = 0
     dropped: int = 0  # number of frames dropped because newer ones had come
     fps: float = 0.0  # frames estimated per second, recently
+    arriving_fps: float = 0.0  # frames that came from the cameras per second, recently
     # From capture to the pose, median of recent frames; nan before the first.
     latency_s: float = float("nan")
     # Median seconds of recent frames, by stage.
     stage_s: Mapping[str, float] = field(default_factory=dict)
     # One word or line about each camera: "ok", or what is wrong.
     cameras: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def pace(self) -> str:
+        """One line with a remedy where a person is followed in far fewer frames than come; else
+        nothing.
+        """
+        if self.phase != "following" or not 3 * self.fps < 2 * self.arriving_fps:
+            return ""
+        return (
+            f"this machine follows {self.fps:.0f} of {self.arriving_fps:.0f} pictures a second:"
+            " use fewer cameras, set them to fewer or smaller pictures, or record and fit, which"
+            " uses every one"
+        )

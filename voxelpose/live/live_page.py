@@ -53,6 +53,7 @@ def status_html(state: SessionState, note: str) -> str:
     lines = [
         f'<span style="color:{colour};font-weight:700">{escape(state.phase)}</span>{recording}',
         escape(state.message),
+        escape(state.pace),
     ]
     if note:
         lines.append(f"⚠ {escape(note)}")
@@ -64,7 +65,7 @@ def timings_html(state: SessionState, frame: LiveFrame | None) -> str:
     latency = f"{1000 * state.latency_s:.0f} ms" if math.isfinite(state.latency_s) else "–"
     confidence = f"{100 * frame.body.confidence:.0f} %" if frame is not None and frame.body else "–"
     facts = {
-        "frames per second": f"{state.fps:.1f}",
+        "frames per second": f"{state.fps:.1f} of {state.arriving_fps:.1f}",
         "latency": latency,
         "frames": f"{state.frames}, {state.dropped} dropped",
         "confidence": confidence,
@@ -177,7 +178,7 @@ class Page:
         page's threads call the session's controls.
         """
         self._served = PageServer(address, title)
-        self.url = self._served.url
+        self.url, self.port = self._served.url, self._served.port
         try:
             self._panel = PagePanel(self._served.viser.gui, session, receivers)
             self._scene = LiveScene(self._served.viser, rig)

@@ -63,8 +63,7 @@ class StageTimes:
     def fps(self) -> float:
         """Frames per second, of the last ones."""
         with self._lock:
-            ends = list(self._ends)
-        return (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 else 0.0
+            return _rate(list(self._ends))
 
     def medians(self) -> dict[str, float]:
         """Median seconds of every stage in the last frames."""
@@ -82,6 +81,12 @@ class StageTimes:
     def _spent(self) -> dict[str, NDArray[np.float64]]:
         with self._lock:
             return {name: np.array(seconds) for name, seconds in self._stages.items()}
+
+
+def _rate(times_s: Sequence[float]) -> float:
+    """How many a second, of the times at which they came."""
+    passed_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
+    return (len(times_s) - 1) / passed_s if passed_s else 0.0
 
 
 Picture = NDArray[np.uint8]
@@ -156,6 +161,7 @@ class LiveSession:
         self._subtracts = False  # whether the background is known
         self._empty: Mapping[str, Sequence[Picture]] = settings.empty
         self._learned: deque[Mapping[str, Picture]] = deque(maxlen=_LEARNED_FRAMES)
+        self._arrived_s: deque[float] = deque(maxlen=_RECENT)
         self._recorder: LiveRecorder | None = None
         self._recordings, self._record_next = 0, False
 
@@ -220,6 +226,7 @@ class LiveSession:
             self.times.frames,
             self._matcher.shots.dropped + self._observed.dropped,
             self.times.fps,
+            _rate(list(self._arrived_s)),
             stage_s.get("total", float("nan")),
             stage_s,
             cameras,
@@ -376,5 +383,6 @@ class LiveSession:
 
     def _keep(self, shot: Shot) -> None:
         """Records pictures, also those that the estimation has no time for."""
+        self._arrived_s.append(time.monotonic())
         if (recorder := self._recorder) is not None:
             recorder.put(shot)

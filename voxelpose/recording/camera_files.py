@@ -10,13 +10,16 @@ from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
 CALIBRATION_SUFFIXES = (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", ".qca.txt", ".xcp")
 """Of a recording's `calibration`; what it is is told by the content."""
-_SUBFOLDERS = frozenset({"background", "masks", "regions", "unknown", "calibration"})
+SUBFOLDERS = frozenset(
+    {"background", "masks", "regions", "unknown", "calibration", "boards", "board_walk"}
+)
+"""Folders of a recording that are no camera's."""
 _RESULT = "summary.json"  # a folder that has it is a result
 _UNREAD = frozenset(
     ".h264 .264 .avc .h265 .265 .hevc .mjpeg .mjpg .yuv .raw .av1 .obu"
     " .mxf .flv .vob .asf .mod .tod .r3d .braw .insv .360 .lrv .dav .m2v .f4v .rmvb .gif".split()
 )
-_OURS = frozenset({"subject.toml", "recording.toml", "voxelpose.toml"})
+_OURS = frozenset({"subject.toml", "recording.toml", "voxelpose.toml", "calibration_places.json"})
 _TELLING = re.compile("cam|calib|intri|extri", re.IGNORECASE)
 _MOST = 3  # names in a message
 
@@ -36,7 +39,7 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     paths: dict[str, Path] = {}
     for path in visible_entries(folder):
         suffix = path.suffix.lower()
-        if path.name in _SUBFOLDERS:
+        if path.name in SUBFOLDERS:
             continue
         if path.is_dir():
             if not is_image_folder(path):
@@ -70,7 +73,7 @@ def not_read(folder: Path, frame: str = "; {}") -> str:
     found = []
     for path in visible_entries(folder):
         suffix = path.suffix.lower()
-        if path.is_dir() and path.name not in _SUBFOLDERS:
+        if path.is_dir() and path.name not in SUBFOLDERS:
             if inside := [*map(str, pictures_by_camera(path))]:
                 found.append(f"{path.name}/ holds {_few(inside)}: move that up here")
             elif path.name != "calibration" and not visible_entries(path):

@@ -216,16 +216,19 @@ class DrawnRecording(Recording):
 
 
 def change_section(path: Path, section: str, values: Mapping[str, Any]) -> bool:
-    """Changes values of a section of a TOML file by their keys, None takes one out; its comments,
-    and all else in it, stay. Returns whether there was anything to write: only then a file is made.
-    InputError where it is no TOML, the section is none, or it cannot be written.
+    """Changes values of a section of a TOML file, fit or calibrate.sync, by their keys, None takes
+    one out; its comments, and all else in it, stay. Returns whether there was anything to write:
+    only then a file is made. InputError where it is no TOML, the section is none, or it cannot be
+    written.
     """
     if not values or (not path.exists() and all(value is None for value in values.values())):
         return False
-    document = _open_toml(path)
-    table = document.setdefault(section, tomlkit.table())
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: {section} is no table: mend it or remove it")
+    table = document = _open_toml(path)
+    *above, last = section.split(".")
+    for name in (*above, last):
+        table = table.setdefault(name, tomlkit.table(is_super_table=name in above))
+        if not isinstance(table, dict):
+            raise InputError(f"{path}: {section} is no table: mend it or remove it")
     for name, value in values.items():
         if value is None:
             table.pop(name, None)

@@ -105,3 +105,5 @@ class SaveRequest(Struct, forbid_unknown_fields=True):
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
     points: Points | UnsetType = UNSET
     fit: FitChosen = msgspec.field(default_factory=FitChosen)
+    # What the page was shown, see `SetupSession.state`; "": whatever another one has saved since.
+    seen: Annotated[str, Meta(max_length=64)] = ""

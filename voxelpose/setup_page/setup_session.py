@@ -1,6 +1,7 @@
 """What the page shows and saves of one recording folder."""
 
 import base64
+import hashlib
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,6 +10,7 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
+from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
 from silhouette_core.estimator import BackgroundKind
@@ -16,6 +18,7 @@ from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
+from voxelpose.recording.unknown_places import RECORDING_FILE
 from voxelpose.setup_page import page_requests
 from voxelpose.setup_page.check_findings import find_disagreement
 from voxelpose.setup_page.clicked_points import (
@@ -42,6 +45,10 @@ from voxelpose.view.viewer import previews
 SettingValues = Mapping[str, tuple[Any, str]]
 """Settings of `fit` by name: value, and the file that it is from."""
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)
+_MEANWHILE = (
+    "another page or program has changed this folder's files since this page was loaded: load it"
+    " again to see them, or save once more, and what is here counts"
+)
 _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
 
 
@@ -85,6 +92,7 @@ class SetupSession:
             places = self._places
         empty, many = self._moments.empty(), recording.frame_count > 20_000
         return {
+            "seen": self._seen(),
             "folder": str(self.folder),
             "name": self.folder.resolve().name,
             "studio": self._studio,
@@ -241,8 +249,9 @@ class SetupSession:
 
     def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
         """Writes what is asked for, all of which is checked before; returns the files, what is left
-        out, and the new state. InputError where a value makes no sense, or a file cannot be
-        written.
+        out, and the new state; or, where files are not as they were shown, a line about it as
+        `meanwhile`, and writes nothing. InputError where a value makes no sense, or a file cannot
+        be written.
         """
         folder = self.folder
         self._check_places(asked.places)
@@ -251,6 +260,8 @@ class SetupSession:
             check_points(asked.points)
         left_out: list[str] = []
         with self._saving:
+            if asked.seen and asked.seen != self._seen():
+                return {"meanwhile": _MEANWHILE}
             written, removed = self._places.save(folder, asked.places)
             if asked.points is not UNSET and (asked.points or (folder / POINTS_FILE).exists()):
                 left_out = save_clicked(folder / POINTS_FILE, asked.points)
@@ -264,6 +275,18 @@ class SetupSession:
             "left_out": left_out,
             "state": self.state(),
         }
+
+    def _seen(self) -> str:
+        """Digest of the files that a page shows and saves."""
+        names = POINTS_FILE, SETTINGS_FILE, RECORDING_FILE
+        files = [self.folder / name for name in names]
+        files += visible_entries(self.folder / "regions")
+        found = hashlib.sha256()
+        for file in files:
+            if file.is_file():
+                found.update(f"{file.name}\0{file.stat().st_size}\0".encode())
+                found.update(file.read_bytes())
+        return found.hexdigest()
 
     def _check_places(self, places: page_requests.PlacesDrawn) -> None:
         check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)

@@ -24,7 +24,11 @@ from voxelpose.results import (
 )
 
 SINGLE_FILES = "subject.toml", "timestamps.csv"
-_UNFINISHED = {"background", *SINGLE_FILES, "voxelpose.toml"}  # all that a new project may hold
+# All that a new project may hold.
+_UNFINISHED = {
+    *("background", "boards", "board_walk", "board.pdf", "points.csv", "voxelpose.toml"),
+    *("lenses.toml", "lenses_coverage.png", "lenses_lenses.json", *SINGLE_FILES),
+}
 _LONGEST = 80
 _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]|^[.\s-]|[.\s]$')
 _OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
@@ -111,8 +115,8 @@ class StudioFolder:
             if not folder.is_dir() or is_result(folder) or not self.holds(folder):
                 continue
             new = not {path.name for path in visible_entries(folder)} - _UNFINISHED
-            if new or is_recording(folder):
-                cameras = _camera_count(folder)
+            cameras = _camera_count(folder)
+            if new or cameras or is_recording(folder):
                 calibrated = calibration_path(folder) is not None
                 found.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
         return found

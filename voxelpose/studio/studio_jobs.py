@@ -1,7 +1,8 @@
-"""What the studio has done in a process of its own: an estimation, an export."""
+"""What the studio has done in a process of its own: an estimation, a calibration, an export."""
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Any
 from calib.atomic import replacing
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
+from voxelpose.calibration.sync import Sync
+from voxelpose.calibration.sync_verdict import sync_verdict
 from voxelpose.export.formats import export_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
@@ -45,6 +48,32 @@ def _step_of(line: str, recording: Path) -> str:
         if " ".join(str(fault).split()) == line:  # of the files alone, whatever is set
             return "import"
     return "check" if any(word in line for word in _OF_CHECK) else "fit"
+
+
+def calibrate(
+    reporter: Reporter, work: Callable[[Reporter, Any], Any], command: Any
+) -> dict[str, Any]:
+    """Runs a command of calibration; what it found is in its files, and of a synchronisation, too,
+    `offsets` of the cameras and a `verdict` in lines. StepError where a user can correct something.
+    """
+    try:
+        found = work(reporter, command)
+    except InputError as error:
+        raise StepError(" ".join(str(error).split()), "calibrate") from error
+    if not isinstance(found, Sync):
+        return {}
+    offsets = [
+        {
+            "camera": line.camera,
+            "fps": found.fps[line.camera],
+            "late_frames": line.frames,
+            "late_ms": 1000 * line.offset_s,
+            "error_ms": 1000 * line.error_s if math.isfinite(line.error_s) else None,
+            "reference": line.camera == found.result.reference,
+        }
+        for line in found.result.offsets
+    ]
+    return {"offsets": offsets, "verdict": [*sync_verdict(found), *found.notes]}
 
 
 def export(

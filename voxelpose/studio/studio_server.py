@@ -14,8 +14,17 @@ import msgspec
 from calib.errors import InputError
 from voxelpose.report.page import REPORT
 from voxelpose.setup_page.page_requests import LARGEST_BODY
+from voxelpose.studio.calibration_step import (
+    RIG_PICTURE,
+    SHEET,
+    BoardAsked,
+    CalibrationAsked,
+)
+from voxelpose.studio.live_step import LiveAsked, ReceiversAsked
+from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
 from voxelpose.studio.studio_session import (
+    CalibrationTaken,
     ExportAsked,
     FileAsked,
     FitAsked,
@@ -92,6 +101,8 @@ class StudioServer(GatedServer):
             case ("view", *parts) if "-" in parts:
                 depth = parts.index("-") + 2
                 await self._view("/".join(parts[: depth - 2]), request, depth, reader, writer)
+            case ("live", "-", *_):
+                await session.live.relay(request.below(2), reader, writer)
             case _ if request.upgrade:
                 return error_reply("400 Bad Request", "no WebSocket is here")
             case ("check", name, *rest):
@@ -101,7 +112,12 @@ class StudioServer(GatedServer):
                 await self._tell(writer)
             case ("download",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
-                await _send(writer, folder / EXPORTED, f"{folder.name}.zip")
+                nothing = "nothing is exported yet: export first"
+                await _send(writer, folder / EXPORTED, f"{folder.name}.zip", nothing)
+            case ("sheet", "board"):
+                folder = await asyncio.to_thread(session.folder.project, query.get("project", ""))
+                nothing = "no board is made yet: make it first"
+                await _send(writer, folder / SHEET, SHEET, nothing)
             case ("report",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
                 content = await asyncio.to_thread((folder / REPORT).read_bytes)
@@ -115,7 +131,7 @@ class StudioServer(GatedServer):
         self, request: GateRequest, query: Mapping[str, str], reader: StreamReader
     ) -> Reply:
         """Takes a file of a project."""
-        given = {key: query.get(key, "") for key in ("project", "name", "place")}
+        given = {key: query.get(key, "") for key in ("project", "name", "place", "camera")}
         try:
             asked = msgspec.convert(given | {"bytes": request.body_bytes}, FileAsked)
         except msgspec.ValidationError as error:
@@ -170,6 +186,23 @@ class StudioServer(GatedServer):
                 return json_content(session.project(project))
             case ("api", "form"):
                 return json_content(session.form(project, query.get("command", "")))
+            case ("api", "calibration"):
+                return json_content(session.calibration.state(project))
+            case ("api", "live"):
+                return json_content(session.live.state(project))
+            case ("api", "cameras"):
+                return json_content(session.recording.state(project))
+            case ("preview",):
+                picture = session.job.picture(query.get("camera", ""))
+                if picture is None:
+                    raise InputError("there is no picture yet")
+                return picture, "image/jpeg"
+            case ("still",):
+                asked = project, query.get("place", ""), query.get("camera", "")
+                return session.calibration.still(*asked), "image/jpeg"
+            case ("rig",):
+                picture = session.folder.project(project) / RIG_PICTURE
+                return picture.read_bytes(), "image/png"
             case ("sheet",):
                 return session.sheet(query.get("result", "")), "image/jpeg"
         return None
@@ -184,8 +217,23 @@ class StudioServer(GatedServer):
                 session.target(parse_request(body, FileAsked))
             case ("api", "remove"):
                 session.remove(parse_request(body, FileAsked))
+            case ("api", "calibration"):
+                session.take_calibration(parse_request(body, CalibrationTaken))
             case ("api", "fit"):
                 session.start_fit(parse_request(body, FitAsked))
+            case ("api", "board"):
+                asked = parse_request(body, BoardAsked)
+                return json_content(session.calibration.sheet(asked))
+            case ("api", "calibrate"):
+                session.calibration.start(parse_request(body, CalibrationAsked))
+            case ("api", "record"):
+                session.recording.start(parse_request(body, RecordAsked))
+            case ("api", "live"):
+                session.live.start(parse_request(body, LiveAsked))
+            case ("api", "receivers"):
+                session.live.send_to(parse_request(body, ReceiversAsked))
+            case ("api", "ask"):
+                session.job.ask(parse_request(body, AskedOfJob).word)
             case ("api", "export"):
                 session.start_export(parse_request(body, ExportAsked))
             case ("api", "stop"):
@@ -200,12 +248,12 @@ def _head(headers: Mapping[str, str]) -> bytes:
     return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
 
 
-async def _send(writer: StreamWriter, path: Path, name: str) -> None:
-    """Sends a file to be kept. InputError where it is not there."""
+async def _send(writer: StreamWriter, path: Path, name: str, nothing: str) -> None:
+    """Sends a file to be kept. InputError with a line where there is `nothing`."""
     try:
         file = path.open("rb")
     except OSError:
-        raise InputError("nothing is exported yet: export first") from None
+        raise InputError(nothing) from None
     with file:
         headers = {
             "Content-Type": "application/octet-stream",

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
+from calib.atomic import write_whole
 from calib.errors import InputError
-from silhouette_core.progress import Reporter
-from voxelpose.recording.folder import Recording
+from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
-from voxelpose.results import Result
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SettingValues, SetupSession
+from voxelpose.studio.calibration_step import CalibrationStep
+from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.record_step import RecordStep
+from voxelpose.studio.studio_commands import Commands, Typed
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -32,7 +34,6 @@ from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
-_Value = bool | int | float | Annotated[str, Meta(max_length=1000)]
 
 
 class Named(Struct, forbid_unknown_fields=True):
@@ -47,7 +48,15 @@ class FileAsked(Struct, forbid_unknown_fields=True):
     project: Name
     name: Name
     place: Place = "video"
+    camera: Annotated[str, Meta(max_length=200)] = ""  # of a picture; "": it is named as the file
     bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
+
+
+class CalibrationTaken(Struct, forbid_unknown_fields=True):
+    """A calibration that a project takes over from another one."""
+
+    project: Name
+    of: Name
 
 
 class FitAsked(Struct, forbid_unknown_fields=True):
@@ -57,7 +66,7 @@ class FitAsked(Struct, forbid_unknown_fields=True):
     command: Command
     out: Name
     overwrite: bool = False
-    settings: dict[Name, _Value | None] = {}
+    settings: Typed = {}
 
 
 class ExportAsked(Struct, forbid_unknown_fields=True):
@@ -67,43 +76,6 @@ class ExportAsked(Struct, forbid_unknown_fields=True):
     formats: Annotated[list[Name], Meta(max_length=20)]
     report: bool = False
     pictures: bool = False
-
-
-class Commands(Protocol):
-    """The commands of estimation as the command line knows them, which stands above the page."""
-
-    def form(self, command: Command, project: Path) -> list[dict[str, Any]]:
-        """Settings in their groups, with their values by the files of a project."""
-        ...
-
-    def command(
-        self,
-        command: Command,
-        project: Path,
-        out: Path,
-        given: Mapping[str, Any],
-        inside: Callable[[str], Path],
-    ) -> Any:
-        """A command that overwrites, of what files say and what is `given`, where None is the usual
-        value; `inside` finds a file that a setting names. InputError where a value makes no sense.
-        """
-        ...
-
-    def shares(self, command: Any) -> Mapping[str, float] | None:
-        """Shares of the time of a command's stages."""
-        ...
-
-    def work(self) -> Callable[[Reporter, Any], Sequence[Result]]:
-        """Function of a module that runs a command."""
-        ...
-
-    def values(self, project: Path) -> SettingValues:
-        """Settings of `fit` by the files of a project."""
-        ...
-
-    def formats(self) -> dict[str, str]:
-        """What is written, by the names of the formats."""
-        ...
 
 
 class OpenedViewer:
@@ -148,6 +120,9 @@ class StudioSession:
         """Opens nothing."""
         self.folder, self.commands = folder, commands
         self.job, self.viewer = PageJob(), OpenedViewer()
+        self.calibration = CalibrationStep(folder, commands, self.job)
+        self.recording = RecordStep(folder, commands, self.job)
+        self.live = LiveStep(folder, commands, self.job, self.recording)
         self._lock = threading.Lock()
         self._setup: tuple[str, SetupPage] | None = None
 
@@ -173,7 +148,7 @@ class StudioSession:
         files = project_files(folder)
         known: dict[str, Any] = {"name": name, "files": files}
         try:
-            values = self.commands.values(folder)
+            values = self.commands.values("fit", folder)
             given = _reading(values)
             recording, fault = OpenedFolder.open(folder, *given).recording, ""
             names = list(recording.rig.names)
@@ -201,13 +176,26 @@ class StudioSession:
         """Where a file that is to be sent belongs. InputError where it cannot be taken now."""
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
-        return target_of(project, asked.place, asked.name, asked.bytes)
+        return target_of(project, asked.place, asked.name, asked.bytes, asked.camera)
 
     def remove(self, asked: FileAsked) -> None:
         """Removes a file of a project. InputError where that cannot be."""
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
         remove_file(self.folder, project, asked.name)
+
+    def take_calibration(self, asked: CalibrationTaken) -> None:
+        """Copies the calibration of another project, whose cameras have not been moved since.
+        InputError where there is none, or another one is there.
+        """
+        project, other = (self.folder.project(name) for name in (asked.project, asked.of))
+        self._check_idle(asked.project)
+        source, there = calibration_path(other), calibration_path(project)
+        if source is None or not source.is_file():
+            raise InputError(f"{asked.of} has no calibration in a file: choose another project")
+        if there is not None:
+            raise InputError(f"{there.name} is there: remove it first")
+        write_whole(project / source.name, source.read_bytes())
 
     def _check_idle(self, project: str) -> None:
         state = self.job.status(of=project)
@@ -231,8 +219,9 @@ class StudioSession:
         def inside(text: str) -> Path:
             return self.folder.file_inside(project, text)
 
-        command = self.commands.command(asked.command, project, out, asked.settings, inside)
-        shares, work = self.commands.shares(command), self.commands.work()
+        fixed = {"recording": project, "out": out}
+        command = self.commands.command(asked.command, project, fixed, asked.settings, inside)
+        shares, work = self.commands.shares(command), self.commands.work(asked.command)
         what = estimate, work, command, self.folder.root
         self.job.start(asked.command, asked.project, *what, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
@@ -260,7 +249,7 @@ class StudioSession:
         with self._lock:
             if self._setup is None or self._setup[0] != name or again:
                 folder = self.folder.project(name)
-                read = partial(self.commands.values, folder)
+                read = partial(self.commands.values, "fit", folder)
                 opened = OpenedFolder.open(folder, *_reading(read()))
                 session = SetupSession(opened, read, self.job, "../../")
                 self._setup = name, SetupPage(session)

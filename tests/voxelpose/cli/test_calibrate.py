@@ -3,6 +3,7 @@ be.
 """
 
 import json
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +14,6 @@ import pytest
 
 from benchmarks.board_scene import (
     FACE_UP,
-    BoardCamera,
-    held_poses,
-    random_poses,
     room,
     without_poses,
 )
@@ -29,19 +27,13 @@ from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import FIRST_SUMMARY, waving
 from tests.sources import ring
+from tests.voxelpose.board_films import film_boards, write_video
 from voxelpose.cli import run
 
 BOARD = Board(8, 5, 0.15)
 LIKE_THIS = ["--board", "8x5", "--square", "0.15"]
 FLOOR_M = np.array([-0.4, -0.3, 0])  # the middle of the board on the floor
 SIZE = (480, 360)
-
-
-def write_video(path: Path, frames: list[np.ndarray]) -> None:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25, frames[0].shape[1::-1])
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
 
 
 @pytest.fixture(scope="module")
@@ -54,25 +46,7 @@ def studio(truth, tmp_path_factory) -> Path:
     """Stills of the board before each camera, and videos of it being carried about after it lay on
     the floor.
     """
-    folder = tmp_path_factory.mktemp("studio")
-    floor = (FACE_UP, FLOOR_M)
-    facing = truth.cameras[1].rotation.T
-    walk = [
-        floor,
-        *((facing @ turn, place) for turn, place in random_poses(18, 3, (0, 0, 1.0), 0.4)),
-    ]
-    (folder / "walk").mkdir()
-    for number, camera in enumerate(truth):
-        film = BoardCamera(camera, BOARD, number)
-        write_video(folder / "walk" / f"{camera.name}.avi", [film.picture(pose) for pose in walk])
-        own = BoardCamera(
-            replace(camera, rotation=np.eye(3), translation=np.zeros(3)), BOARD, number
-        )
-        stills = folder / "stills" / camera.name
-        stills.mkdir(parents=True)
-        for index, pose in enumerate(held_poses(12, number, (1.5, 2.4))):
-            cv2.imwrite(str(stills / f"{index:02d}.png"), own.picture(pose))
-    return folder
+    return film_boards(tmp_path_factory.mktemp("studio"), truth, BOARD, FLOOR_M)
 
 
 @pytest.fixture(scope="module")
@@ -190,6 +164,19 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
     assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
     assert "exists: give --out another name, or add --overwrite" in failure(capsys, *words)
+
+
+def test_many_pictures_in_a_folder_are_a_film(studio, tmp_path, capsys):
+    (tmp_path / "cam_0").mkdir()
+    for number, still in enumerate(sorted((studio / "stills" / "cam_0").glob("*.png"))):
+        for copy in range(6):
+            shutil.copy(still, tmp_path / "cam_0" / f"{6 * number + copy:04d}.png")
+    words = ["calibrate", "intrinsics", str(tmp_path / "cam_0"), *LIKE_THIS, "--frames", "8"]
+    assert run([*words, "--out", str(tmp_path / "lens.toml")]) == 0
+    assert "shows the board much as another frame does" in capsys.readouterr().out
+    report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
+    assert len(report["pictures"]) == 72
+    assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
 
 
 def test_boards_that_are_not_there_are_told_of(studio, tmp_path, capsys):

@@ -26,7 +26,7 @@ class Deliveries:
 
 
 @contextmanager
-def reading(address: str, size: tuple[int, int] = SIZE, **options) -> Iterator[tuple]:
+def reading(address: str, size: tuple[int, int] | None = SIZE, **options) -> Iterator[tuple]:
     """A reader at work, and what it has delivered."""
     started_s, deliveries = time.monotonic(), Deliveries()
     reader = CameraReader(
@@ -125,3 +125,10 @@ def test_a_larger_picture_of_the_same_shape_is_scaled():
         wait_until(lambda: len(deliveries.times_s) > 2)
     assert deliveries.sizes == {SIZE}
     stream.close()
+
+
+def test_without_a_calibration_pictures_are_taken_as_they_come(tmp_path):
+    walk = write_recording(tmp_path / "walk", ring(1, (200, 120)))
+    with reading(str(walk / "cam_1.mp4"), None) as (reader, deliveries):
+        wait_until(lambda: reader.state == "ended")
+    assert deliveries.sizes == {(200, 120)}

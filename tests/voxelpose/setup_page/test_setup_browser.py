@@ -247,6 +247,27 @@ def test_unsaved_work_is_asked_about_and_survives_the_end_of_the_program(tmp_pat
 
 
 @pytest.mark.slow
+def test_a_second_page_is_told_before_it_overwrites(tmp_path):
+    with served(staged(tmp_path / "walk", 2)) as server, new_page() as (page, faults):
+        other = page.context.browser.new_page()
+        for each in (page, other):
+            each.goto(server.url)
+            each.locator('[data-tool="silhouettes"]').click()
+        for each, stature in ((page, "1.7"), (other, "1.8")):
+            each.locator("#fit_stature").fill(stature)
+            each.locator("#fit_stature").blur()
+            each.locator("#save").click()
+            if each is page:
+                page.locator("#saving.done").wait_for()
+        other.locator("#banner").get_by_text("another page or program has changed").wait_for()
+        assert "1.7" in (tmp_path / "walk" / "voxelpose.toml").read_text()
+        other.locator("#save").click()
+        other.locator("#saving.done").wait_for()
+        assert "1.8" in (tmp_path / "walk" / "voxelpose.toml").read_text()
+        assert not other.locator("#banner").is_visible() and faults == []
+
+
+@pytest.mark.slow
 def test_the_check_is_shown_without_blocking_the_page(recorded):
     with served(recorded) as server, new_page() as (page, faults):
         page.goto(server.url)

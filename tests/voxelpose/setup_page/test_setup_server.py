@@ -214,6 +214,30 @@ def test_bounds_of_numbers_hold():
         parse_request(json.dumps(most).encode(), SaveRequest)
 
 
+def test_two_pages_do_not_overwrite_each_other_without_a_word(tmp_path):
+    walk = write_recording(tmp_path / "walk", ring(2, SIZE))
+    with served(walk) as server:
+
+        def save(stature: float, seen: str) -> dict:
+            status, answer = ask(server, "/api/save", {"fit": {"stature": stature}, "seen": seen})
+            assert status == 200
+            return answer
+
+        seen = ask(server, "/api/state")[1]["seen"]  # of both pages
+        later = save(1.7, seen)["state"]["seen"]
+        assert "load it again" in save(1.8, seen)["meanwhile"]
+        assert (walk / "voxelpose.toml").read_text() == "[fit]\nstature = 1.7\n"
+        assert save(1.8, "")["written"] == ["voxelpose.toml"]  # all the same
+        assert "meanwhile" in save(1.7, later)
+        now = ask(server, "/api/state")[1]["seen"]
+        (walk / "points.csv").write_text("camera,point,x_px,y_px\n")
+        assert "meanwhile" in save(1.7, now)
+        now = ask(server, "/api/state")[1]["seen"]
+        drawn = {"cam_1": {"painted": False, "polygons": [[[0, 0], [9, 0], [9, 9]]]}}
+        assert ask(server, "/api/save", {"places": {"regions": drawn}})[0] == 200
+        assert ask(server, "/api/state")[1]["seen"] != now
+
+
 def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
     from voxelpose.calibration.check import check_recording
     from voxelpose.recording.folder import Recording

@@ -1,15 +1,29 @@
-"""The studio in a browser as narrow as a telephone: from an empty folder to an archive."""
+"""The studio in a browser as narrow as a telephone: from an empty folder to an archive, with files
+of one's own, and with cameras and a board.
+"""
 
+import re
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks.board_scene import room
+from calib.board import Board
+from calib.camera import Rig
+from calib.extrinsics import pose_difference
+from calib.files import read_rig
 from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_staged
+from tests.voxelpose.board_films import film_boards
 from tests.voxelpose.studio.studio_scenes import opened_studio
+from voxelpose.recording.folder import Recording
 from voxelpose.results import is_result
+
+SIZE = (480, 360)
+REFUSED = "Failed to load resource: the server responded with a status of 400 (Bad Request)"
 
 
 @pytest.mark.slow
@@ -30,7 +44,7 @@ def test_from_an_empty_folder_to_exported_motion(desk):
         view(page)
         page.get_by_role("link", name="Next: Export").click()
         page.locator("#start").click()
-        page.locator("#download").wait_for(timeout=60_000)
+        page.locator("#download").wait_for(timeout=120_000)
         fits(page)
         with page.expect_download() as download:
             page.locator("#download").click()
@@ -70,14 +84,14 @@ def fit(page) -> None:
     page.locator("#set_frames").fill("9:12")  # there are four
     page.locator("#start").click()
     page.locator(".refused").get_by_text("frames 9:12 are not in the recording").wait_for(
-        timeout=60_000
+        timeout=120_000
     )
     fits(page)
     page.locator("#set_frames").fill("")
     page.locator("#start").click()
     page.locator("#stop").wait_for()
     page.reload()  # it finds its job again
-    page.locator(".verdict .tag").wait_for(timeout=60_000)
+    page.locator(".verdict .tag").wait_for(timeout=120_000)
     assert page.locator(".verdict h3").text_content() == "anna walk_fit"
     fits(page)
     page.locator("#next").click()
@@ -89,7 +103,7 @@ def view(page) -> None:
     with page.expect_popup() as opened:
         page.get_by_role("link", name="Open the viewer of").click()
     viewer = opened.value
-    viewer.get_by_text("Frame 2,").wait_for(timeout=60_000)  # drawn, by way of its WebSocket
+    viewer.get_by_text("Frame 2,").wait_for(timeout=120_000)  # drawn, by way of its WebSocket
     assert viewer.title().startswith("anna walk_fit")
     viewer.get_by_role("link", name="Why is a pixel").wait_for()
     viewer.close()
@@ -105,3 +119,102 @@ def archive(download) -> None:
         assert lines[0].startswith("frame,time_s,joint") and len(lines) > 45
         heights = [float(line.split(",")[5]) for line in lines[1:]]
         assert np.isfinite(heights).all() and max(heights) < 2.5
+
+
+@pytest.mark.slow
+def test_from_cameras_and_a_board_to_exported_motion(desk):
+    rig = Rig(tuple(replace(one, name=f"cam_{n}") for n, one in enumerate(room(3, 2.4, SIZE), 1)))
+    root = desk / "root"
+    films = write_staged(root / "films", waving(12), rig)
+    for file in (films / "calibration.toml", *(films / "background").iterdir()):
+        file.unlink()
+    (desk / "made").mkdir()
+    made = film_boards(desk / "made", rig, Board(8, 5, 0.15), np.array([-0.4, -0.3, 0]), (2.2, 3))
+    with opened_studio(root) as server, new_page(420, 800) as (page, faults):
+        page.goto(server.url)
+        page.locator("#new_name").fill("room")
+        page.keyboard.press("Enter")
+        page.locator("#fault_line").wait_for()
+        page.get_by_role("link", name="Record", exact=True).click()
+        film(page)
+        page.get_by_role("link", name="Calibrate", exact=True).click()
+        board(page)
+        lenses(page, made / "stills")
+        positions(page, made / "walk")
+        page.locator("#next").click()
+        page.locator(".tile").nth(2).wait_for()
+        page.locator("#next").click()
+        page.get_by_text("Expert").click()
+        page.locator("#set_estimator").fill("standing")
+        page.locator("#start").click()
+        page.locator(".verdict .tag").wait_for(timeout=120_000)
+        page.locator("#next").click()
+        page.get_by_role("link", name="Next: Export").click()
+        page.locator("#start").click()
+        page.locator("#download").wait_for(timeout=120_000)
+        with page.expect_download() as download:
+            page.locator("#download").click()
+        with zipfile.ZipFile(download.value.path()) as zipped:
+            assert {"motion.bvh", "joints.csv", "report.html"} <= set(zipped.namelist())
+        # A page that is left gives up what it has asked for.
+        assert [fault for fault in faults if not fault.startswith("failed: ")] == [REFUSED]
+    found = read_rig(root / "room" / "calibration.toml")
+    apart = pose_difference(found["cam_3"], found["cam_1"])[0]
+    assert apart == pytest.approx(pose_difference(rig["cam_3"], rig["cam_1"])[0], abs=40)
+    assert len(Recording.open(root / "room").backgrounds()) == 3
+
+
+def film(page) -> None:
+    page.locator("#open_cameras").wait_for()
+    for number in range(3):
+        if number:
+            page.locator("#add_camera").click()
+        page.locator("[data-address]").nth(number).fill(f"films/cam_{number + 1}.mkv")
+    page.locator("#record_countdown").fill("0")
+    page.locator("#record_empty").fill("0.5")
+    fits(page)
+    page.locator("#open_cameras").click()
+    shown = "() => [...document.querySelectorAll('.cameras img')].filter((i) => i.naturalWidth)"
+    page.wait_for_function(f"{shown}.length === 3")
+    page.reload()  # it finds its cameras again
+    page.wait_for_function(f"{shown}.length === 3")
+    fits(page)
+    page.locator("#record").click()
+    page.locator("#phase").get_by_text(re.compile(r"Recording: \d\d")).wait_for(timeout=20_000)
+    page.locator("#finish").click()
+    page.locator("#recorded").get_by_text("moments in").wait_for(timeout=20_000)
+    fits(page)
+
+
+def board(page) -> None:
+    page.locator("#make_board").click()
+    page.locator("#measure").get_by_text("9 squares in a row are 252 mm").wait_for()
+    with page.expect_download() as download:
+        page.locator("#sheet").click()
+    assert download.value.path().read_bytes().startswith(b"%PDF")
+    page.locator("#look_square").fill("0.15")
+
+
+def lenses(page, stills) -> None:
+    page.locator("#start_lenses").click()
+    page.locator("#banner").get_by_text("there are no pictures of the board").wait_for()
+    page.locator("input[data-folder=boards]").set_input_files(stills)
+    page.locator(".card[data-camera=cam_3] img").wait_for(timeout=30_000)
+    page.locator("#start_lenses").click()
+    page.locator("[data-job=lenses] #stop").wait_for()
+    page.locator(".coverage canvas").nth(2).wait_for(timeout=120_000)
+    page.locator(".card[data-camera=cam_1] .good").get_by_text("of 12 pictures").wait_for()
+    fits(page)
+
+
+def positions(page, walk) -> None:
+    page.locator("input[data-place=board_walk]").set_input_files(sorted(walk.iterdir()))
+    page.get_by_role("button", name="Remove board_walk/cam_3.avi").wait_for()
+    page.locator("#rig_floor").fill("0")
+    page.locator("#start_positions").click()
+    page.locator("#rig_found").get_by_text("cam_1–cam_2 ").wait_for(timeout=120_000)
+    page.locator("#rig_found img").wait_for()
+    page.reload()
+    page.locator("#rig_found img").wait_for()
+    assert page.locator("#look_square").input_value() == "0.15"  # as it is kept
+    fits(page)

@@ -22,7 +22,11 @@ from voxelpose.studio.studio_jobs import estimate
 from voxelpose.view.serving.page_job import StepError
 
 TOKEN = "open sesame"
-POSTS = "/api/new", "/api/accepts", "/api/remove", "/api/fit", "/api/export", "/api/stop", "/upload"
+POSTS = (
+    *("/api/new", "/api/accepts", "/api/remove", "/api/fit", "/api/export", "/api/board"),
+    *("/api/calibrate", "/api/calibration", "/api/record", "/api/live", "/api/receivers"),
+    *("/api/ask", "/api/stop", "/upload"),
+)
 GETS = (
     "/",
     "/api/state",
@@ -30,6 +34,14 @@ GETS = (
     "/check/walk/",
     "/view/fitted/-/",
     "/events",
+    "/api/calibration?project=walk",
+    "/api/cameras?project=walk",
+    "/api/live?project=walk",
+    "/preview?camera=cam_1",
+    "/still?project=walk&place=boards&camera=cam_1",
+    "/rig?project=walk",
+    "/sheet/board?project=walk",
+    "/live/-/",
     "/download?result=fitted",
     "/report?result=fitted",
 )
@@ -219,9 +231,10 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
     if file is not None:
         (walk / file).unlink()
     forms, folder = CommandForms(), StudioFolder(desk)
-    command = forms.command("fit", walk, desk / "x", STANDING | settings, folder.project)
+    fixed = {"recording": walk, "out": desk / "x"}
+    command = forms.command("fit", walk, fixed, STANDING | settings, folder.project)
     with pytest.raises(StepError) as error:
-        estimate(SilentReporter(), forms.work(), command, folder.root)
+        estimate(SilentReporter(), forms.work("fit"), command, folder.root)
     assert error.value.step == step and line in str(error.value)
 
 

@@ -92,6 +92,71 @@ def test_what_is_no_such_file_is_refused_in_a_line(studio, walk, place, name, co
     assert [name for name in names(walk) if name != "background"] == []
 
 
+def picture(value: int = 90) -> bytes:
+    return cv2.imencode(".png", np.full((120, 160, 3), value, np.uint8))[1].tobytes()
+
+
+def test_folders_of_pictures_come_to_their_cameras(studio, walk):
+    for place in ("video", "masks", "background", "boards", "board_walk"):
+        for number in range(3):
+            name = f"{number:04d}.png&camera=cam_1"
+            assert send(studio, place, name, picture(number))[0] == 200
+    recording = Recording.open(walk, cameras=["cam_1"], fps=25)
+    assert recording.frame_count == 3 and len(recording.backgrounds()["cam_1"].stills) == 3
+    known = ask(studio, "/api/project?project=walk")[1]
+    assert {(file["place"], file["name"], file["pictures"]) for file in known["files"]} == {
+        ("video", "cam_1", 3),
+        *((place, f"{place}/cam_1", 3) for place in ("background", "masks", "boards")),
+        ("board_walk", "board_walk/cam_1", 3),
+    }
+    assert [one["name"] for one in ask(studio, "/api/state")[1]["projects"]] == ["walk"]
+    (walk / "cam_1" / "notes.txt").write_text("mine")
+    for name in ("cam_1", "masks/cam_1"):
+        assert ask(studio, "/api/remove", {"project": "walk", "name": name})[0] == 200
+    assert names(walk / "cam_1") == ["notes.txt"] and not (walk / "masks" / "cam_1").exists()
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "line"),
+    [
+        ("video", "0.png", "convert it first"),
+        ("boards", "0.png", "convert it first"),
+        ("video", "0.mp4&camera=cam_1", "convert it first"),
+        ("calibration", "0.png&camera=cam_1", "convert it first"),
+        ("video", "0.png&camera=Background", "no camera can be called Background"),
+        ("video", "0.png&camera=..", "cannot be a name"),
+        ("masks", "0.png&camera=a/b", "cannot be a name"),
+        ("video", "0.png&camera=cam_2", "cam_2.mp4 is there for camera cam_2"),
+        ("video", "cam_3.mp4", "cam_3/ is there for camera cam_3"),
+        ("boards", "0.jpg&camera=cam_9", "cannot be read as an image"),
+    ],
+)
+def test_pictures_that_fit_nowhere_are_refused(studio, walk, place, name, line):
+    (walk / "cam_2.mp4").write_bytes(b"x")
+    (walk / "cam_3").mkdir()
+    (walk / "cam_3" / "0.png").write_bytes(picture())
+    before = names(walk)
+    content = b"no picture" if name.startswith("0.jpg") else picture()
+    status, answer = send(studio, place, name, content)
+    assert status == 400 and line in answer["error"]
+    assert [one for one in names(walk) if one != "boards"] == before
+
+
+def test_a_calibration_is_taken_over_from_another_project(studio, walk, made):
+    room = walk.parent / "room"
+    room.mkdir()
+    asked = {"project": "walk", "of": "room"}
+    status, answer = ask(studio, "/api/calibration", asked)
+    assert status == 400 and "room has no calibration in a file" in answer["error"]
+    (room / "calibration.toml").write_bytes((made / "calibration.toml").read_bytes())
+    assert ask(studio, "/api/calibration", asked)[0] == 200
+    assert (walk / "calibration.toml").read_bytes() == (made / "calibration.toml").read_bytes()
+    status, answer = ask(studio, "/api/calibration", asked)
+    assert status == 400 and "calibration.toml is there: remove it first" in answer["error"]
+    for of in ("..", "../made", "nobody"):
+        assert ask(studio, "/api/calibration", asked | {"of": of})[0] == 400
+
+
 def test_sizes_are_refused_before_anything_is_sent(studio, walk, monkeypatch):
     def told(place: str, name: str, count: int) -> tuple:
         asked = {"project": "walk", "place": place, "name": name, "bytes": count}

@@ -22,6 +22,13 @@ def work(reporter, how, path):
             time.sleep(60)
         finally:
             path.unlink()  # what it had begun to write
+    if how == "asked":
+        reporter.tell(phase="waiting")
+        reporter.picture("cam_1", b"old")
+        reporter.picture("cam_1", b"new")
+        while (word := reporter.asked()) is None:
+            time.sleep(0.01)
+        return {"result": word, "again": reporter.asked()}
     if how == "mistake":
         raise StepError("the file\nis not there", "import")
     if how == "bug":
@@ -78,6 +85,21 @@ def test_one_at_a_time_whose_progress_is_told_and_which_can_be_stopped(job, begi
     assert waited(job)["state"] == "stopped" and job.version > version
     assert not (tmp_path / "partial").exists()
     assert begin("done")["state"] == "done"
+
+
+def test_it_tells_and_is_asked_while_it_runs(job, begin, tmp_path):
+    job.ask("nobody listens")
+    begin("asked", until="second")
+    end = time.monotonic() + 30
+    while job.status().get("phase") != "waiting" or job.picture("cam_1") != b"new":
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    assert job.picture("cam_2") is None
+    job.ask("finish")
+    state = waited(job)
+    assert (state["state"], state["result"], state["again"]) == ("done", "finish", None)
+    begin("done")
+    assert job.picture("cam_1") is None and "phase" not in job.status()
 
 
 @pytest.mark.parametrize(

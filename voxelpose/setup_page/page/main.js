@@ -368,7 +368,11 @@ class App {
     const sent = structuredClone(this.store.doc);
     this.status("saving …");
     try {
-      const { written, removed, left_out, state } = await postJson("api/save", this.store.changes());
+      const seen = this.overrides ? "" : this.store.state.seen;
+      const { meanwhile, written, removed, left_out, state } = await postJson("api/save", { ...this.store.changes(), seen });
+      this.overrides = Boolean(meanwhile);
+      if (meanwhile) throw new Error(meanwhile);
+      by("banner").hidden = true;
       const words = [];
       if (written.length) words.push(`written: ${written.join(", ")}`);
       if (removed.length) words.push(`removed: ${removed.join(", ")}`);

@@ -1,12 +1,11 @@
 // Fit: settings in their groups, the estimation as it goes, and the verdict.
 
 import { getJson } from "./api.js";
+import { field, grouped, isWrong } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
-import { button, checkbox, make, refusal } from "./parts.js";
+import { button, make, refusal } from "./parts.js";
 import { resultLink, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
-
-const GROUPS = { basic: "", person: "The person", camera: "Cameras", output: "Filter and output", expert: "Expert" };
 
 export async function fitStep(studio, state, project) {
   const known = await getJson(`api/project?project=${encodeURIComponent(project)}`);
@@ -59,23 +58,19 @@ function draw(step) {
   const { known, form } = step;
   const out = make("input", { type: "text", id: "out", value: freeName(step), maxLength: 80 });
   const replace = make("input", { type: "checkbox", id: "replace" });
-  const groups = Object.entries(GROUPS).map(([group, title]) => {
-    const fields = form.filter((row) => row.group === group).map((row) => field(step, row));
-    if (group !== "basic") return fields.length > 0 && make("details", {}, make("summary", {}, title, make("small", {}, `${fields.length} settings`)), make("div", { class: "fields" }, ...fields));
-    return make("section", { class: "group" }, make("div", { class: "fields" }, ...methods(step), ...fields,
-      make("div", { class: "field" }, make("label", { htmlFor: "out" }, "name of the result"), out,
-        make("label", { class: "note" }, replace, "replace an earlier result of this name"))));
-  });
+  const names = known.cameras.map((camera) => camera.name);
+  const rows = (row) => field(row.name === "camera" ? { ...row, input: "choice", choices: names, none: names.length > 1 && "choose" } : row, step.typed);
+  const groups = grouped(form, rows, methods(step), [make("div", { class: "field" }, make("label", { htmlFor: "out" }, "name of the result"), out,
+    make("label", { class: "note" }, replace, "replace an earlier result of this name"))]);
   const start = async () => {
-    if (step.holder.querySelector("input:invalid, input.wrong")) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
-    const settings = Object.fromEntries(Object.entries(step.typed));
-    const asked = { project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings };
+    if (isWrong(step.holder)) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
+    const asked = { project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings: step.typed };
     if (await step.studio.send("api/fit", asked)) step.panel.scrollIntoView({ block: "nearest" });
   };
   const fault = known.fault && (step.command === "fit" || !known.cameras.length);
   step.holder.replaceChildren(
     ...(fault ? [refusal(known.fault), make("p", {}, make("a", { class: "button main", href: addressOf("import", "./", step.project) }, "Mend it: Import"))] : []),
-    ...groups.filter(Boolean),
+    ...groups,
     make("div", { class: "row end" }, button(step.command === "fit" ? "Start the fit" : "Start tracking", start, { class: "main", id: "start", disabled: step.studio.job.state === "running" || !known.cameras.length })));
 }
 
@@ -90,27 +85,4 @@ function methods(step) {
     draw(step);
   });
   return [make("div", { class: "field" }, make("label", { htmlFor: "command" }, "made from"), select)];
-}
-
-function field(step, row) {
-  const id = `set_${row.name}`;
-  const set = (value) => (step.typed[row.name] = value);
-  const help = make("p", { class: "note" }, row.help);
-  const value = step.typed[row.name] ?? row.value;
-  if (row.input === "checkbox") return make("div", { class: "field" }, checkbox(row.name, value ?? row.usual, set, { id }), help);
-  let input;
-  if (row.input === "choice" || row.name === "camera") {
-    const choices = row.name === "camera" ? step.known.cameras.map((camera) => camera.name) : row.choices;
-    const none = row.usual === null && (row.name !== "camera" || choices.length > 1);
-    input = make("select", { id }, none && make("option", { value: "" }, row.name === "camera" ? "choose" : "as found"), ...choices.map((choice) => make("option", { value: choice }, choice)));
-    input.value = value ?? row.usual ?? (none ? "" : choices[0]);
-  } else {
-    const numeric = row.input === "number" ? { step: row.whole ? "1" : "any" } : {};
-    input = make("input", { type: row.input, id, value: value ?? "", placeholder: row.usual ?? "", ...numeric });
-  }
-  input.addEventListener("change", () => {
-    const text = input.value.trim();
-    set(text === "" ? null : row.input === "number" ? Number(text) : text);
-  });
-  return make("div", { class: "field" }, make("label", { htmlFor: id }, row.name), input, help);
 }

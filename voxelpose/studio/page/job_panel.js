@@ -3,7 +3,11 @@
 import { button, make, refusal } from "./parts.js";
 import { addressOf, STEPS } from "./rail.js";
 
-const VERBS = { fit: "Fitting", track: "Tracking", export: "Exporting", check: "Checking the cameras of" };
+const VERBS = {
+  fit: "Fitting", track: "Tracking", export: "Exporting", check: "Checking the cameras of",
+  recording: "Recording", "live session": "Live session of", "lens calibration": "Calibrating the lenses of", "position calibration": "Calibrating the positions of", synchronisation: "Putting in step the cameras of", "board synchronisation": "Putting in step the board's videos of",
+};
+const HERE = ["fit", "calibrate", "record", "live"]; // steps that show their own errors, beside the settings
 
 export function duration(seconds) {
   if (seconds < 50) return `${Math.max(5, Math.ceil(seconds / 5) * 5)} s`;
@@ -25,8 +29,8 @@ export function jobPanel(studio, job, project, done) {
   if (job.state === "failed") {
     const title = STEPS.find(([step]) => step === job.step)?.[1];
     return make("section", { class: "job" }, make("h3", {}, `The ${job.kind} of ${job.of} failed`), refusal(job.error),
-      title && job.step !== "fit" && make("a", { class: "button main", id: "mend", href: addressOf(job.step, "./", project) }, `Mend it: ${title}`),
-      job.step === "fit" && make("p", { class: "note" }, "Change the settings below, then start again."));
+      title && !HERE.includes(job.step) && make("a", { class: "button main", id: "mend", href: addressOf(job.step, "./", project) }, `Mend it: ${title}`),
+      HERE.includes(job.step) && make("p", { class: "note" }, "Change the settings below, then start again."));
   }
   if (job.state === "stopped") return make("section", { class: "job" }, make("p", {}, `The ${job.kind} of ${job.of} was stopped; nothing was written.`));
   return make("section", { class: "job" }, ...done(job), ...notes(job));

@@ -1,16 +1,19 @@
 // The studio: one step at a time, by the address; the job of the program is followed all the while.
 
 import { getJson, onConnection, postJson } from "./api.js";
+import { calibrateStep } from "./calibrate_step.js";
 import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
 import { importStep } from "./import_step.js";
+import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
 import { addRail } from "./rail.js";
+import { recordStep } from "./record_step.js";
 import { viewStep } from "./view_step.js";
 
 const by = (id) => document.getElementById(id);
-const VIEWS = { projects: projectsStep, import: importStep, fit: fitStep, view: viewStep, export: exportStep };
-const TITLES = { projects: "Projects", import: "Import", fit: "Fit", view: "View", export: "Export" };
+const VIEWS = { projects: projectsStep, record: recordStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep, live: liveStep };
+const TITLES = { projects: "Projects", record: "Record", import: "Import", calibrate: "Calibrate", fit: "Fit", view: "View", export: "Export", live: "Live" };
 
 class Studio {
   constructor() {
@@ -34,10 +37,15 @@ class Studio {
     addEventListener("pagehide", () => events.close());
   }
 
-  // Calls with the job now, and whenever it changes while this step is shown.
-  watch(call) {
-    this.watchers.push(call);
-    call(this.job);
+  // The studio as a step sees it: `watch` calls with the job now, and whenever it changes while that
+  // step is shown.
+  seenBy(watchers) {
+    const seen = Object.create(this);
+    seen.watch = (call) => {
+      watchers.push(call);
+      call(this.job);
+    };
+    return seen;
   }
 
   get route() {
@@ -48,7 +56,7 @@ class Studio {
   async show() {
     const { step, project, result } = this.route;
     const mine = ++this.shown;
-    this.watchers = [];
+    const watchers = (this.watchers = []);
     this.notice("");
     addRail(step, "./", step === "projects" ? null : project);
     document.title = `${project && step !== "projects" ? `${project} – ` : ""}${TITLES[step]} – voxelpose studio`;
@@ -56,7 +64,9 @@ class Studio {
     try {
       const state = await getJson("api/state");
       if (mine !== this.shown) return;
-      by("step").replaceChildren(...await VIEWS[step](this, state, project, result));
+      const parts = await VIEWS[step](this.seenBy(watchers), state, project, result);
+      if (mine !== this.shown) return; // another step was chosen meanwhile
+      by("step").replaceChildren(...parts);
       by("step").scrollTop = 0;
     } catch (error) {
       if (mine !== this.shown) return;

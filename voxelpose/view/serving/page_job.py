@@ -1,5 +1,5 @@
-"""One long job of a page at a time, in a process of its own: with its progress, and ended at once
-where somebody stops it.
+"""One long job of a page at a time, in a process of its own: with its progress, what it is asked
+meanwhile, and ended at once where somebody stops it.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -47,6 +48,8 @@ class PageJob:
         """Starts nothing."""
         self._lock = threading.Lock()
         self._process: Any = None
+        self._pipe: Any = None
+        self._pictures: dict[str, bytes] = {}
         self._thread: threading.Thread | None = None
         self._stopping = False
         self._state: dict[str, Any] = {"state": "idle"}
@@ -67,8 +70,8 @@ class PageJob:
         Args:
             kind: what it does, such as "fit".
             of: what it is done to: a recording, a result.
-            work: a function of a module that takes a reporter and the arguments, all of which can
-                be pickled, and returns what is known then; its InputError is told in a line.
+            work: a function of a module that takes a JobReporter and the arguments, all of which
+                can be pickled, and returns what is known then; its InputError is told in a line.
             shares: of the time that its stages usually take; None: not known.
 
         Raises:
@@ -80,10 +83,11 @@ class PageJob:
                     f"the {self._state['kind']} of {self._state['of']} is still running: wait for"
                     " its end, or stop it"
                 )
-            here, there = SPAWN.Pipe(duplex=False)
+            here, there = SPAWN.Pipe()
             self._process = SPAWN.Process(target=_run, args=(there, work, arguments))
             self._process.start()
             there.close()
+            self._pipe, self._pictures = here, {}
             self._stopping, self._started_s = False, time.monotonic()
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
@@ -94,14 +98,26 @@ class PageJob:
             self._thread.start()
 
     def status(self, kind: str | None = None, of: str | None = None) -> dict[str, Any]:
-        """State: idle, running (stage, done, total, part, left_s, notes), failed (error, and the
-        step that mends it), stopped, or done (with what the work returned). Idle, too, where the
-        latest job is of another kind, or of something else.
+        """State: idle, running (stage, done, total, part, left_s, notes, and what the job tells),
+        failed (error, and the step that mends it), stopped, or done (with what the work returned).
+        Idle, too, where the latest job is of another kind, or of something else.
         """
         with self._lock:
             state = dict(self._state)
         wanted = kind in (None, state.get("kind")) and of in (None, state.get("of"))
         return state if wanted else {"state": "idle"}
+
+    def picture(self, name: str) -> bytes | None:
+        """The newest picture of a name that the job has sent; None where there is none."""
+        with self._lock:
+            return self._pictures.get(name)
+
+    def ask(self, word: str) -> None:
+        """Asks something of the job that is running, which looks for it in its own time."""
+        with self._lock:
+            if self._state["state"] == "running" and self._pipe is not None:
+                with suppress(OSError):  # it ends just now
+                    self._pipe.send(word)
 
     def stop(self) -> None:
         """Ends the job that is running; nothing that it had not finished is left."""
@@ -126,7 +142,7 @@ class PageJob:
     def _listen(self, pipe: Connection, process: Any) -> None:
         """Takes what the process tells until its end."""
         what = "at"
-        while what in ("at", "note"):
+        while what not in ("done", "failed"):
             told: Any = (_ENDED, "")
             try:
                 what, told = pipe.recv()
@@ -136,6 +152,8 @@ class PageJob:
                 process.join(_STOP_S)  # its files are all there, or gone
             with self._lock:
                 self._take(what, told)
+        with self._lock:
+            self._pipe = None
         pipe.close()
         process.join()
 
@@ -150,6 +168,11 @@ class PageJob:
             self._update(stage=stage, done=done, total=total, part=part, left_s=left_s)
         elif what == "note":
             self._update(notes=[*self._state["notes"], told][-_MOST_NOTES:])
+        elif what == "tell":
+            self._update(**told)
+        elif what == "picture":
+            name, picture = told
+            self._pictures[name] = picture
         elif what == "done":
             self._update(state="done", **told)
         elif self._stopping:
@@ -159,8 +182,8 @@ class PageJob:
             self._update(state="failed", error=error, step=step)
 
 
-class _PipeReporter:
-    """Tells progress to the process that has begun this one."""
+class JobReporter:
+    """Tells progress, and whatever else the page shows, to the process that has begun this one."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe, self._lock, self._told_s = pipe, threading.Lock(), 0.0
@@ -181,6 +204,18 @@ class _PipeReporter:
         """See `Reporter.note`."""
         self.send("note", text)
 
+    def tell(self, **known: Any) -> None:
+        """Adds what is known to the job's state."""
+        self.send("tell", known)
+
+    def picture(self, name: str, content: bytes) -> None:
+        """Sends a picture that takes the place of the one before of the same name."""
+        self.send("picture", (name, content))
+
+    def asked(self) -> str | None:
+        """What was asked since this was called last; None: nothing."""
+        return self._pipe.recv() if self._pipe.poll() else None
+
     def send(self, what: str, told: Any) -> None:
         """Sends whatever it is, one thread after the other."""
         with self._lock:
@@ -196,7 +231,7 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's program ends this one
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     threading.Thread(target=end_with_parent, daemon=True).start()
-    reporter = _PipeReporter(pipe)
+    reporter = JobReporter(pipe)
     try:
         told = "done", work(reporter, *arguments)
     except InputError as error:

@@ -84,7 +84,7 @@ class PageServer:
         try:
             guard_connections(self.viser, self._peers)
             self.gate = Gate(address, self.answer)
-            self.url = self.gate.url
+            self.url, self.port = self.gate.url, self.gate.port
         except BaseException:
             self._stop_viser()
             raise

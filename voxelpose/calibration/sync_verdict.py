@@ -1,0 +1,53 @@
+"""What a synchronisation is said to be worth, and what helps where it is not sure."""
+
+from collections.abc import Iterator
+
+from calib.signals import SignalOffsets
+from voxelpose.calibration.sync import Sync
+
+_NAMES = {
+    "board": "the board's speed",
+    "sound": "sound",
+    "silhouettes": "silhouettes moving up and down",
+}
+_REMEDIES = {
+    "geometry": "the cameras agree at no offset: calibrate first, then synchronise, or give --by",
+    "board": "carry the board so that all cameras see it, now faster and now slower",
+    "sound": "clap where all cameras hear it, or try --by silhouettes",
+    "silhouettes": (
+        "let somebody squat, jump or raise the arms in view of all cameras, give --seconds and"
+        " --most, or clap and try --by sound"
+    ),
+}
+
+
+def sync_remedy(sync: Sync) -> str:
+    """What the user can do where the offsets are not sure."""
+    return _REMEDIES[sync.by]
+
+
+def sync_verdict(sync: Sync) -> Iterator[str]:
+    """Lines that tell what offsets were found from, and how well the cameras agree."""
+    found = sync.result
+    if not isinstance(found, SignalOffsets):
+        yield (
+            f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
+            " these offsets"
+        )
+        if not found.agreed:
+            yield (
+                "the cameras agree at no offset: the offsets above follow from the motion of the"
+                " outlines only, and are rough; check the calibration first"
+            )
+        return
+    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {found.correlation:.2f}"
+    if found.disagreement_s == found.disagreement_s:
+        pairs += f", and their offsets agree within {1000 * found.disagreement_s:.1f} ms"
+    yield pairs
+    if found.unlike:
+        yield f"{', '.join(found.unlike)} recorded nothing like the others: not synchronised"
+    if found.ambiguous:
+        yield (
+            f"other offsets are nearly as likely for {', '.join(found.ambiguous)}: motion that"
+            " repeats itself, or too little of it"
+        )

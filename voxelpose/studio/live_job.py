@@ -1,0 +1,133 @@
+"""A live session in a process of its own: it is told what to do, and tells how it goes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+from calib.errors import InputError
+from voxelpose.live.live_frame import LiveFrame
+from voxelpose.live.live_page import Page
+from voxelpose.live.senders import Senders
+from voxelpose.live.session import LiveSession
+from voxelpose.view.serving.gate import Address
+from voxelpose.view.serving.page_job import JobReporter, StepError
+
+SEND_TO = "send to"
+"""Before a word for the job: the receivers, a line each, that take the place of the others."""
+_LOOK_MS = 100
+_TOLD_EVERY_MS = 400
+
+
+def follow(
+    reporter: JobReporter,
+    prepare: Callable[[JobReporter, Any], LiveSession],
+    command: Any,
+    title: str,
+    token: str,
+) -> dict[str, Any]:
+    """Runs a session until it is asked to "finish", or to the end of the videos that stand for
+    cameras; returns the number of `frames` and of those that were `dropped`. Its page is served to
+    this machine alone, to who knows the token, at the `port` that it tells. StepError where a user
+    can correct something.
+    """
+    try:
+        session = prepare(reporter, command)
+        with ExitStack() as parts:
+            parts.callback(session.close)
+            receivers = _Receivers(command.send)
+            parts.callback(receivers.close)
+            session.receivers.append(receivers.send)
+            address = Address("127.0.0.1", 0, token)
+            page = Page(session, session.settings.rig.cameras, address, receivers.states, title)
+            parts.callback(page.close)
+            session.receivers.append(page.show)
+            reporter.tell(port=page.port)
+            _run(reporter, session, receivers)
+    except InputError as error:
+        raise StepError(" ".join(str(error).split()), "live") from error
+    return {"frames": session.state.frames, "dropped": session.state.dropped}
+
+
+class _Receivers:
+    """The receivers of a session, which may be exchanged while it runs."""
+
+    def __init__(self, addresses: Sequence[str]) -> None:
+        """InputError where an address is wrong."""
+        self._senders = Senders(addresses)
+
+    def send(self, frame: LiveFrame) -> None:
+        """Hands a frame to those that there are now."""
+        self._senders.send(frame)
+
+    def states(self) -> Sequence[Any]:
+        """How it goes with each."""
+        return self._senders.states
+
+    def exchange(self, addresses: Sequence[str]) -> None:
+        """Sends to others from now on. InputError where an address is wrong: the old ones stay."""
+        old, self._senders = self._senders, Senders(addresses)
+        old.close()
+
+    def close(self) -> None:
+        """Ends all connections."""
+        self._senders.close()
+
+
+def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> None:
+    """Does what is asked, until it is to end."""
+    actions: dict[str, Callable[[], None]] = {
+        "background": session.learn_background,
+        "start": session.start,
+        "stop": session.stop,
+        "record": session.record,
+        "end recording": session.end_recording,
+    }
+    reporter.stage("live session")
+    session.start_cameras()
+    if session.state.phase == "no background":
+        session.learn_background()
+    told_s, trouble = 0.0, ""
+    while not session.wait(_LOOK_MS / 1000):
+        asked = reporter.asked()
+        if asked == "finish":
+            return
+        if asked is not None and asked.startswith(SEND_TO):
+            trouble = ""
+            try:
+                receivers.exchange(asked.removeprefix(SEND_TO).split())
+            except InputError as error:
+                trouble = str(error)
+        elif asked in actions:
+            actions[asked]()
+        if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
+            told_s = time.monotonic()
+            reporter.tell(**_known(session, receivers), trouble=trouble)
+
+
+def _known(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
+    state = session.state
+    return {
+        "phase": state.phase,
+        "message": state.message,
+        "pace": state.pace,
+        "recording": state.recording,
+        "followed_fps": state.fps,
+        "arriving_fps": state.arriving_fps,
+        "latency_ms": 1000 * state.latency_s if math.isfinite(state.latency_s) else None,
+        "frames": state.frames,
+        "cameras": [{"name": name, "state": words} for name, words in state.cameras.items()],
+        "receivers": [
+            {
+                "address": one.address,
+                "message": one.message,
+                "working": one.working,
+                "sent": one.sent,
+                "dropped": one.dropped,
+            }
+            for one in receivers.states()
+        ],
+    }

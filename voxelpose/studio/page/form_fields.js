@@ -1,0 +1,41 @@
+// Fields of a command's settings, in their groups.
+
+import { checkbox, make } from "./parts.js";
+
+const GROUPS = { basic: "", person: "The person", camera: "Cameras", output: "Filter and output", expert: "Expert" };
+
+// The usual settings open, between parts before and after them, the others in groups to be opened.
+export function grouped(rows, draw, before = [], after = []) {
+  return Object.entries(GROUPS).map(([group, title]) => {
+    const fields = rows.filter((row) => row.group === group).map(draw);
+    if (group === "basic") return make("section", { class: "group" }, make("div", { class: "fields" }, ...before, ...fields, ...after));
+    const count = `${fields.length} setting${fields.length === 1 ? "" : "s"}`;
+    return fields.length > 0 && make("details", {}, make("summary", {}, title, make("small", {}, count)), make("div", { class: "fields" }, ...fields));
+  }).filter(Boolean);
+}
+
+// A field whose value is kept in `typed` when it changes; `none` is the word for no choice.
+export function field(row, typed, prefix = "set") {
+  const id = `${prefix}_${row.name}`;
+  const set = (value) => (typed[row.name] = value);
+  const help = make("p", { class: "note" }, row.help);
+  const value = typed[row.name] === undefined ? row.value : typed[row.name];
+  if (row.input === "checkbox") return make("div", { class: "field" }, checkbox(row.name, value ?? row.usual, set, { id }), help);
+  let input;
+  if (row.input === "choice") {
+    const none = row.none ?? (row.usual === null && "as found");
+    input = make("select", { id }, none && make("option", { value: "" }, none), ...row.choices.map((choice) => make("option", { value: choice }, choice)));
+    input.value = value ?? row.usual ?? (none ? "" : row.choices[0]);
+  } else {
+    const numeric = row.input === "number" ? { step: row.whole ? "1" : "any" } : {};
+    input = make("input", { type: row.input, id, value: value ?? "", placeholder: row.usual ?? "", ...numeric });
+  }
+  input.addEventListener("change", () => {
+    const text = input.value.trim();
+    set(text === "" ? null : row.input === "number" ? Number(text) : text);
+  });
+  return make("div", { class: "field" }, make("label", { htmlFor: id }, row.name), input, help);
+}
+
+// Whether a field of a form holds what it cannot.
+export const isWrong = (holder) => Boolean(holder.querySelector("input:invalid, input.wrong"));
