@@ -34,7 +34,9 @@ class CalibrateIntrinsics(arguments.BoardArguments):
     """  # noqa: E501
 
     groups: ClassVar = arguments.CALIBRATION_GROUPS
-    pictures: Annotated[Positional[tuple[Path, ...]], arg(metavar="PICTURES")]
+    pictures: Annotated[
+        Positional[tuple[Path, ...]], arg(metavar="PICTURES", help_behavior_hint="")
+    ]
     """Folders of images, videos, images, or a folder of these."""
     out: Annotated[Path, arg(metavar="OUT")]
     """Calibration to be written; .toml preserves most."""

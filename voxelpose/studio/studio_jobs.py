@@ -14,6 +14,7 @@ from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync
 from voxelpose.calibration.sync_verdict import sync_verdict
 from voxelpose.export.formats import export_motion
+from voxelpose.export.player_scene import Stage
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
 from voxelpose.results import Result, open_people
@@ -84,8 +85,10 @@ def export(
     fit, or files cannot be written.
     """
     reporter.stage("files")
-    motions = [one.motion for one in open_people(folder)]
-    paths = export_motion(motions, folder, formats, overwrite=True) if formats else []
+    results = open_people(folder)
+    stage = Stage.from_cameras(folder.name, results[0].rig, results[0].motion)
+    motions, over = [one.motion for one in results], True
+    paths = export_motion(motions, folder, formats, over, stage) if formats else []
     if report:
         paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
     if pictures:

@@ -113,7 +113,7 @@ def archive(download) -> None:
     assert download.suggested_filename == "anna walk_fit.zip"
     with zipfile.ZipFile(download.path()) as zipped:
         names = set(zipped.namelist())
-        assert {"motion.bvh", "motion.glb", "joints.csv", "report.html"} <= names
+        assert {"motion.bvh", "motion.glb", "motion.html", "joints.csv", "report.html"} <= names
         with zipped.open("joints.csv") as table:
             lines = table.read().decode().splitlines()
         assert lines[0].startswith("frame,time_s,joint") and len(lines) > 45

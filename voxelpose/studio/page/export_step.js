@@ -4,7 +4,7 @@ import { jobPanel } from "./job_panel.js";
 import { button, make } from "./parts.js";
 import { none, resultsOf } from "./view_step.js";
 
-const USUAL = ["bvh", "glb", "csv"];
+const USUAL = ["bvh", "glb", "csv", "html"];
 
 export async function exportStep(studio, state, project, chosen) {
   const results = resultsOf(state, project, chosen);
