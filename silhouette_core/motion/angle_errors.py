@@ -52,8 +52,12 @@ def expected_angle_errors(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
     stated_mm = motion.quality.get("joint_error_mm")
     if stated_mm is None or np.shape(stated_mm)[1] != len(LANDMARK_NAMES):
         return {}
-    joints = dict(zip(LANDMARK_NAMES, np.swapaxes(motion.landmarks(), 0, 1), strict=True))
-    errors_m = dict(zip(LANDMARK_NAMES, np.asarray(stated_mm, float).T / 1000, strict=True))
+    joints: dict[str, NDArray[np.float64]] = dict(
+        zip(LANDMARK_NAMES, np.swapaxes(motion.landmarks(), 0, 1), strict=True)
+    )
+    errors_m: dict[str, NDArray[np.float64]] = dict(
+        zip(LANDMARK_NAMES, np.asarray(stated_mm, float).T / 1000, strict=True)
+    )
     _, origin = motion.parts()
     for side in SIDES:
         joints[f"{side}_toes"] = origin[:, motion.model.names.index(f"{side}_toes")]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.constants import g
 from scipy.signal import find_peaks
 
-from silhouette_core.motion.gait_values import SIDES, Gait, Step, Stride
+from silhouette_core.motion.gait_values import SIDES, Gait, Side, Step, Stride
 from silhouette_core.motion.smoothing import runs_of
 
 if TYPE_CHECKING:
@@ -254,18 +254,19 @@ def _gait_of(bouts: Sequence[_Bout]) -> Gait | None:
     if not bouts:
         return None
     events = [event for bout in bouts for event in bout.events]
-    times = {
-        contact: {
-            name: tuple(one.time_s for one in events if (one.side, one.contact) == (side, contact))
-            for side, name in enumerate(SIDES)
+
+    def times(contact: bool) -> dict[Side, tuple[float, ...]]:
+        chosen = [event for event in events if event.contact == contact]
+        return {
+            side: tuple(event.time_s for event in chosen if event.side == number)
+            for number, side in enumerate(SIDES)
         }
-        for contact in (True, False)
-    }
+
     seconds = sum(bout.events[-1].time_s - bout.events[0].time_s for bout in bouts)
     steps = [step for bout in bouts for step in _steps(bout)]
     return Gait(
-        times[True],
-        times[False],
+        times(True),
+        times(False),
         tuple(stride for bout in bouts for stride in _strides(bout)),
         tuple(steps),
         60 * len(steps) / seconds,

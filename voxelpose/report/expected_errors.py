@@ -39,7 +39,7 @@ def error_rows(motion: Motion) -> list[ErrorRow]:
     if not degrees:
         return []
     stated = np.asarray(motion.quality["joint_error_mm"], float)
-    millimetres = dict(zip(LANDMARK_NAMES, stated.T, strict=True))
+    millimetres: dict[str, NDArray[np.float64]] = dict(zip(LANDMARK_NAMES, stated.T, strict=True))
     return [
         ErrorRow(
             name.removeprefix("{}_"),

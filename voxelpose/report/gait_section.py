@@ -64,7 +64,11 @@ def gait_section(
     return GaitSection(
         tuple(values),
         tuple(
-            (name, *(_words(spread(side), scale, digits) for side in SIDES))
+            (
+                name,
+                _words(spread("left"), scale, digits),
+                _words(spread("right"), scale, digits),
+            )
             for name, spread, scale, digits in rows
         ),
         tuple(events),
@@ -81,10 +85,10 @@ def _charts(
     prefix: str,
 ) -> list[tuple[str, str]]:
     strides = {side: gait.strides_of(side) for side in SIDES}
-    enough = [side for side in SIDES if len(strides[side]) >= _LEAST_STRIDES]
+    enough: list[Side] = [side for side in SIDES if len(strides[side]) >= _LEAST_STRIDES]
     charts = []
     for k, (title, note, name) in enumerate(titles if enough else ()):
-        curves = {
+        curves: dict[str, CycleCurve] = {
             side: _curve(side, angles[name.format(side)], time_s, strides[side]) for side in enough
         }
         chart = CycleChart(title, "degrees", curves)

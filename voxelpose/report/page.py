@@ -20,9 +20,9 @@ from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.people_marks import person_names
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import LEVELS, verdict_of_people
-from voxelpose.report.body_picture import body_picture, telling_row
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
 from voxelpose.report.expected_errors import error_rows
+from voxelpose.report.floor_picture import floor_picture, telling_row
 from voxelpose.report.gait_section import gait_section
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import (
@@ -231,7 +231,7 @@ def _movement(motion: Motion, prefix: str) -> dict[str, object]:
     return {
         "gait": section,
         "errors": error_rows(motion) if person else [],
-        "body": data_uri(body_picture(motion, row), _BODY_PX, ".jpg", 82),
+        "body": data_uri(floor_picture(motion, row), _BODY_PX, ".jpg", 82),
         "body_frame": int(motion.frames[row]),
     }
 

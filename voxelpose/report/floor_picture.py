@@ -30,7 +30,7 @@ def telling_row(motion: Motion, gait: Gait | None) -> int:
     return int(np.nan_to_num(np.asarray(agreement, float)).argmax())
 
 
-def body_picture(motion: Motion, row: int) -> canvas.Image:
+def floor_picture(motion: Motion, row: int) -> canvas.Image:
     """Picture (600, 720, 3) uint8 BGR of a pose on the floor, whose tiles are half a metre wide."""
     upright = motion.upright().select(np.array([row]))
     rotation, origin = (array[0] for array in upright.parts())
@@ -49,7 +49,7 @@ def body_picture(motion: Motion, row: int) -> canvas.Image:
 
 
 def _camera(middle: NDArray[np.float64], ahead: NDArray[np.float64], reach_m: float) -> Camera:
-    """Camera that looks at a body of a reach about its place on the floor, from its left and front."""
+    """Camera that looks at a body of a reach about its place on the floor."""
     forward = np.r_[ahead, 0.0] / max(float(np.linalg.norm(ahead)), 1e-9)
     aside = np.cross([0.0, 0.0, 1.0], forward)
     # From its left, 30 degrees to the front, which shows steps, and about 20 degrees from above.
