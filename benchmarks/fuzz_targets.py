@@ -245,6 +245,7 @@ def _use_estimate(folder: Path, thorough: bool, truth: str) -> None:
 
 def _make_subject(folder: Path) -> None:
     text = 'stature = 1.75\nchest_girth = 0.98\nsex = "female"\nbody = "body.npz"\n'
+    text += 'name = "S07"\ndate = 2026-11-28\nremarks = "barefoot"\n'
     (folder / "subject.toml").write_text(text)
     (folder / "body.npz").write_bytes(b"")
 

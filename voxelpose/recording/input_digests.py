@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib.documents import load_text, parse_toml
 from silhouette_core.estimator import ONE_CAMERA
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.subject import settings_files
+from voxelpose.recording.subject import NOTES, settings_files
 from voxelpose.recording.timestamps import TIMESTAMPS
 
 _LARGEST_BYTES = 1_000_000
@@ -64,10 +64,13 @@ def _of_masks(masks: Mapping[str, NDArray[np.bool_]]) -> str:
 
 
 def _of_settings(folder: Path, section: str) -> str:
-    """Digest of subject.toml and of a command's section of the files voxelpose.toml."""
+    """Digest of measures in subject.toml and of a command's section of the files voxelpose.toml."""
     settings: dict[str, Any] = {}
     for file in reversed(settings_files(folder)):
         settings |= parse_toml(load_text(file, _LARGEST_BYTES), file).get(section, {})
     for file in folder.glob("subject.toml"):
-        settings["subject"] = parse_toml(load_text(file, _LARGEST_BYTES), file)
+        subject = parse_toml(load_text(file, _LARGEST_BYTES), file)
+        # Remarks that are added after a fit leave it as it is.
+        if measures := {key: value for key, value in subject.items() if key not in NOTES}:
+            settings["subject"] = measures
     return _digest([json.dumps(settings, sort_keys=True, default=str).encode()])

@@ -2,9 +2,11 @@
 a folder, those above it or a user have in common.
 """
 
+import datetime
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from platformdirs import user_config_path
 
@@ -14,6 +16,11 @@ from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000
 _SIZES_M = {"stature": STATURES_M, "chest_girth": CHESTS_M}
+# Longest texts, characters.
+_TEXTS = {"name": 200, "remarks": 4000}
+_KNOWN = "stature, chest_girth (metres), sex, body, name, date, remarks"
+NOTES = "name", "date", "remarks"
+"""Keys of subject.toml that are handed on as they are, and change no result."""
 SETTINGS_FILE = "voxelpose.toml"
 
 
@@ -26,12 +33,18 @@ class Subject:
         chest_girth_m: chest girth, metres.
         sex: "male", "female" or "unknown".
         body: the body, as `load_body` names it; `fit` and `track` take it where no other is given.
+        name: name or code of the person.
+        date: of the recording.
+        remarks: of whoever recorded.
     """
 
     stature_m: float | None = None
     chest_girth_m: float | None = None
     sex: str = "unknown"
     body: str | None = None
+    name: str | None = None
+    date: datetime.date | None = None
+    remarks: str | None = None
 
 
 def read_subject(path: Path) -> Subject:
@@ -44,10 +57,8 @@ def read_subject(path: Path) -> Subject:
         return Subject()
     table = parse_toml(load_text(path, _LARGEST_BYTES), path)
     for key in table:
-        if key not in ("stature", "chest_girth", "sex", "body"):
-            raise InputError(
-                f"{path}: {key[:40]} is not known: use stature, chest_girth (metres), sex, body"
-            )
+        if key not in ("stature", "chest_girth", "sex", "body", *NOTES):
+            raise InputError(f"{path}: {key[:40]} is not known: use {_KNOWN}")
     for key, (least, most) in _SIZES_M.items():
         value = table.get(key)
         if value is not None and (
@@ -71,7 +82,34 @@ def read_subject(path: Path) -> Subject:
             " the line"
         )
     body = None if name is None else _body_of(name, path)
-    return Subject(table.get("stature"), table.get("chest_girth"), sex, body)
+    texts = {key: _text_of(key, table.get(key), path) for key in _TEXTS}
+    date = _date_of(table.get("date"), path)
+    return Subject(table.get("stature"), table.get("chest_girth"), sex, body, date=date, **texts)
+
+
+def _text_of(key: str, value: Any, path: Path) -> str | None:
+    if value is None:
+        return None
+    if not isinstance(value, str) or len(value) > _TEXTS[key]:
+        raise InputError(
+            f"{path}: {key} must be text of at most {_TEXTS[key]} characters in quotation marks:"
+            " correct it or remove the line"
+        )
+    return value.strip() or None
+
+
+def _date_of(value: Any, path: Path) -> datetime.date | None:
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if value is None or isinstance(value, datetime.date):
+        return value
+    try:
+        return datetime.date.fromisoformat(value)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{path}: date = {str(value)[:40]!r} is no date: write year, month and day, for example"
+            " date = 2026-11-28"
+        ) from None
 
 
 def _body_of(name: str, path: Path) -> str:

@@ -44,6 +44,47 @@ class TimeChart:
     below: float | None = None  # values below this are shaded as doubtful; None: none are
 
 
+@dataclass(frozen=True, eq=False)
+class CycleCurve:
+    """An angle over the strides of a side."""
+
+    mean: NDArray[np.float64]  # (N,) at 0 to 100 % of the stride
+    deviation: NDArray[np.float64]  # (N,) standard deviation between strides
+    off: float  # mean share of the stride at which the foot leaves the ground, %
+    colour: str
+
+
+@dataclass(frozen=True, eq=False)
+class CycleChart:
+    """Curves over the stride, with a band of a standard deviation on either side."""
+
+    title: str  # above the chart
+    unit: str
+    curves: Mapping[str, CycleCurve]  # by label
+
+
+def cycle_chart(chart: CycleChart, name: str, size_in: tuple[float, float] = (3.7, 2.1)) -> str:
+    """Chart, an svg element, of curves over the stride; arguments as of `time_chart`."""
+    with matplotlib.rc_context(_curve_style(name)):
+        figure = Figure(figsize=size_in, layout="constrained")
+        axes = figure.add_subplot()
+        for label, curve in chart.curves.items():
+            share = np.linspace(0, 100, len(curve.mean))
+            low, high = curve.mean - curve.deviation, curve.mean + curve.deviation
+            axes.fill_between(share, low, high, color=curve.colour, alpha=0.22, lw=0)
+            axes.plot(share, curve.mean, color=curve.colour, label=label)
+            axes.axvline(curve.off, color=curve.colour, lw=1, ls=(0, (3, 3)))
+        axes.set_title(chart.title, fontsize=10, loc="left")
+        axes.set_ylabel(chart.unit)
+        axes.set_xlim(0, 100)
+        axes.set_xlabel("% of the stride", labelpad=1)
+        ranges = ", ".join(
+            f"{label} mean from {curve.mean.min():.3g} to {curve.mean.max():.3g} {chart.unit}"
+            for label, curve in chart.curves.items()
+        )
+        return _element(figure, name, f"{chart.title} over the stride: {ranges}")
+
+
 def time_chart(
     chart: TimeChart,
     time_s: NDArray[np.float64],
@@ -56,8 +97,7 @@ def time_chart(
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
     """
-    style = {**_STYLE, "axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6}
-    with matplotlib.rc_context({**style, "svg.hashsalt": name}):
+    with matplotlib.rc_context(_curve_style(name)):
         figure = Figure(figsize=size_in, layout="constrained")
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
@@ -87,7 +127,8 @@ def part_chart(
     viewer, a row per part with its label, over time (T,), s; `name` is unique in the page.
     """
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
-        figure = Figure(figsize=(7.6, 0.17 * len(labels) + 0.7), layout="constrained")
+        # Narrow enough to be read on a phone's screen.
+        figure = Figure(figsize=(4.4, 0.17 * len(labels) + 0.7), layout="constrained")
         axes = figure.add_subplot()
         half = 0.5 * (time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
         columns = np.searchsorted(time_s, np.linspace(time_s[0], time_s[-1], min(len(time_s), 600)))
@@ -95,10 +136,15 @@ def part_chart(
         colours = overlap_colours(shares.ravel()).reshape(*shares.shape, 3)
         extent = (time_s[0] - half, time_s[-1] + half + 1e-6, len(labels) - 0.5, -0.5)
         axes.imshow(colours, aspect="auto", interpolation="none", extent=extent)
-        axes.set_yticks(range(len(labels)), labels, fontsize=7.5)
+        axes.set_yticks(range(len(labels)), labels, fontsize=8.5)
         _time_axis(axes, time_s)
         words = "share of every body part inside the carved hull over time; a table follows"
         return _svg(figure, axes, time_s, name, words)
+
+
+def _curve_style(name: str) -> dict[Any, Any]:
+    style = {"axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6, "svg.hashsalt": name}
+    return {**_STYLE, **style}
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:
@@ -116,6 +162,14 @@ def _with_gaps(time_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 def _svg(figure: Figure, axes: Axes, time_s: NDArray[np.float64], name: str, words: str) -> str:
+    """Svg element of a chart over time, with the range of the cursor, for the page's player."""
+    text = _element(figure, name, words)
+    width = axes.get_window_extent().width * 72 / figure.dpi
+    span = f'data-from="{time_s[0]:.4f}" data-to="{time_s[-1]:.4f}" data-width="{width:.2f}"'
+    return text.replace("<svg ", f"<svg {span} ", 1)
+
+
+def _element(figure: Figure, name: str, words: str) -> str:
     buffer = io.StringIO()
     metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     figure.savefig(buffer, format="svg", transparent=True, metadata=metadata)
@@ -126,8 +180,5 @@ def _svg(figure: Figure, axes: Axes, time_s: NDArray[np.float64], name: str, wor
     text = text.replace(_INK, "currentColor").replace('id="cursor"', 'class="cursor"')
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
-    # Range of the cursor, for the page's player.
-    width = axes.get_window_extent().width * 72 / figure.dpi
-    span = f'data-from="{time_s[0]:.4f}" data-to="{time_s[-1]:.4f}" data-width="{width:.2f}"'
-    tag = f'<svg role="img" aria-label="{escape(words)}" {span} '
+    tag = f'<svg role="img" aria-label="{escape(words)}" '
     return text.replace("<svg ", tag, 1).replace("\n", " ")

@@ -14,12 +14,16 @@ from calib.errors import InputError
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.conditioning import conditioning_words, filter_warning
 from silhouette_core.motion.dynamics import is_person_tree
+from silhouette_core.motion.gait import find_gait
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.people_marks import person_names
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import LEVELS, verdict_of_people
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
+from voxelpose.report.expected_errors import error_rows
+from voxelpose.report.floor_picture import floor_picture, telling_row
+from voxelpose.report.gait_section import gait_section
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import (
     CameraCheck,
@@ -52,7 +56,7 @@ _ANGLES = (
     ("Trunk flexion", "bent forward", "trunk_flexion"),
     ("Pelvis tilt", "tipped forward", "pelvis_tilt"),
 )
-_MOST_CHARTS = 24
+_MOST_CHARTS, _BODY_PX = 24, 720
 _SETTINGS = {
     "recording": "folder of the videos, relative to this folder",
     "frames": "first frame, and one past the last",
@@ -163,6 +167,7 @@ def _contents(
     return {
         "summary": summary,
         "title": summary["recording"],
+        "subject": None if scenes.recording is None else scenes.recording.subject,
         "made": time.strftime("%Y-%m-%d %H:%M"),
         "people": people,
         **common,
@@ -193,7 +198,8 @@ def _people(results: Sequence[Result], cameras: CameraCheck, changed: str) -> li
     for k, (name, result) in enumerate(zip(person_names(len(results)), results, strict=True)):
         assessed = findings(result, cameras, changed) if alone else findings(result, CameraCheck())
         verdict, sentence = headline(result, assessed)
-        angles, quality, parts = _charts(result, "" if alone else f"{name}-")
+        prefix = "" if alone else f"{name}-"
+        angles, quality, parts = _charts(result, prefix)
         people.append(
             {
                 "name": name,
@@ -207,11 +213,27 @@ def _people(results: Sequence[Result], cameras: CameraCheck, changed: str) -> li
                 "quality": quality,
                 "parts": parts,
                 "part_table": _part_table(result),
+                **_movement(result.motion, prefix),
                 "conditioning": conditioning_words(result.motion),
                 "warning": filter_warning(result.motion),
             }
         )
     return people
+
+
+def _movement(motion: Motion, prefix: str) -> dict[str, object]:
+    """Gait and errors to be expected of a person's motion, and a picture of the body."""
+    gait, section, person = None, None, is_person_tree(motion.model.tree)
+    if person and (gait := find_gait(motion)) is not None:
+        paired = [angle for angle in _ANGLES if "{}" in angle[2]]
+        section = gait_section(gait, anatomical_angles(motion), motion.time_s, paired, prefix)
+    row = telling_row(motion, gait)
+    return {
+        "gait": section,
+        "errors": error_rows(motion) if person else [],
+        "body": data_uri(floor_picture(motion, row), _BODY_PX, ".jpg", 82),
+        "body_frame": int(motion.frames[row]),
+    }
 
 
 def _overall(
@@ -244,13 +266,13 @@ def _charts(
         angles.append((time_chart(chart, motion.time_s, f"{prefix}angle{k}"), note))
     quality = []
     for name, title, below in (
-        ("outline_agreement", "Outlines: body and silhouettes in common", RELIABILITY.agreement),
+        ("outline_agreement", "Confidence: outlines in common", RELIABILITY.agreement),
         ("unexplained", "Unexplained share of the hull", None),
     ):
         if name in motion.quality:
             values = np.asarray(motion.quality[name], float)
             chart = TimeChart(title, "share", {"": (values, LEFT)}, (0.0, 1.0), below)
-            quality.append(time_chart(chart, motion.time_s, prefix + name, (7.6, 2.0)))
+            quality.append(time_chart(chart, motion.time_s, prefix + name))
     overlap, parts = motion.quality.get("part_overlap"), None
     if overlap is not None:
         labels = [display_name(name) for name in motion.model.names]

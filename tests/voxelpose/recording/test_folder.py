@@ -1,5 +1,6 @@
 """Recordings made here, good and bad."""
 
+import datetime
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -149,6 +150,17 @@ def test_a_body_of_the_subject_is_a_name_or_a_file_beside_it(folder: Path):
     assert Recording.open(folder).subject.body == str((folder / "me.toml").resolve())
 
 
+@pytest.mark.parametrize("date", ["2026-11-28", '"2026-11-28"', "2026-11-28T10:30:00Z"])
+def test_who_when_and_remarks_are_handed_on(folder: Path, date: str):
+    text = f'name = "S07"\ndate = {date}\nremarks = """\nbarefoot;\nleft knee operated"""\n'
+    (folder / "subject.toml").write_text(text)
+    subject = Recording.open(folder).subject
+    assert (subject.name, subject.date) == ("S07", datetime.date(2026, 11, 28))
+    assert subject.remarks == "barefoot;\nleft knee operated"
+    (folder / "subject.toml").write_text('remarks = " "\n')
+    assert Recording.open(folder).subject.remarks is None
+
+
 def test_subject_and_regions(folder: Path):
     (folder / "subject.toml").write_text('stature = 1.62\nchest_girth = 0.9\nsex = "female"\n')
     (folder / "regions").mkdir()
@@ -266,6 +278,22 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "subject in centimetres": (
         lambda f: (f / "subject.toml").write_text("stature = 170"),
         "stature = 170 is impossible",
+    ),
+    "date of nobody": (
+        lambda f: (f / "subject.toml").write_text('date = "28.11.2026"'),
+        r"date = '28\.11\.2026' is no date: write year, month and day",
+    ),
+    "date by a number": (
+        lambda f: (f / "subject.toml").write_text("date = 2026"),
+        "date = '2026' is no date",
+    ),
+    "name without words": (
+        lambda f: (f / "subject.toml").write_text("name = 7"),
+        "name must be text of at most 200 characters",
+    ),
+    "endless remarks": (
+        lambda f: (f / "subject.toml").write_text(f'remarks = "{"a" * 4001}"'),
+        "remarks must be text of at most 4000 characters",
     ),
     "subject no toml": (
         lambda f: (f / "subject.toml").write_text("stature: 1.7"),

@@ -72,6 +72,8 @@ def test_what_changed_is_said(fitted, capsys, change, names):
 
 def test_what_means_the_same_is_no_change(fitted):
     settings = "# a remark\n[fit]\nsex = 'male'\n[track]\nsex = 'female'\n"
+    notes = "name = 'S07'\ndate = 2026-11-28\nremarks = 'barefoot'\n"
+    (fitted / "walk" / "subject.toml").write_text(notes)
     (fitted / "walk" / "voxelpose.toml").write_text(settings)
     region = fitted / "walk" / "regions" / "cam_1.png"
     cv2.imwrite(str(region), np.full((240, 320), 200, np.uint8))  # light enough for white

@@ -13,7 +13,7 @@ from calib.files import write_rig
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.motion_file import write_motion
 from tests.browsing import new_page
-from tests.clips import waving
+from tests.clips import walking, waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
@@ -218,6 +218,39 @@ def test_the_report_of_a_body_that_is_no_persons(desk, name):
     charts = [text for text in page.pictures if text and " over time: " in text]
     assert sum("degrees" in chart for chart in charts) == count
     assert f"of {len(truth.model.names)} parts" in words
+
+
+def test_of_a_walker_gait_and_errors_are_told(desk):
+    motion = walking()
+    write_staged(desk / "walk", motion, ring(2, (80, 60)))
+    about = "name = '<S07>'\ndate = 2026-11-28\nremarks = 'barefoot & tired'\n"
+    (desk / "walk" / "subject.toml").write_text(about)
+    words = ["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]
+    assert run(words) == 0
+    write_motion(motion, desk / "out" / "motion.safetensors")
+    assert run(["report", "out"]) == 0
+    text = (desk / "out" / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert "gait" in page.ids and len(page.ids) == len(set(page.ids))
+    assert {"#gait"} <= set(page.references)
+    plain = " ".join(re.sub(r"<style.*?</style>|<[^>]*>", " ", text, flags=re.DOTALL).split())
+    assert "Subject &lt;S07&gt; Recorded 2026-11-28 Remarks barefoot &amp; tired" in plain
+    assert "109 steps/min cadence" in plain and "Walking over the ground: 2 strides of" in plain
+    assert re.search(r"Stride time, s 1\.10 ± 0\.0\d \(n = 2\) 1\.10 ± 0\.0\d \(n = 2\)", plain)
+    assert re.search(r"Stance, % 6\d ± \d \(n = 2\)", plain)
+    assert "knee 10 / 10 knee flexion" in plain and "wrist 10 / 10" in plain
+    cycles = [label for label in page.pictures if label and " over the stride: " in label]
+    assert len(cycles) == 6
+    assert cycles[0].startswith("Hip flexion over the stride: left mean from ")
+
+
+def test_nobody_who_does_not_walk_has_a_gait(fitted):
+    (fitted / "walk" / "subject.toml").write_text("stature = 1.7\n")
+    assert run(["report", "out"]) == 0
+    text = (fitted / "out" / "report.html").read_text(encoding="utf-8")
+    assert "gait" not in Page(text).ids and "steps/min" not in text
+    assert 'class="subject"' not in text and "Errors to be expected" not in text
+    assert text.count("The fitted body at frame ") == 1
 
 
 def test_the_filter_is_stated_and_that_it_could_not_act(fitted):
