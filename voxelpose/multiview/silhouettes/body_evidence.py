@@ -12,11 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cut import body_odds
 from silhouette_core.image.raster import render_parts
@@ -24,32 +23,12 @@ from silhouette_core.image.silhouettes import as_recorded
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
-from voxelpose.multiview.tuning import BODY_EVIDENCE, PEOPLE, PERSON_COST
+from voxelpose.multiview.tuning import BODY_EVIDENCE
 
-
-@dataclass(frozen=True, eq=False)
-class KnownBody:
-    """What is known of somebody in T frames.
-
-    Attributes:
-        model: the body.
-        poses: None: not found.
-        places_m: (T, 3) float64, about where somebody is who was not found; NaN: nowhere. None:
-            that is not known.
-    """
-
-    model: BodyModel
-    poses: Sequence[Pose | None]
-    places_m: NDArray[np.float64] | None = None
-
-    def place(self, t: int) -> NDArray[np.float64] | None:
-        """(3,) where one is who was not found; None: nobody knows."""
-        if self.places_m is None or not 0 <= t < len(self.poses):
-            return None
-        return None if np.isnan(self.places_m[t]).any() else self.places_m[t]
+Body = tuple[BodyModel, Sequence[Pose | None]]
+"""A body and its poses in all frames; None: it was not found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +42,7 @@ class BodyEvidence:
         late: (C,) number of frames by which a camera's pictures come later than the others'.
     """
 
-    bodies: Sequence[KnownBody]
+    bodies: Sequence[Body]
     views: Rig
     recorded: Rig
     late: Sequence[int]
@@ -101,12 +80,10 @@ class BodyEvidence:
         t, camera = step - self.late[c], self.views.cameras[c]
         camera = camera.pinhole(size[0] / camera.size[0])
         drawn: list[tuple[NDArray[np.bool_], float] | None] = []
-        for body in self.bodies:
-            model, poses = body.model, body.poses
+        for model, poses in self.bodies:
             pose = poses[t] if 0 <= t < len(poses) else None
             if pose is None:
-                place_m = body.place(t)
-                drawn.append(None if place_m is None else _upright(place_m, camera))
+                drawn.append(None)
                 continue
             seen = posed_mesh(model, pose) @ camera.rotation.T + camera.translation
             parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, size)
@@ -116,24 +93,10 @@ class BodyEvidence:
         return drawn
 
 
-def _upright(place_m: NDArray[np.float64], camera: Camera) -> tuple[NDArray[np.bool_], float]:
-    """Somebody about a place (3,), who was not found: the trunk's width about the upright axis, and
-    how far people reach, px.
-    """
-    ends_m = place_m + np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]) * MEASURING.usual_m
-    pixels, depth_m = camera.project(np.array([*ends_m, place_m]))
-    mask = np.zeros(camera.size[::-1], np.uint8)
-    px_per_m = camera.matrix[0, 0] / max(float(depth_m[2]), 0.3)
-    if np.isfinite(pixels).all() and (depth_m > 0.1).all():
-        low, high, _ = np.rint(pixels).astype(int).tolist()
-        cv2.line(mask, low, high, 1, max(round(2 * PERSON_COST.middle_m * px_per_m), 1))
-    return mask > 0, max(PEOPLE.reach_m * px_per_m, 1.0)
-
-
 @contextmanager
 def cut_by_bodies(
     prepared: PreparedSilhouettes,
-    bodies: Sequence[KnownBody],
+    bodies: Sequence[Body],
     clock: StageClock,
     reporter: Reporter,
 ) -> Iterator[PreparedSilhouettes]:

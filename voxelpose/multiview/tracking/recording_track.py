@@ -26,7 +26,7 @@ from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeomet
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.quality.quality import NEAR_MM
-from voxelpose.multiview.silhouettes.body_evidence import KnownBody, cut_by_bodies
+from voxelpose.multiview.silhouettes.body_evidence import cut_by_bodies
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -208,7 +208,7 @@ class TrackWork:
         for _ in range(_CUTS if self.settings.background != "paper" and not given else 0):
             if not any(is_improbable(spread_errors(tracker)) for tracker, _ in found):
                 break
-            bodies = [_known(tracker) for tracker, _ in found]
+            bodies = [(tracker.body.model, _supposed(tracker)) for tracker, _ in found]
             cut = kept.enter_context(cut_by_bodies(prepared, bodies, self.clock, self.reporter))
             others = again(cut)
             # Where both agree the first stand: a body is no witness for silhouettes that it made.
@@ -298,14 +298,18 @@ def _changed(old: PreparedSilhouettes, new: PreparedSilhouettes) -> dict[str, fl
     return dict(zip(old.rig.names, shares.round(4).tolist(), strict=True))
 
 
-def _known(tracker: PoseTracker) -> KnownBody:
-    """What cuts silhouettes: poses, and where one of several people is; where one is improbable,
-    that alone: the place is right where the pose is wrong.
-    """
-    places_m, poses = tracker.observations.places_m, tracker.poses
-    if places_m is not None and is_improbable(spread_errors(tracker)):
-        poses = [None] * len(poses)
-    return KnownBody(tracker.body.model, poses, places_m)
+def _supposed(tracker: PoseTracker) -> list[Pose | None]:
+    """Poses; also where one of several people is, and was not found: as in the nearest frame."""
+    poses, places_m = tracker.poses, tracker.observations.places_m
+    posed = np.array([t for t, pose in enumerate(poses) if pose is not None])
+    if places_m is None or not len(posed):
+        return poses
+    supposed: list[Pose | None] = [None] * len(poses)
+    for t in np.flatnonzero(tracker.observations.there).tolist():
+        near = int(posed[np.abs(posed - t).argmin()])
+        pose, moved_m = poses[near], places_m[t] - places_m[near]
+        supposed[t] = pose and replace(pose, root_m=pose.root_m + moved_m)
+    return supposed
 
 
 def _apart_mm(first: PoseTracker, second: PoseTracker) -> float:

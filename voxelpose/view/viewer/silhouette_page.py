@@ -22,7 +22,7 @@ from silhouette_core.image.cut import cut_size
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes, as_recorded
 from silhouette_core.monocular.person import find_person
-from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence, KnownBody
+from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.view.images.canvas import encoded, png
 from voxelpose.view.serving import page_answers
@@ -102,7 +102,7 @@ class FitSilhouettes:
             poses = [scenes.poses(number) for number in recording.numbers.tolist()]
             given = scenes.views.rig, recording.rig, list(self.late.values())
             people = enumerate(scenes.motions)
-            bodies = [KnownBody(motion.model, [step[k] for step in poses]) for k, motion in people]
+            bodies = [(motion.model, [step[k] for step in poses]) for k, motion in people]
             self._evidence = BodyEvidence(bodies, *given) if bodies else None
 
     def model(self, cut: bool) -> Silhouettes:

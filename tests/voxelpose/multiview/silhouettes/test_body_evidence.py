@@ -20,7 +20,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence, KnownBody, cut_by_bodies
+from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence, cut_by_bodies
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     Footage,
@@ -110,7 +110,7 @@ def overlaps(store, truth):
 
 
 def cut(prepared, poses):
-    return cut_by_bodies(prepared, [KnownBody(BODY, poses)], StageClock(), SilentReporter())
+    return cut_by_bodies(prepared, [(BODY, poses)], StageClock(), SilentReporter())
 
 
 def test_a_shadow_in_the_colours_of_the_clothes_is_cut_off(walk, prepared):
@@ -139,7 +139,7 @@ def test_a_body_is_drawn_where_the_lens_shows_it():
     lens = UndistortedView.from_camera(camera, None)
     rig = Rig((lens.pinhole,))
     pose = stance(BODY)
-    odds = BodyEvidence([KnownBody(BODY, [pose])], rig, Rig((camera,)), [0])("cam", 0, camera.size)
+    odds = BodyEvidence([(BODY, [pose])], rig, Rig((camera,)), [0])("cam", 0, camera.size)
     (true,) = photograph(PinholeViews.from_rig(rig), BODY, pose)
     seen = lens.undistort(odds > 0)
     assert np.count_nonzero(seen & true) > 0.95 * np.count_nonzero(seen | true)
@@ -151,32 +151,10 @@ def test_of_several_bodies_the_one_that_says_most_is_asked():
     places = VIEWS.rig, VIEWS.rig, [0, 0]
 
     def odds(*poses):
-        evidence = BodyEvidence([KnownBody(BODY, [pose]) for pose in poses], *places)
+        evidence = BodyEvidence([(BODY, [pose]) for pose in poses], *places)
         return evidence(camera.name, 0, camera.size)
 
     apart = [odds(near), odds(far)]
     assert np.array_equal(odds(near, far), np.maximum(*apart))
     # Somebody who was not found may be anywhere: nothing speaks against any pixel.
     assert np.array_equal(odds(near, None), np.maximum(apart[0], 0))
-
-
-def test_who_was_not_found_speaks_for_the_place():
-    """For what is about the upright axis, the less the farther, and against what is out of reach;
-    nowhere where the place is not known.
-    """
-    place_m = np.array([0.3, 0.9, 1.0])
-    camera = VIEWS.rig.cameras[0]
-    for known, places_m in ((True, place_m[None]), (False, np.full((1, 3), np.nan))):
-        body = KnownBody(BODY, [None], places_m)
-        odds = BodyEvidence([body], VIEWS.rig, VIEWS.rig, [0, 0])(camera.name, 0, camera.size)
-        points_m = place_m + np.array([[0, 0, 0], [0, 0, 0.6], [0, 0, -0.6]])
-        pixels = np.rint(camera.project(points_m)[0]).astype(int)
-        inside = odds[pixels[:, 1], pixels[:, 0]]
-        assert (inside > 1).all() if known else not odds.any()
-        if known:
-            (column, row), reach_px = (
-                pixels[0],
-                round(0.8 * camera.matrix[0, 0] / camera.project(place_m[None])[1][0]),
-            )
-            assert odds[row, column + reach_px] == pytest.approx(-4.5)
-            assert 0 < odds.max() < 4.5

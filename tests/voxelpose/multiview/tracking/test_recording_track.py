@@ -99,16 +99,15 @@ def test_the_papers_silhouettes_stay_as_they_are(result):
     assert result(WRONG, RIGHT, background="paper") == (WRONG, {}, 1)
 
 
-def test_of_an_improbable_one_of_several_people_the_place_is_known():
-    """Not the pose, which may be wrong; of one person alone the pose is all that is known."""
-    pose, places_m = Pose(np.zeros(3), np.eye(3), np.zeros(3)), np.zeros((2, 3))
-
-    def known(error, places_m):
-        tracker, _ = tracked(error)
-        tracker.poses, tracker.observations.places_m = [pose, None], places_m
-        return recording_track._known(tracker)
-
-    assert known(RIGHT, places_m).poses == [pose, None]
-    assert known(WRONG, places_m).poses == [None, None]
-    assert known(WRONG, places_m).places_m is places_m
-    assert known(WRONG, None).poses == [pose, None]
+def test_one_of_several_people_is_supposed_where_the_place_is_known():
+    """As in the nearest frame, moved; not where nobody is, and of one person nowhere."""
+    pose = Pose(np.array([1.0, 2, 0.9]), np.eye(3), np.zeros(3))
+    places_m = np.array([[1.0, 2, 1], [1.2, 2, 1], [1.5, 2, 1], [np.nan] * 3])
+    there = ~np.isnan(places_m[:, 0])
+    seen = SimpleNamespace(places_m=places_m, there=there)
+    poses = [pose, None, None, None]
+    found = recording_track._supposed(SimpleNamespace(poses=poses, observations=seen))
+    assert found[3] is None
+    assert [one.root_m[0] for one in found[:3]] == pytest.approx([1.0, 1.2, 1.5])
+    alone = SimpleNamespace(places_m=None, there=np.ones(4, bool))
+    assert recording_track._supposed(SimpleNamespace(poses=poses, observations=alone)) is poses
