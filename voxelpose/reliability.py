@@ -29,13 +29,17 @@ class Verdict:
     # Of one camera, with a learned proposal: mean error of the joints to be expected relative to
     # the pelvis, in the median frame.
     error_mm: float | None = None
+    # Of one camera, whether nobody said how tall the person is: all lengths are as assumed.
+    stature_assumed: bool = False
 
     def __str__(self) -> str:
         """The verdict as a line."""
         if self.reason:
             return f"{self.level}: {self.reason}"
         if self.error_mm is not None:
-            return f"{self.level}: joints are about {self.error_mm:.0f} mm off"
+            words = f"{self.level}: joints are about {self.error_mm:.0f} mm off"
+            assumed = ", if the person is as tall as is assumed"
+            return words + (assumed if self.stature_assumed else "")
         but = f", but for {', '.join(self.uncertain)}: likely over 30 mm off"
         return self.level + (but if self.uncertain else "")
 
@@ -51,7 +55,9 @@ def verdict_of(summary: Mapping[str, Any]) -> Verdict:
     if reason:
         is_open = reason == _open_poses(error_mm)
         return Verdict("doubtful", reason, error_mm=error_mm if is_open else None)
-    return Verdict("reliable", "", _uncertain(quality) if error_mm is None else (), error_mm)
+    if error_mm is None:
+        return Verdict("reliable", "", _uncertain(quality))
+    return Verdict("reliable", "", (), error_mm, not facts.get("stature_given", True))
 
 
 def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:

@@ -54,6 +54,9 @@ def test_one_camera_tells_how_far_off_the_joints_are():
     verdict = verdict_of(numbers)
     assert verdict == Verdict("reliable", error_mm=58.4)
     assert str(verdict) == "reliable: joints are about 58 mm off"
+    numbers["facts"] = numbers.get("facts", {}) | {"stature_given": False}
+    told = "reliable: joints are about 58 mm off, if the person is as tall as is assumed"
+    assert str(verdict_of(numbers)) == told
 
 
 def test_an_object_that_nobody_marked_leaves_a_doubt():
