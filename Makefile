@@ -12,7 +12,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Many containers set it; then each of the hundred processes that tests begin compiles all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-fast browser check lint docs format bench accuracy trials kills mutants fuzz proposal clean
+.PHONY: help install demo test test-fast browser tour check lint docs format bench accuracy trials kills mutants fuzz proposal clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
@@ -23,6 +23,7 @@ help:
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
 	@echo "make trials    fits random recordings and writes their tables into docs/log/several-cameras.md (an hour)"
+	@echo "make tour      clicks through the studio from cameras and a board to exported motion (two minutes)"
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
 	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"
 	@echo "make fuzz      damages files of every format, 10,000 times each, and runs the readers on them (an hour)"
@@ -40,6 +41,9 @@ test: $(VENV)/.ready-dev
 
 test-fast: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+
+tour: browser
+	$(BIN)/python -m pytest -m tour
 
 browser: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.browsing

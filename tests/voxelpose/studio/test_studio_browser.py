@@ -122,6 +122,7 @@ def archive(download) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.tour
 def test_from_cameras_and_a_board_to_exported_motion(desk):
     rig = Rig(tuple(replace(one, name=f"cam_{n}") for n, one in enumerate(room(3, 2.4, SIZE), 1)))
     root = desk / "root"
