@@ -40,21 +40,28 @@ def write_html(motion: Motion | Sequence[Motion], path: Path, stage: Stage | Non
     """
     motions = [motion] if isinstance(motion, Motion) else list(motion)
     upright = [one.upright() for one in motions]
-    page = files("voxelpose.export").joinpath("page")
-
-    def text(name: str) -> str:
-        return page.joinpath(name).read_text(encoding="utf-8")
-
     stage = stage or Stage()
     scene = json.dumps(player_scene(upright, upright[0].fps, stage), separators=(",", ":"))
-    content = {
-        "title": f"{escape(stage.name)} – voxelpose",
-        "style": text("player.css"),
-        "scene": scene.replace("<", "\\u003c"),
-        "script": one_script([text(f"{name}.js") for name in MODULES]) + _START,
-    }
-    page_text = re.sub(r"/\* (\w+) \*/", lambda mark: content[mark[1]], text("player.html"))
-    path.write_text(page_text, encoding="utf-8")
+    scene = scene.replace("<", "\\u003c")
+    script = one_script([_text(f"{name}.js") for name in MODULES]) + _START
+    page = player_page(
+        f"{stage.name} – voxelpose",
+        f"<style>{_text('player.css')}</style>",
+        f'<script id="scene" type="application/json">{scene}</script>\n'
+        f'<script type="module">{script}</script>',
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def player_page(title: str, head: str, scripts: str = "") -> str:
+    """The player's page: its title, a text, and what more is in its head and its body, HTML."""
+    content = {"title": escape(title), "head": head, "scripts": scripts}
+    return re.sub(r"/\* (\w+) \*/", lambda mark: content[mark[1]], _text("player.html"))
+
+
+def _text(name: str) -> str:
+    """A file of the player."""
+    return files("voxelpose.export").joinpath("page", name).read_text(encoding="utf-8")
 
 
 def one_script(modules: Sequence[str]) -> str:

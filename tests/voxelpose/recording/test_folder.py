@@ -232,6 +232,11 @@ def truncated(folder: Path) -> None:
     path.write_bytes(path.read_bytes()[:100])
 
 
+def written(name: str, text: str) -> Callable[[Path], object]:
+    """Writes a text into a file of the folder."""
+    return lambda folder: (folder / name).write_text(text)
+
+
 BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "no videos": (lambda f: [path.unlink() for path in f.glob("*.avi")], "holds no video"),
     "video missing": (lambda f: (f / "cam_2.avi").unlink(), "camera cam_2 of .* has no video"),
@@ -264,39 +269,39 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "two of one name": (lambda f: write_stills(f / "cam_2"), "both cam_2 and cam_2.avi"),
     "late camera": (late_camera, "at no moment all cameras filmed"),
     "too few times": (
-        lambda f: (f / "timestamps.csv").write_text("cam_id,frame_time\n1,0\n"),
+        written("timestamps.csv", "cam_id,frame_time\n1,0\n"),
         "1 times for camera cam_1",
     ),
     "no table of times": (
-        lambda f: (f / "timestamps.csv").write_text("a,b\n1,0\n"),
+        written("timestamps.csv", "a,b\n1,0\n"),
         "no column cam_id",
     ),
     "subject misspelt": (
-        lambda f: (f / "subject.toml").write_text("statue = 1.7"),
+        written("subject.toml", "statue = 1.7"),
         "statue is not known",
     ),
     "subject in centimetres": (
-        lambda f: (f / "subject.toml").write_text("stature = 170"),
+        written("subject.toml", "stature = 170"),
         "stature = 170 is impossible",
     ),
     "date of nobody": (
-        lambda f: (f / "subject.toml").write_text('date = "28.11.2026"'),
+        written("subject.toml", 'date = "28.11.2026"'),
         r"date = '28\.11\.2026' is no date: write year, month and day",
     ),
     "date by a number": (
-        lambda f: (f / "subject.toml").write_text("date = 2026"),
+        written("subject.toml", "date = 2026"),
         "date = '2026' is no date",
     ),
     "name without words": (
-        lambda f: (f / "subject.toml").write_text("name = 7"),
+        written("subject.toml", "name = 7"),
         "name must be text of at most 200 characters",
     ),
     "endless remarks": (
-        lambda f: (f / "subject.toml").write_text(f'remarks = "{"a" * 4001}"'),
+        written("subject.toml", f'remarks = "{"a" * 4001}"'),
         "remarks must be text of at most 4000 characters",
     ),
     "subject no toml": (
-        lambda f: (f / "subject.toml").write_text("stature: 1.7"),
+        written("subject.toml", "stature: 1.7"),
         "no valid TOML",
     ),
 }

@@ -20,6 +20,8 @@ Moment = Annotated[int, Meta(ge=0, le=10_000_000)]
 Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Corner = tuple[Pixel, Pixel]
 _BODY_S = 60
+# Packages in whose folders `page` lies what pages share: the player's pieces, then those of forms.
+_SHARED = "voxelpose.export", "voxelpose.view.serving"
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 PAGE_HEADERS = {
     "Content-Security-Policy": (
@@ -42,7 +44,6 @@ class PageAnswers:
         got: Callable[[Sequence[str], Mapping[str, str]], Content | None],
         posted: Callable[[Sequence[str], bytes], Content | None],
         folder: str = "",
-        shared: str = "voxelpose.view.serving",
     ) -> None:
         """Reads the page's files.
 
@@ -51,9 +52,8 @@ class PageAnswers:
             got: answers a path and its query, None where there is no such thing; any thread calls.
             posted: answers a path and JSON likewise.
             folder: of the server, in which the page is; "": it is all that is served.
-            shared: package in whose folder `page` lies what the page shares with others.
         """
-        folders = (files(each).joinpath("page") for each in (shared, package))
+        folders = (files(each).joinpath("page") for each in (*_SHARED, package))
         self._files = {file.name: file.read_bytes() for each in folders for file in each.iterdir()}
         self._got, self._posted, self._folder = got, posted, folder
 

@@ -5,11 +5,11 @@ pictures frame by frame.
 import threading
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any, get_args
 
 from calib.camera import Rig
 from calib.errors import InputError
+from voxelpose.export.html_player import player_page
 from voxelpose.export.player_scene import Stage, player_scene
 from voxelpose.view.serving.gate import Address, Gate, GateRequest
 from voxelpose.view.serving.page_answers import (
@@ -25,6 +25,8 @@ from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 from voxelpose.view.viewer.scene import Pictures
 from voxelpose.view.viewer.silhouette_page import FOLDER, SilhouettePage
 
+_HEAD = """<link rel="stylesheet" href="player.css">
+<script type="module" src="viewer.js"></script>"""
 _LARGEST_BODY = 10_000  # bytes that the page of silhouettes may be sent
 
 
@@ -46,9 +48,7 @@ class Browser:
         self.scenes, self._frame = scenes, frame
         self._working, self._ended = threading.Lock(), threading.Event()
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
-        self._answers = PageAnswers(
-            "voxelpose.view.viewer", self._got, lambda *_: None, shared="voxelpose.export"
-        )
+        self._answers = PageAnswers("voxelpose.view.viewer", self._got, lambda *_: None)
         body = 0 if self._silhouettes is None else _LARGEST_BODY
         self._gate = None if address is None else Gate(address, self.answer, body)
         self.url = "" if self._gate is None else self._gate.url
@@ -92,11 +92,10 @@ class Browser:
                 return self._picture(camera, query)
         return None
 
-    def _page(self) -> Content | None:
+    def _page(self) -> Content:
         """The page, which bears the result's name."""
-        content = self._answers.file("viewer.html")
-        title = f"<title>{escape(self.scenes.name)} – voxelpose view".encode()
-        return content and (content[0].replace(b"<title>voxelpose view", title, 1), content[1])
+        page = player_page(f"{self.scenes.name} – voxelpose view", _HEAD)
+        return page.encode(), "text/html; charset=utf-8"
 
     def _state(self) -> dict[str, Any]:
         """What the page shows at first, and plays."""

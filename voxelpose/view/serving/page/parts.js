@@ -1,26 +1,17 @@
 // Small pieces of the page.
 
-// An element with properties, listeners (onclick ...) and children; texts are never markup.
+import { make as element } from "./elements.js";
+
+// An element as of elements.js, whose texts may hold code.
 export function make(tag, properties = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(properties)) {
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (name === "class") element.className = value;
-    else if (name in element) element[name] = value;
-    else element.setAttribute(name, value);
-  }
-  const there = children.filter((child) => child !== null && child !== undefined && child !== false);
-  element.append(...there.flatMap((child) => (typeof child === "string" ? withCode(child) : child)));
-  return element;
+  return element(tag, properties, ...children.flatMap((child) => (typeof child === "string" ? withCode(child) : [child])));
 }
 
 // A text whose `words` in backticks are code.
 function withCode(text) {
   return text.split("`").map((piece, index) => {
     if (index % 2 === 0) return piece;
-    const code = document.createElement("code");
-    code.textContent = piece;
-    return code;
+    return element("code", {}, piece);
   });
 }
 

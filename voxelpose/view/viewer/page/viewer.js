@@ -31,6 +31,16 @@ async function asked(path) {
   return content;
 }
 
+// What the player's page lacks.
+function addParts() {
+  part("view").append(make("p", { class: "follows", role: "status", hidden: true }));
+  part("layers").parentElement.after(
+    make("section", { class: "told", "aria-live": "polite" }, make("h2", {}, "This frame"),
+      make("div", { class: "lines" }, make("p", {}, "Reading the recording …"))),
+    make("section", { class: "reach" }, make("h2", {}, "Where could a part be?"), make("div", { class: "part" }), make("p", { class: "note" })));
+  part("keys").append(make("p", {}, "Body and skeleton play at true speed. Hull and pictures follow as they are carved: frames that are there are underlined below the strip."));
+}
+
 class Viewer {
   constructor(state) {
     this.state = state;
@@ -48,6 +58,7 @@ class Viewer {
       this.changed();
     });
     this.cameraChoice.hidden = !state.filmed;
+    addParts();
     part("reach").hidden = !state.limbs.length;
     part("part").replaceChildren(choice("Part", [["", "none"], ...state.limbs.map((name) => [name, name.replaceAll("_", " ")])], "", (name) => {
       this.part = name;
