@@ -286,11 +286,12 @@ def _way_m(bout: _Bout) -> float:
 
 
 def _strides(bout: _Bout) -> Iterator[Stride]:
-    offs = [event for event in bout.events if not event.contact]
-    for k, (start, end) in enumerate(zip(bout.contacts, bout.contacts[2:], strict=False)):
-        off = next(one for one in offs if one.side == start.side and start.time_s < one.time_s)
-        length = float(np.linalg.norm(bout.placed[k + 2] - bout.placed[k]))
-        yield Stride(SIDES[start.side], start.time_s, off.time_s, end.time_s, length)
+    # Contact, the other foot's off, its contact, the foot's off, its next contact: as `_chains`.
+    for k in range(0, len(bout.events) - 4, 2):
+        start, other_off, other, off, end = (one.time_s for one in bout.events[k : k + 5])
+        length = float(np.linalg.norm(bout.placed[k // 2 + 2] - bout.placed[k // 2]))
+        both = other_off - start + off - other
+        yield Stride(SIDES[bout.events[k].side], start, off, end, length, both)
 
 
 def _steps(bout: _Bout) -> Iterator[Step]:

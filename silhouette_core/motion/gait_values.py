@@ -22,13 +22,18 @@ CYCLE = 101
 
 @dataclass(frozen=True)
 class Stride:
-    """From a foot's contact to its next one; the foot's off is between them."""
+    """From a foot's contact to its next one; the foot's off is between them.
+
+    Attributes:
+        both_s: how long both feet are on the ground, seconds.
+    """
 
     side: Side
     contact_s: float
     off_s: float
     end_s: float
     length_m: float
+    both_s: float
 
     @property
     def time_s(self) -> float:
@@ -39,6 +44,11 @@ class Stride:
     def stance(self) -> float:
         """Share of the stride in which the foot is on the ground, 0 to 1."""
         return (self.off_s - self.contact_s) / self.time_s
+
+    @property
+    def double_support(self) -> float:
+        """Share of the stride in which both feet are on the ground, 0 to 1."""
+        return self.both_s / self.time_s
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,10 @@ class Gait:
     def stance(self, side: Side) -> Spread | None:
         """Share of the stride in stance, 0 to 1."""
         return Spread.from_values([stride.stance for stride in self.strides_of(side)])
+
+    def double_support(self, side: Side) -> Spread | None:
+        """Share of the stride in double support, 0 to 1."""
+        return Spread.from_values([stride.double_support for stride in self.strides_of(side)])
 
     def step_length_m(self, side: Side) -> Spread | None:
         """Step length, metres, of steps that end with the contact of a side."""

@@ -53,6 +53,7 @@ def gait_section(
         ("Stride length, m", gait.stride_length_m, 1, 2),
         ("Step length, m", gait.step_length_m, 1, 2),
         ("Stance, %", gait.stance, 100, 0),
+        ("Double support, %", gait.double_support, 100, 0),
     ]
     values = [
         (f"{gait.cadence_per_min:.0f} steps/min", "cadence"),

@@ -56,6 +56,8 @@ def test_a_walker_has_the_steps_that_were_made():
         assert stride_time.mean == pytest.approx(STRIDE_S, abs=0.01)
         assert stride_time.deviation == pytest.approx(0, abs=0.02)
         assert stance.mean == pytest.approx(1 - SWING, abs=0.03)
+        both = gait.double_support(side)
+        assert both is not None and both.mean == pytest.approx(1 - 2 * SWING, abs=0.06)
         length = gait.stride_length_m(side)
         assert length is not None and length.mean == pytest.approx(STRIDE_M, abs=1e-6)
     for side, expected_m in (("left", LEFT_M), ("right", RIGHT_M)):
@@ -148,7 +150,7 @@ def test_heels_are_behind_toes_and_below_ankles():
 
 def test_cycles_go_from_contact_to_contact():
     time_s = np.arange(0, 5, 0.1)
-    strides = [Stride("left", at, at + 0.6, at + 1, 1.2) for at in (1.0, 2.5)]
+    strides = [Stride("left", at, at + 0.6, at + 1, 1.2, 0.2) for at in (1.0, 2.5)]
     cycles = normalised_cycles(time_s**2, time_s, strides)
     assert cycles.shape == (2, 101)
     assert cycles[:, [0, 50, 100]] == pytest.approx(np.array([[1, 2.25, 4], [6.25, 9, 12.25]]))

@@ -238,6 +238,7 @@ def test_of_a_walker_gait_and_errors_are_told(desk):
     assert "109 steps/min cadence" in plain and "Walking over the ground: 2 strides of" in plain
     assert re.search(r"Stride time, s 1\.10 ± 0\.0\d \(n = 2\) 1\.10 ± 0\.0\d \(n = 2\)", plain)
     assert re.search(r"Stance, % 6\d ± \d \(n = 2\)", plain)
+    assert re.search(r"Double support, % [12]\d ± \d \(n = 2\)", plain)
     assert "knee 10 / 10 knee flexion" in plain and "wrist 10 / 10" in plain
     cycles = [label for label in page.pictures if label and " over the stride: " in label]
     assert len(cycles) == 6
