@@ -27,6 +27,7 @@ from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST, PROPOSALS
 
+_CYLINDER_SAMPLES = 101  # along a side of the square in which its hull is looked for
 GIRTH_CAMERAS = 4
 """Fewest cameras whose hull says anything of the girth: that of fewer varies too much."""
 POSTURES = "any", "sitting"
@@ -95,12 +96,12 @@ class StatureEvidence:
     ) -> StatureEvidence:
         """StatureEvidence of some frames by number."""
         heights_m = [hull_height_m(frame) for frame in frames.values()]
-        unsure = float(np.median([hull_distance_sigma(frame) for frame in frames.values()]))
+        unsure = float(np.median([distance_sigma(frame) for frame in frames.values()]))
         return cls(settings.stature_m, (float(np.median(heights_m)), max(heights_m)), unsure)
 
     @property
     def is_far_open(self) -> bool:
-        """Whether the hull leaves open how far away, and so how tall the person is."""
+        """Whether the cameras leave open how far away, and so how tall the person is."""
         return self.distance_sigma > PERSON_COST.hull_sigma
 
     @property
@@ -145,13 +146,26 @@ def hull_height_m(frame: FrameObservation) -> float:
     return float(np.ptp(voxels[near, 2]) + 1) * frame.grid.voxel_size_m
 
 
-def hull_distance_sigma(frame: FrameObservation) -> float:
-    """Standard deviation of the logarithm of a person's distance from the cameras in a frame's
-    visual hull: what is higher by a factor looks the same farther away by that factor.
+def distance_sigma(frame: FrameObservation) -> float:
+    """Standard deviation of the logarithm of a person's distance from the cameras, as far as the
+    outlines leave it open: what is higher by a factor looks the same farther away by that factor.
+
+    It is that of the hull of an upright cylinder, as wide as a torso, in the middle of the frame's
+    hull, before the cameras that have a silhouette; less the cylinder's own. The frame's hull
+    itself is longer, too, where silhouettes are wrong, and then leaves nothing open.
     """
-    points = frame.grid.occupied_points(frame.occupancy)[:, None, :2]
-    distances = np.linalg.norm(points - frame.views.center_m[:, :2], axis=2)
-    excess = distances.var(axis=0) - PERSON_COST.middle_m**2
+    middle_m = np.median(frame.grid.occupied_points(frame.occupancy), axis=0)
+    centers_m = frame.views.center_m[[mask.any() for mask in frame.masks], :2]
+    rays = middle_m[:2] - centers_m
+    far_m = np.linalg.norm(rays, axis=1)
+    side = np.linspace(-1, 1, _CYLINDER_SAMPLES) * far_m.min()
+    aside = np.stack(np.meshgrid(side, side), axis=2).reshape(-1, 1, 2)
+    distances = np.linalg.norm(rays + aside, axis=2)
+    across = np.abs(rays[:, 0] * aside[..., 1] - rays[:, 1] * aside[..., 0]) / far_m
+    along = ((rays + aside) * rays).sum(axis=2)
+    inside = (across <= PERSON_COST.middle_m / far_m * distances) & (along > 0)
+    distances = distances[inside.all(axis=1)]
+    excess = distances.var(axis=0) - (PERSON_COST.middle_m / 2) ** 2  # that of a disc
     return float(np.mean(np.sqrt(np.maximum(excess, 0.0)) / distances.mean(axis=0)))
 
 

@@ -9,11 +9,9 @@ from silhouette_core.estimator import Settings
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.person.posterior import (
     StatureEvidence,
-    hull_distance_sigma,
+    distance_sigma,
     hull_height_m,
 )
-
-VIEWS = SimpleNamespace(center_m=np.array([[-4.0, 0.0, 1.0], [-4.0, 1.0, 1.0]]))
 
 
 def frame(height_m: float):
@@ -23,10 +21,14 @@ def frame(height_m: float):
     return of_hull(occupancy)
 
 
-def of_hull(occupancy: np.ndarray):
-    """A frame with a hull, seen by two cameras that look along x."""
-    grid = VoxelGrid(np.zeros(3), 0.05, occupancy.shape)
-    return SimpleNamespace(occupancy=occupancy, grid=grid, views=VIEWS)
+def of_hull(occupancy: np.ndarray, *azimuths_deg: float):
+    """A frame with a hull about the origin, seen from these sides by cameras 4 m away."""
+    size_m = 0.05 * np.array(occupancy.shape)
+    grid = VoxelGrid(np.array([0, 0, 1]) - size_m / 2, 0.05, occupancy.shape)
+    at = np.radians(azimuths_deg or (0, 90))
+    views = SimpleNamespace(center_m=4 * np.column_stack([np.cos(at), np.sin(at), 0.25 + 0 * at]))
+    masks = [np.ones((2, 2), bool) for _ in at]
+    return SimpleNamespace(occupancy=occupancy, grid=grid, views=views, masks=masks)
 
 
 def test_a_hull_is_as_high_as_its_lowest_and_highest_voxels():
@@ -40,13 +42,29 @@ def test_the_ends_of_the_cones_beside_a_hull_s_middle_are_no_height():
     assert hull_height_m(of_hull(occupancy)) == pytest.approx(1.95, abs=0.06)  # type: ignore[arg-type]
 
 
-def test_a_long_hull_leaves_the_distance_unknown():
-    long, short = np.zeros((60, 8, 40), bool), np.zeros((60, 8, 40), bool)
-    long[:], short[:8] = True, True
-    # 3 m long, evenly filled, 5.5 m away: less a torso's own radius.
-    sigma = np.sqrt(3.0**2 / 12 - 0.2**2) / 5.5
-    assert hull_distance_sigma(of_hull(long)) == pytest.approx(sigma, rel=0.03)  # type: ignore[arg-type]
-    assert hull_distance_sigma(of_hull(short)) == 0.0  # type: ignore[arg-type]
+def test_cameras_that_look_the_same_way_leave_the_distance_unknown():
+    solid = np.ones((8, 8, 40), bool)
+    # The hull of a disc of radius r, seen from nearly one direction by two cameras an angle apart,
+    # is a rhombus with a half diagonal of r / sin(angle / 2) along it: a triangular distribution.
+    for apart_deg in (20, 30):
+        half_m = 0.2 / np.sin(np.radians(apart_deg / 2))
+        sigma = np.sqrt(half_m**2 / 6 - 0.1**2) / 4
+        found = distance_sigma(of_hull(solid, 0, apart_deg))
+        assert found == pytest.approx(sigma, rel=0.15)
+    assert distance_sigma(of_hull(solid, 0, 90)) < 0.02
+    assert distance_sigma(of_hull(solid, 0, 90, 180, 270)) < 0.02
+
+
+def test_a_hull_that_wrong_silhouettes_lengthen_leaves_no_distance_unknown():
+    wide = np.ones((50, 40, 40), bool)
+    assert distance_sigma(of_hull(wide, 0, 90, 180, 270)) < 0.02
+
+
+def test_cameras_that_do_not_see_the_person_do_not_tell_the_distance():
+    frame = of_hull(np.ones((8, 8, 40), bool), 0, 30, 120)
+    assert distance_sigma(frame) < 0.05
+    frame.masks[2][:] = False
+    assert distance_sigma(frame) == distance_sigma(of_hull(frame.occupancy, 0, 30))
 
 
 def test_what_the_distance_leaves_open_people_s_statures_decide():
