@@ -24,7 +24,7 @@ TOGETHER = (
     "tests/silhouette_core/monocular/making/test_learning.py",
 )
 
-# Hardly any of what is imported, collected and compiled is garbage: looking for it takes a tenth.
+# Hardly any of what is imported, collected and compiled is garbage: it is looked for less often.
 gc.set_threshold(100_000)
 if WORKER:
     # Before NumPy is loaded: the other cores have workers of their own.
