@@ -5,17 +5,21 @@ Playwright's own build is taken where it can be downloaded, else the distributio
 the processor: no GPU is needed.
 """
 
+import asyncio
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
 import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-_FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+_FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# What is no WebGL is drawn in half the time without it.
+_FLAGS += ["--disable-gpu-rasterization", "--disable-accelerated-2d-canvas"]
 # As root, as in most containers, Chromium wants no sandbox.
 _FLAGS += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
 
@@ -27,14 +31,13 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
     Yields: The page (playwright.sync_api.Page), and a list that gathers what goes wrong in it:
         errors of the console, exceptions, failed and outside requests.
     """
-    sync_api = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed (make install)"
-    )
-    with sync_api.sync_playwright() as playwright:
-        path = _executable(playwright)
-        if path is None:
-            pytest.skip("no Chromium here: make browser gets one")
-        browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make install)")
+    browser, loop = _browser()
+    if browser is None:
+        pytest.skip("no Chromium here: make browser gets one")
+    # Elsewhere others may begin event loops of their own: there, Playwright's does not count.
+    asyncio._set_running_loop(loop)
+    try:
         page = browser.new_page(viewport={"width": width, "height": height})
         faults: list[str] = []
         page.on(
@@ -47,10 +50,27 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
             "request",
             lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"),
         )
-        try:
-            yield page, faults
-        finally:
-            browser.close()
+        yield page, faults
+    finally:
+        for context in browser.contexts:
+            context.close()
+        asyncio._set_running_loop(None)
+
+
+@cache
+def _browser() -> tuple:
+    """The browser that all pages of this process share, which ends with it, and Playwright's event
+    loop; None where there is no browser.
+    """
+    from playwright.sync_api import sync_playwright
+
+    playwright = sync_playwright().start()
+    path = _executable(playwright)
+    if path is None:
+        playwright.stop()
+        return None, None
+    browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
+    return browser, asyncio.get_running_loop()
 
 
 def _own(url: str) -> bool:

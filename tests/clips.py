@@ -1,6 +1,7 @@
 """Motions for tests, made without an estimator."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
     """Walks ahead while turning, the right arm raised and the left knee bent: no left-right
     symmetry hides a mistake.
     """
-    model = BodyModel.from_sizes(BodySizes(stature_m))
+    model = _body(stature_m)
     angles = np.zeros((count, model.dof_count))
     phase = np.linspace(0, 1, count)
     for name, from_deg, to_deg in (
@@ -65,7 +66,7 @@ def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
 
 def walking(count: int = 90, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
     """Walks ahead, to -y, on stiff legs: 1.1 s a stride, of which a foot stands for 62 %."""
-    model = BodyModel.from_sizes(BodySizes(stature_m))
+    model = _body(stature_m)
     angles, phase = np.zeros((count, model.dof_count)), np.arange(count) / fps / 1.1
     for side, start in (("left", 0.0), ("right", 0.5)):
         swing_deg = np.interp((phase - start) % 1, (0, 0.62, 1), (25, -25, 25))
@@ -75,3 +76,8 @@ def walking(count: int = 90, stature_m: float = 1.7, fps: float = 25.0) -> Motio
     upright = np.tile([1.0, 0, 0, 0], (count, 1))
     quality = {"joint_error_mm": np.full((count, 15), 10.0)}
     return Motion(fps, model, root, upright, angles, quality=quality)
+
+
+@cache
+def _body(stature_m: float) -> BodyModel:
+    return BodyModel.from_sizes(BodySizes(stature_m))

@@ -1,5 +1,6 @@
 """Fixtures that every test may use, and how worker processes share the tests out (`make test`)."""
 
+import gc
 import importlib
 import os
 import sys
@@ -23,6 +24,8 @@ TOGETHER = (
     "tests/silhouette_core/monocular/making/test_learning.py",
 )
 
+# Hardly any of what is imported, collected and compiled is garbage: it is looked for less often.
+gc.set_threshold(100_000)
 if WORKER:
     # Before NumPy is loaded: the other cores have workers of their own.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -65,7 +68,7 @@ def pytest_runtest_setup() -> None:
 
 
 def pytest_sessionstart() -> None:
-    """Lets workers write numba's index of compiled kernels one after the other."""
+    """Lets workers compile kernels once, and write numba's index of them one after the other."""
     # Two that save different signatures of one kernel at once would take the same file name.
     if WORKER:
         from numba.core.caching import IndexDataCacheFile
@@ -78,6 +81,20 @@ def pytest_sessionstart() -> None:
                 save(self, key, data)
 
         IndexDataCacheFile.save = save_alone
+        _compile_share(int(WORKER.removeprefix("gw")))
+
+
+def _compile_share(number: int) -> None:
+    """Compiles a worker's share of what the estimators need, or loads it: their first tests would
+    compile the same at the same time.
+    """
+    from silhouette_core.progress import SilentReporter
+    from voxelpose.compile_ahead import compile_kernels, kernels
+
+    wanted = kernels(["multiview", "monocular"])
+    modules = sorted({module for module, _, _ in wanted})
+    own = modules[number :: int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]
+    compile_kernels([kernel for kernel in wanted if kernel[0] in own], SilentReporter())
 
 
 @contextmanager

@@ -1,11 +1,13 @@
 """Small sources of frames for tests: grey pictures of any rig, in memory or in a folder."""
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from calib.camera import Camera, Rig
 from calib.files import write_rig
@@ -218,10 +220,13 @@ class Standing:
 """
 
 
-def install_standing(folder: Path) -> None:
-    """Puts an estimator of somebody else, named "standing", into a folder for sys.path; it loses
-    the first frame. Where two people are asked for, they are `tests.clips.waving_couple`.
+def open_desk(desk: Path, patch: pytest.MonkeyPatch) -> Path:
+    """Makes a folder the current one, and installs beside it (in site/) an estimator of somebody
+    else, named "standing"; it loses the first frame. Where two people are asked for, they are
+    `tests.clips.waving_couple`.
     """
+    folder = desk / "site"
+    folder.mkdir()
     (folder / "standing_estimator.py").write_text(_OUTSIDE)
     metadata = folder / "standing_estimator-1.0.dist-info"
     metadata.mkdir()
@@ -231,3 +236,7 @@ def install_standing(folder: Path) -> None:
     (metadata / "entry_points.txt").write_text(
         f"[{GROUP}]\nstanding = standing_estimator:Standing\n"
     )
+    patch.syspath_prepend(str(folder))
+    patch.delitem(sys.modules, "standing_estimator", raising=False)
+    patch.chdir(desk)
+    return desk

@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ EQUATIONS = [f"okada-{number}" for number in range(1, 15)] + [
 DOCUMENTED = (ast.FunctionDef, ast.ClassDef)
 
 
+@cache
 def functions_by_equation() -> dict[str, list[str]]:
     """Return the dotted names of the functions or classes whose docstring states an equation."""
     homes = defaultdict(list)
@@ -33,7 +35,6 @@ def visit(node: ast.AST, name: str, homes: dict[str, list[str]]) -> None:
             visit(child, f"{name}.{child.name}", homes)
 
 
-HOMES = functions_by_equation()
 ROWS = {
     label: line
     for line in (ROOT / "docs" / "papers.md").read_text(encoding="utf-8").splitlines()
@@ -43,20 +44,21 @@ ROWS = {
 
 @pytest.mark.parametrize("label", EQUATIONS)
 def test_an_equation_is_rendered_once_and_the_map_leads_to_it(label):
-    row = ROWS[label]
+    row, homes = ROWS[label], functions_by_equation()
     if "not implemented" in row:
-        assert label not in HOMES
+        assert label not in homes
     else:
-        assert len(HOMES[label]) == 1, HOMES[label]
-        assert f"`{HOMES[label][0]}`" in row
+        assert len(homes[label]) == 1, homes[label]
+        assert f"`{homes[label][0]}`" in row
 
 
 @pytest.mark.parametrize("label", EQUATIONS)
 def test_the_code_line_of_an_equation_is_marked(label):
-    if label not in HOMES:
+    homes = functions_by_equation()
+    if label not in homes:
         pytest.skip("not implemented, see docs/papers.md")
     paper, number = label.split("-")
-    module, source = HOMES[label][0], None
+    module, source = homes[label][0], None
     while source is None:
         module = module.rpartition(".")[0]
         try:

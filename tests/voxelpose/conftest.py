@@ -1,24 +1,18 @@
 """Fixtures of the application's tests."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.clips import waving_couple
-from tests.sources import install_standing, ring, write_recording, write_staged
+from tests.sources import open_desk, ring, write_recording, write_staged
 from voxelpose.cli import run
 
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty current folder, beside which the estimator "standing" is installed (in site/)."""
-    (tmp_path / "site").mkdir()
-    install_standing(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    monkeypatch.delitem(sys.modules, "standing_estimator", raising=False)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return open_desk(tmp_path, monkeypatch)
 
 
 @pytest.fixture

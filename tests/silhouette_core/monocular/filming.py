@@ -1,6 +1,7 @@
 """A person filmed for the filter's tests: silhouettes of a posed body, in memory or as frames."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def camera_at(
 
 
 def body(shape: Sequence[float] = ()) -> BodyModel:
-    model = BodyModel.from_sizes(BodySizes(STATURE_M))
+    model = _usual_body()
     return (
         model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))]))
         if len(shape)
@@ -57,6 +58,12 @@ def body(shape: Sequence[float] = ()) -> BodyModel:
     )
 
 
+@cache
+def _usual_body() -> BodyModel:
+    return BodyModel.from_sizes(BodySizes(STATURE_M))
+
+
+@cache
 def performed(name: str, model: BodyModel | None = None) -> Motion:
     return perform(movements()[name], model or body())
 

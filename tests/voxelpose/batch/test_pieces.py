@@ -95,7 +95,7 @@ def test_only_long_recordings_are_divided(tmp_path):
 
 @pytest.mark.slow
 def test_a_recording_in_pieces_is_one_result_with_one_body(tmp_path):
-    actor = waving(20, 1.72, 12.5)
+    actor = waving(10, 1.72, 6.25)
     write_staged(tmp_path / "in" / "walk", actor, ring(4, (200, 160)))
     jobs = jobs_of([tmp_path / "in"], "fit", {"stature": 1.72})
     settings = BatchSettings(tmp_path / "out", 2, pictures=False, report=False, piece_s=0.8)
@@ -104,7 +104,7 @@ def test_a_recording_in_pieces_is_one_result_with_one_body(tmp_path):
     assert outcome.status == "done" and told[-1] == ("walk", 1)
     assert {name for name, n in told if n is None} == {"walk.000", "walk.001"}
     result = Result.open(tmp_path / "out" / "walk")
-    assert result.motion.frames.tolist() == list(range(20))
+    assert result.motion.frames.tolist() == list(range(10))
     assert max(result.summary["facts"]["seams_mm"]) < 15
     score = score_motion(actor.landmarks(), result.motion.landmarks())
     assert score.root_mm < 40

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from benchmarks.live import Receiver
 from tests.browsing import new_page
 from tests.clips import waving
 from tests.sources import ring, write_recording, write_staged
+from tests.voxelpose.live.test_live_page import canvas_picture
 from voxelpose.cli import run
 from voxelpose.recording.folder import Recording
 
@@ -118,12 +118,9 @@ def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
         browser.goto(url)
         assert browser.title() == f"{studio.name} – voxelpose live"
         browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
-        pictures = []
-        for _ in range(2):
-            browser.screenshot(path=str(tmp_path / "page.png"))
-            pictures.append(cv2.imread(str(tmp_path / "page.png"))[:, :380].astype(int))
-            browser.wait_for_timeout(1500)
-        assert np.abs(pictures[1] - pictures[0]).max() > 40  # the figure moves
+        first = canvas_picture(browser)
+        # The figure moves.
+        wait_until(lambda: np.abs(canvas_picture(browser) - first).max() > 40, process)
         for button, text in (
             ("Stop", "stopped"),
             ("Start", "following"),

@@ -142,10 +142,13 @@ def test_texts_show_what_other_machines_say_as_text():
 
 
 @pytest.mark.slow
-def test_the_page_in_a_browser(tmp_path):
+def test_the_page_in_a_browser():
     receivers = (ReceiverState("vmc://10.0.0.7:39539", "sending", True, 12, 0, 0.002),)
     stopped = threading.Event()
-    with serving("open sesame", receivers=lambda: receivers) as (page, controls):
+    with (
+        new_page(760, 520) as (browser, faults),
+        serving("open sesame", receivers=lambda: receivers) as (page, controls),
+    ):
         frames = [waving(number) for number in range(7)]
 
         def feed() -> None:
@@ -157,15 +160,15 @@ def test_the_page_in_a_browser(tmp_path):
         feeding = threading.Thread(target=feed)
         feeding.start()
         try:
-            with new_page(760, 520) as (browser, faults):
-                look(browser, page, controls, tmp_path)
+            look(browser, page, controls)
             assert faults == []
+            browser.context.close()  # before its server
         finally:
             stopped.set()
             feeding.join()
 
 
-def look(browser, page: Page, controls: FakeControls, folder) -> None:
+def look(browser, page: Page, controls: FakeControls) -> None:
     """What a user does, and what happens then."""
     browser.goto(page.url)
     assert "sesame" not in browser.url  # the address bar does not keep the token
@@ -183,9 +186,9 @@ def look(browser, page: Page, controls: FakeControls, folder) -> None:
         return len(places) > 4
 
     wait_until(moves)
-    first = canvas_picture(browser, folder)
+    first = canvas_picture(browser)
     assert (first[..., 0] - first[..., 2] > 50).sum() > 1000  # the figure is there
-    wait_until(lambda: np.abs(canvas_picture(browser, folder) - first).max() > 40)  # and moves
+    wait_until(lambda: np.abs(canvas_picture(browser) - first).max() > 40)  # and moves
     for name in ("vmc://10.0.0.7:39539", "cam_3", "17 dropped", "silhouettes"):
         browser.get_by_text(name).first.wait_for()
     for button, call, text in (
@@ -206,9 +209,7 @@ def look(browser, page: Page, controls: FakeControls, folder) -> None:
     wait_until(lambda: (browser.wait_for_timeout(50), not figure._handle.visible)[1])  # type: ignore[union-attr]
 
 
-def canvas_picture(browser, folder) -> np.ndarray:
+def canvas_picture(browser) -> np.ndarray:
     """Picture of the room, (h, w, 3) BGR."""
-    browser.screenshot(path=str(folder / "page.png"))
-    picture = cv2.imread(str(folder / "page.png"))
-    assert picture is not None
-    return picture[:, :380].astype(int)
+    data = np.frombuffer(browser.screenshot(), np.uint8)
+    return cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :380].astype(int)

@@ -2,6 +2,8 @@
 fitted.
 """
 
+from functools import cache
+
 import cv2
 import numpy as np
 
@@ -21,11 +23,13 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 STATURE_M = 1.72
 
 
+@cache
 def fitting_model() -> BodyModel:
     """The man's template at the right stature."""
     return BodyModel.from_sizes(BodySizes(STATURE_M, sex="male"))
 
 
+@cache
 def other_body(seed: int = 3, template: str = "female") -> BodyModel:
     """Somebody else of that stature: the woman's template (another mesh) with the deviations of a
     real person, drawn at random.

@@ -16,6 +16,8 @@ from voxelpose.cli import run
 from voxelpose.results import Result
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
+KNEW = "changed in the recording since the fit, which knew them otherwise: "
+
 
 @pytest.fixture
 def fitted(desk):
@@ -53,12 +55,17 @@ def calibrate_anew(walk):
         (calibrate_anew, "calibration"),
         (lambda walk: (walk / "subject.toml").write_text("stature = 1.9\n"), "settings"),
         (lambda walk: (walk / "voxelpose.toml").write_text("[fit]\nsex = 'female'\n"), "settings"),
-        (lambda walk: (draw_unknown(walk), draw_region(walk)), "regions, unknown places"),
     ],
 )
-def test_what_changed_is_said(fitted, capsys, change, names):
+def test_what_changed_is_told(fitted, change, names):
     change(fitted / "walk")
-    words = f"changed in the recording since the fit, which knew them otherwise: {names}"
+    assert ResultScenes("out").changed == f"{KNEW}{names}"
+
+
+def test_pages_and_pictures_say_what_changed(fitted, capsys):
+    draw_unknown(fitted / "walk")
+    draw_region(fitted / "walk")
+    words = f"{KNEW}regions, unknown places"
     assert run(["report", "out"]) == 0
     assert f"note: {words}\n" in capsys.readouterr().err
     text = re.sub("<[^>]*>", "", (fitted / "out" / "report.html").read_text())

@@ -15,7 +15,7 @@ from silhouette_core.motion.motion_file import write_motion
 from tests.browsing import new_page
 from tests.clips import walking, waving
 from tests.other_bodies import write_example_result
-from tests.sources import ring, write_staged
+from tests.sources import open_desk, ring, write_staged
 from voxelpose.cli import run
 from voxelpose.people_marks import COLOURS
 from voxelpose.reliability import verdict_of
@@ -66,16 +66,29 @@ class Page(HTMLParser):
             assert self.open.pop() == tag
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A result "out", with its report, of the recording "walk", the first of whose frames is
+    lost.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("made"), patch)
+        write_staged(desk / "walk", waving(6), ring(3, (320, 240)))
+        assert run(["fit", "walk", "--out", "out", "--estimator", "standing"]) == 0
+        assert run(["report", "out"]) == 0
+    return desk
+
+
 @pytest.fixture
-def fitted(desk):
-    """A result "out" of the recording "walk", the first of whose frames is lost."""
-    write_staged(desk / "walk", waving(6), ring(3, (320, 240)))
-    assert run(["fit", "walk", "--out", "out", "--estimator", "standing"]) == 0
+def fitted(desk, made):
+    """A copy of what is made."""
+    for name in ("walk", "out"):
+        shutil.copytree(made / name, desk / name)
     return desk
 
 
 def test_one_page_without_anything_outside(fitted, capsys):
-    assert run(["report", "out"]) == 0
+    assert run(["report", "out"]) == 0  # replaces its own
     assert "report.html" in capsys.readouterr().out
     text = (fitted / "out" / "report.html").read_text(encoding="utf-8")
     page = Page(text)
@@ -91,7 +104,6 @@ def test_one_page_without_anything_outside(fitted, capsys):
     line = str(verdict_of(Result.open("out").summary))
     assert line.startswith("doubtful: ") and f"{line}. Look first" in re.sub("<[^>]*>", "", text)
     assert "<b>Filter and gaps</b>: filter not recorded." in text
-    assert run(["report", "out"]) == 0  # replaces its own
 
 
 def test_missing_pictures_are_reported(fitted):
@@ -181,10 +193,9 @@ def test_a_gap_interrupts_a_curve_and_the_label_has_the_range():
 
 
 @pytest.mark.slow
-def test_the_page_plays(fitted):
-    assert run(["report", "out"]) == 0
+def test_the_page_plays(made):
     with new_page(900, 700) as (page, faults):
-        page.goto((fitted / "out" / "report.html").as_uri())
+        page.goto((made / "out" / "report.html").as_uri())
         first = page.get_attribute("#preview", "src")
         cursor = page.locator("svg .cursor").first
         before = cursor.get_attribute("transform")

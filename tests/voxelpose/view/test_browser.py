@@ -47,7 +47,8 @@ def carved(page) -> None:
 
 def shown(page) -> np.ndarray:
     """The scene as it is drawn, (h, w, 3) int BGR."""
-    page.wait_for_timeout(700)
+    page.wait_for_function("() => !viewer.player.wanted && !viewer.player.viewpoint.flight")
+    page.wait_for_timeout(150)
     data = page.locator("canvas.space").screenshot()
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None

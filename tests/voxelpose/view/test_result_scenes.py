@@ -13,7 +13,7 @@ from silhouette_core.estimator import Estimate, Settings
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 from tests.other_bodies import write_example_result
-from tests.sources import ring, write_staged
+from tests.sources import open_desk, ring, write_staged
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.cli import run
 from voxelpose.export.tables import read_hypotheses
@@ -28,16 +28,33 @@ from voxelpose.view.viewer.scene import camera_picture, frame_lines
 CAMERAS, FRAMES = 4, 4
 
 
-@pytest.fixture
-def fitted(desk):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A result "out" whose poses are those of the recording "walk"; the first frame is lost."""
-    write_staged(desk / "walk", waving(FRAMES), ring(CAMERAS, (320, 240)))
-    assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("made"), patch)
+        write_staged(desk / "walk", waving(FRAMES), ring(CAMERAS, (320, 240)))
+        assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
     return desk
 
 
-def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(fitted):
-    scenes = ResultScenes("out", voxel_size_m=0.03)
+@pytest.fixture(scope="module")
+def scenes(made):
+    """Its scenes."""
+    opened = ResultScenes(made / "out", voxel_size_m=0.03)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def fitted(desk, made):
+    """A copy that a test may change."""
+    for name in ("walk", "out"):
+        shutil.copytree(made / name, desk / name)
+    return desk
+
+
+def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(scenes):
     scene = scenes.scene(2)
     assert scene.frame == 2 and scene.time_s == pytest.approx(2 / 25) and not scene.notes
     assert [camera_frame.camera.name for camera_frame in scene.camera_frames] == [
@@ -59,11 +76,9 @@ def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(fitted):
         and hull.occupancy[tuple(voxels_at(hull.grid, hull.unexplained_m).T)].all()
     )
     assert scenes.scene(2) is scene
-    scenes.close()
 
 
-def test_outer_voxels_know_their_part_and_who_sees_them(fitted):
-    scenes = ResultScenes("out", voxel_size_m=0.03)
+def test_outer_voxels_know_their_part_and_who_sees_them(made, scenes):
     hull, body = scenes.scene(2).hull, scenes.bodies(2)[0]
     outer, names = hull.outer, body.part_names
     assert 0.2 < len(outer.centres_m) / np.count_nonzero(hull.occupancy) < 0.9
@@ -80,7 +95,8 @@ def test_outer_voxels_know_their_part_and_who_sees_them(fitted):
         assert len(own) > 3 and away < 0.12
     # What is not covered by something else is seen, by some of the four, never by all round it.
     assert (outer.cameras > 0).mean() > 0.8 and 1 < outer.cameras.mean() < 3.5
-    assert ResultScenes("walk", voxel_size_m=0.04).scene(1).hull.outer.part.max() == -1
+    alone = ResultScenes(made / "walk", voxel_size_m=0.04)
+    assert alone.scene(1).hull.outer.part.max() == -1
 
 
 def test_frames_in_any_order_are_the_same(fitted):
@@ -93,8 +109,7 @@ def test_frames_in_any_order_are_the_same(fitted):
     assert (forward[0].camera_frames[0].picture != forward[2].camera_frames[0].picture).any()
 
 
-def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
-    scenes = ResultScenes("out", voxel_size_m=0.04)
+def test_a_lost_frame_shows_the_hull_and_says_so(scenes):
     scene = scenes.scene(0)
     assert (
         scene.bodies == (None,)
@@ -105,8 +120,7 @@ def test_a_lost_frame_shows_the_hull_and_says_so(fitted):
     assert "no pose" in area_text("neck", {})
 
 
-def test_movable_areas(fitted):
-    scenes = ResultScenes("out", voxel_size_m=0.04)
+def test_movable_areas(scenes):
     areas = scenes.areas(2)
     assert {"left_thigh", "right_forearm", "neck"} <= set(areas)
     thigh = areas["left_thigh"]
@@ -173,8 +187,8 @@ def test_cameras_stay_in_step_where_timestamps_say_so(fitted):
     )
 
 
-def test_pictures_of_cameras(fitted):
-    camera_frame = ResultScenes("out", voxel_size_m=0.04).scene(1).camera_frames[0]
+def test_pictures_of_cameras(scenes):
+    camera_frame = scenes.scene(1).camera_frames[0]
     silhouette, plain = (
         camera_picture(camera_frame, "silhouette"),
         camera_picture(camera_frame, "picture"),
@@ -230,8 +244,8 @@ def test_colours_tell_good_from_bad():
     )
 
 
-def test_what_is_unknown_is_told_hatched_and_not_carved(fitted):
-    whole = ResultScenes("out", voxel_size_m=0.03).scene(2)
+def test_what_is_unknown_is_told_hatched_and_not_carved(fitted, scenes):
+    whole = scenes.scene(2)
     (fitted / "walk" / "recording.toml").write_text(
         "[unknown]\ncam_1 = [[[-1, 120], [320, 120], [320, 240], [-1, 240]]]\n"
     )

@@ -87,7 +87,8 @@ def test_people_are_switched_on_and_off(scenes):
 
 def _coloured(page) -> list[int]:
     """How many pixels of the scene have about the hue of each of two people."""
-    page.wait_for_timeout(600)
+    page.wait_for_function("() => !viewer.player.wanted")
+    page.wait_for_timeout(150)
     data = page.locator("canvas.space").screenshot()
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     hue = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV).astype(int)

@@ -1,5 +1,7 @@
 """Rigs and masks for the carving tests."""
 
+from functools import cache
+
 import numpy as np
 
 from calib.camera import Camera, Rig
@@ -42,6 +44,7 @@ def ring(count=4, radius=3.0, height=1.4, **camera) -> Rig:
     )
 
 
+@cache
 def figure_points(spacing=0.02) -> np.ndarray:
     """Samples a body, a head and a raised arm, (N, 3) m."""
     axis = np.arange(-1.2, 2.4, spacing)

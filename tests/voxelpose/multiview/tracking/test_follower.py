@@ -49,6 +49,14 @@ def nobody() -> dict[str, np.ndarray]:
     return {camera.name: np.zeros(camera.size[::-1], bool) for camera in SEEN_BY.rig}
 
 
+@pytest.fixture(scope="module")
+def found() -> BodyTrack:
+    """What a search finds in the first frame."""
+    track = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 4)
+    assert track is not None
+    return track
+
+
 @pytest.fixture
 def follower() -> PoseFollower:
     return PoseFollower(SEEN_BY.rig, KNOWN, AtOnce())
@@ -145,10 +153,8 @@ def test_nobody_is_not_searched_for(follower):
 
 
 @pytest.mark.slow
-def test_what_is_found_late_catches_up():
+def test_what_is_found_late_catches_up(found):
     """The search took 10 frames, in which the person has walked 0.4 m."""
-    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 4)
-    assert found is not None
     later = [Moment.of(k / 30, masks_of(walking(k))) for k in range(1, 11)]
     track = catch_up(SEEN_BY.rig, found, later)
     assert track is not None
@@ -182,9 +188,7 @@ def test_a_moment_keeps_silhouettes():
 
 
 @pytest.mark.slow
-def test_what_is_far_from_the_body_is_left_out():
-    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 3)
-    assert found is not None
+def test_what_is_far_from_the_body_is_left_out(found):
     masks = masks_of(walking(0))
     stained = {name: mask.copy() for name, mask in masks.items()}
     for mask in stained.values():
@@ -207,10 +211,8 @@ def test_time_stretches_the_prediction():
 
 
 @pytest.mark.slow
-def test_what_stays_wrong_is_given_up():
+def test_what_stays_wrong_is_given_up(found):
     """Somebody in a wide coat stands where the body was found."""
-    found = search(SEEN_BY.rig, KNOWN, None, Moment.of(0.0, masks_of(walking(0))), 4)
-    assert found is not None
     coat = {name: dilated(mask, 7) for name, mask in masks_of(walking(0)).items()}
     later = [Moment.of(0.1 * k, coat) for k in range(1, 12)]
     assert catch_up(SEEN_BY.rig, found, later[:3]) is not None
