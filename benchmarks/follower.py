@@ -4,11 +4,11 @@
 Every frame is followed, or every so many-th, and searches end before the next one, as on a machine
 fast enough. With --late the recording is played forth and back for 18 s, and what a search finds is
 handed over as late as the search takes here, in processor time, times the factor: as on a slow one.
-Then the mean of the last 5 s is printed. Printed is the mean error of the joints relative to the pelvis, mm, begun
-at several frames. With --first nothing is followed, and each of these frames has its first pose.
-With --people nothing is told, and each number has a mean, from whoever is nearest, the share of
-frames in which it is lost, and how often somebody else is the nearest; and then the processor time
-of a frame without its searches, in the median.
+Then the mean of the last 5 s is printed. Printed is the mean error of the joints relative to the
+pelvis, mm, begun at several frames. With --first nothing is followed, and each of these frames has
+its first pose. With --people nothing is told, and each number has a mean, from whoever is nearest,
+the share of frames in which it is lost, and how often somebody else becomes the nearest; and then
+the processor time of a frame without its searches, in the median.
 """
 
 from __future__ import annotations

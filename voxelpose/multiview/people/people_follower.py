@@ -77,6 +77,7 @@ class PeopleFollower:
             # A search has all that may be the person's, by which the stature is told; the steps
             # that follow only what is nobody else's.
             bodies = track is not None or one.busy
+            one.rough |= not bodies
             own, unknown = own_and_unknown(masks, pieces, k, bodies=bodies)
             if pieces[k] is None:
                 own = [np.zeros_like(mask) for mask in masks]
@@ -117,12 +118,15 @@ class PeopleFollower:
         if not len(lost) or len(masks) < PEOPLE_CAMERAS or time_s - self._asked_s < again_s:
             return
         self._asked_s = time_s
-        axes_m = self._free(views, masks, [k for k, gone in enumerate(missing) if not gone])
+        axes_m, upright = self._free(views, masks, np.flatnonzero(~np.array(missing)))
         costs = np.full((len(lost), len(axes_m)), 2 * PEOPLE.appearing)
         for row, k in zip(costs, lost, strict=True):
             if np.isfinite(self._seen_s[k]):
                 at = self._places_m[k : k + 1], axes_m, time_s - self._seen_s[k]
                 row[:] = moving_costs(*at)[0]
+        # Who comes in stands or sits; who is there may lie down.
+        stays = (costs[self._there[lost]] < 2 * PEOPLE.appearing).any(axis=0)
+        axes_m, costs = axes_m[upright | stays], costs[:, upright | stays]
         self._there[lost] = False
         for row, column in zip(*linear_sum_assignment(costs), strict=True):
             self._note(int(lost[row]), axes_m[column], time_s)
@@ -132,20 +136,20 @@ class PeopleFollower:
         self._places_m[person], self._seen_s[person], self._there[person] = place_m, time_s, True
 
     def _free(
-        self, views: PinholeViews, masks: Masks, others: Sequence[int]
-    ) -> NDArray[np.float64]:
-        """Places (n, 2) of people whom nobody follows."""
+        self, views: PinholeViews, masks: Masks, others: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Places (n, 2) of people whom nobody follows, and whether (n,) they are upright."""
         rule = body_rule(len(masks), 0)
         try:
             volume = place_grid(views.rig, masks, CARVING.coarse_m, rule=rule)
         except InputError:
-            return np.empty((0, 2))
+            return np.empty((0, 2)), np.empty(0, np.bool_)
         self._observer = HullObserver(views, volume, CARVING.voxel_m, rule)
         sets = PresenceSearch(self._observer, len(self.people)).sets(masks)
         best = sets.members[0]
-        axes_m = sets.axes_m[best[sets.upright[best]]]
-        away = np.linalg.norm(axes_m[:, None] - self._places_m[others], axis=2)
-        return axes_m[(away > PEOPLE.reach_m).all(axis=1)]
+        away = np.linalg.norm(sets.axes_m[best][:, None] - self._places_m[others], axis=2)
+        free = best[(away > PEOPLE.reach_m).all(axis=1)]
+        return sets.axes_m[free], sets.upright[free]
 
 
 def _found(one: PoseFollower, moment: Moment, rig: Rig) -> FoundPerson | None:

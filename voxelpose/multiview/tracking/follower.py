@@ -201,7 +201,12 @@ class _Followed:
 
 
 class PoseFollower:
-    """Follows one body with pinhole cameras; the executor does one long job at a time."""
+    """Follows one body with pinhole cameras; the executor does one long job at a time.
+
+    Attributes:
+        rough: whether the silhouettes of the first search showed something else, too, so that it is
+            made again as soon as a body is followed.
+    """
 
     def __init__(self, rig: Rig, settings: Settings, executor: Executor):
         """Starts without a body."""
@@ -214,6 +219,7 @@ class PoseFollower:
         self._job: _Searched | None = None
         self._since: list[Moment] = []
         self._previous_s = 0.0
+        self.rough = False
 
     @property
     def body(self) -> BodyGeometry | None:
@@ -296,11 +302,11 @@ class PoseFollower:
         poor = track.is_poor(track.fit.error)
         if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
-        suspect = is_improbable([track.usual])
+        suspect = self.rough or is_improbable([track.usual])
         bad = suspect or track.usual > TRACKING.bad * person.least
         limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
         if bad and now - person.searched_s > LIVE.poor_again_s:
-            person.searched_s = now
+            person.searched_s, self.rough = now, False
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
             self._submit(search, self.rig, self.settings, body, moment, PLACEMENTS)
         elif len(person.samples) >= _ADAPTED:
