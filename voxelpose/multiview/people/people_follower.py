@@ -22,7 +22,7 @@ from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.people import PEOPLE_CAMERAS
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, own_and_unknown
-from voxelpose.multiview.people.presence import ASKED_HZ, PresenceSearch, moving_costs
+from voxelpose.multiview.people.presence import ASKED_HZ, HIDDEN_S, PresenceSearch, moving_costs
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import PoseFollower
 from voxelpose.multiview.tuning import CARVING, LIVE, PEOPLE
@@ -127,9 +127,9 @@ class PeopleFollower:
         # Who comes in stands or sits; who is there may lie down.
         stays = (costs[self._there[lost]] < 2 * PEOPLE.appearing).any(axis=0)
         axes_m, costs = axes_m[upright | stays], costs[:, upright | stays]
-        self._there[lost] = False
         for row, column in zip(*linear_sum_assignment(costs), strict=True):
             self._note(int(lost[row]), axes_m[column], time_s)
+        self._there[lost] &= time_s - self._seen_s[lost] <= HIDDEN_S
 
     def _note(self, person: int, place_m: NDArray[np.float64], time_s: float) -> None:
         """Notes where somebody is."""

@@ -22,9 +22,10 @@ from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
 
 ASKED_HZ = 10
 """How often it is asked who is where."""
+HIDDEN_S = 2
+"""So long somebody may be hidden and is still known by the place."""
 _REDUCED = 4  # of the images in which it is asked who explains what
 _MOST_AXES = 9  # places in a frame that are asked for
-_HIDDEN_S = 2  # so long somebody may be hidden and is still known by the place
 _MOST_SETS = 40  # of people in a frame, which are compared over time
 
 
@@ -263,7 +264,7 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
             last = int(np.flatnonzero(np.isfinite(person[:, 0]))[-1])
             away_s = float(times_s[first] - times_s[last])
             cost = moving_costs(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
-            costs.append(cost if 0 < away_s <= _HIDDEN_S else np.inf)
+            costs.append(cost if 0 < away_s <= HIDDEN_S else np.inf)
         best = int(np.argmin(costs)) if costs else 0
         if not costs or costs[best] >= PEOPLE.appearing:
             people.append(track.copy())

@@ -149,9 +149,9 @@ def test_two_who_were_lost_have_their_numbers_by_their_places(sees):
         follower.step(seen)
         assert places_of(follower) == axes
     sees |= {"axes": [], "upright": []}
-    follower._asked_s = -np.inf
-    follower.step(seen)
-    assert places_of(follower) == [None, None]
+    for time_s, there in ((2.9, True), (3.1, False)):  # who is hidden is still there for a while
+        follower.step(moment(time_s, *zip(BODIES, passing(0), strict=True)))
+        assert [place is not None for place in places_of(follower)] == [there, there]
 
 
 @pytest.mark.parametrize(("cameras", "shown"), [(4, 0.0), (3, 0.5), (2, 1.0), (0, 1.0)])
