@@ -30,7 +30,7 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from voxelpose.multiview.matching.pose_search import FEW_PLACEMENTS
-from voxelpose.multiview.people.people_follower import PeopleFollower
+from voxelpose.multiview.people.pose_followers import PoseFollowers
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.multiview.tracking.follower import PoseFollower, search
 from voxelpose.recording.folder import Recording
@@ -114,7 +114,7 @@ def joints_of_people(truth: dict) -> NDArray:
 
 
 def follow_people(
-    follower: PeopleFollower,
+    follower: PoseFollowers,
     executor: AtOnce | Late,
     shown: list[tuple[int, dict, NDArray]],
     fps: float,
@@ -187,7 +187,7 @@ def main() -> None:
             executor = AtOnce() if given.late is None else Late(given.late)
             if given.people is not None:
                 shown = [(k, masks[rows[k]], people_m[:, rows[k]]) for k in range(start, len(rows))]
-                follower = PeopleFollower(rig, Settings(), given.people, executor)
+                follower = PoseFollowers(rig, Settings(), given.people, executor)
                 at = follower, executor, shown[:: given.every], recording.fps, len(rows) - counted
                 print(folder.name, follow_people(*at), flush=True)
                 continue

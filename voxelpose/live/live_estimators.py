@@ -40,7 +40,7 @@ from voxelpose.live.remote_object import RemoteObject, begin_process
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
-from voxelpose.multiview.people.people_follower import FoundPerson, PeopleFollower
+from voxelpose.multiview.people.pose_followers import FoundPerson, PoseFollowers
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.multiview.tracking.follower import adapt_body, search, search_limbs
 from voxelpose.multiview.tuning import CARVING
@@ -125,7 +125,7 @@ class LiveMultiView(LiveEstimator):
 
 
 class FollowedPeople:
-    """People before several cameras: see `PeopleFollower`; searches are made in other processes."""
+    """People before several cameras: see `PoseFollowers`; searches are made in other processes."""
 
     def __init__(self, rig: Rig, settings: Settings, people: int):
         """Loads all kernels, which takes seconds."""
@@ -133,7 +133,7 @@ class FollowedPeople:
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
         self._executor = ProcessPoolExecutor(people, SPAWN, begin_process)
-        self._follower = PeopleFollower(self._pinholes, settings, people, self._executor)
+        self._follower = PoseFollowers(self._pinholes, settings, people, self._executor)
         self._hulls: list[tuple[float, NDArray[np.float32]] | None] = [None] * people
         self._warm_up(settings)
 

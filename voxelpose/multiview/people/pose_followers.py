@@ -43,7 +43,7 @@ class FoundPerson:
     shown: NDArray[np.float64]
 
 
-class PeopleFollower:
+class PoseFollowers:
     """Follows N people with pinhole cameras; the executor does one long job at a time.
 
     Attributes:

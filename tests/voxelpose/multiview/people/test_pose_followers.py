@@ -19,8 +19,8 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
-from voxelpose.multiview.people import people_follower
-from voxelpose.multiview.people.people_follower import PeopleFollower
+from voxelpose.multiview.people import pose_followers
+from voxelpose.multiview.people.pose_followers import PoseFollowers
 from voxelpose.multiview.people.presence import PeopleSets
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import PoseFollower, search
@@ -60,9 +60,9 @@ def track(person: int, pose: Pose) -> BodyTrack:
     return BodyTrack(GEOMETRIES[person], 0.0, PoseFit(pose, 0.05))
 
 
-def followed(executor: Executor, poses: list[Pose | None]) -> PeopleFollower:
+def followed(executor: Executor, poses: list[Pose | None]) -> PoseFollowers:
     """Both followed from these poses on."""
-    follower = PeopleFollower(VIEWS.rig, Settings(), 2, executor)
+    follower = PoseFollowers(VIEWS.rig, Settings(), 2, executor)
     for k, (one, pose) in enumerate(zip(follower.people, poses, strict=True)):
         one._track = None if pose is None else track(k, pose)
     return follower
@@ -80,7 +80,7 @@ def test_two_who_walk_past_each_other_keep_their_numbers():
 def test_one_person_is_followed_as_ever():
     (pose, _), seen = passing(0), moment(0.1, (BODIES[0], passing(1)[0]))
     alone = PoseFollower(VIEWS.rig, Settings(), Never())
-    people = PeopleFollower(VIEWS.rig, Settings(), 1, Never())
+    people = PoseFollowers(VIEWS.rig, Settings(), 1, Never())
     alone._track = people.people[0]._track = track(0, pose)
     (found,), fit = people.step(seen), alone.step(seen)
     assert fit is not None and found is not None and found.moment is seen
@@ -100,7 +100,7 @@ def test_who_is_not_there_is_not_searched_for():
 
 @pytest.mark.slow
 def test_both_are_found_where_they_stand():
-    follower = PeopleFollower(VIEWS.rig, Settings(), 2, AtOnce())
+    follower = PoseFollowers(VIEWS.rig, Settings(), 2, AtOnce())
     for frame in range(2):
         found = follower.step(moment(frame / 30, *zip(BODIES, passing(0), strict=True)))
     places = np.array([person.fit.pose.root_m for person in found if person is not None])
@@ -121,11 +121,11 @@ def sees(monkeypatch):
         axes = np.array(told["axes"], float).reshape(count, 2)
         return PeopleSets(axes, np.array(told["upright"], bool), members, np.zeros(1))
 
-    monkeypatch.setattr(people_follower.PresenceSearch, "sets", sets)
+    monkeypatch.setattr(pose_followers.PresenceSearch, "sets", sets)
     return told
 
 
-def places_of(follower: PeopleFollower) -> list[tuple[float, float] | None]:
+def places_of(follower: PoseFollowers) -> list[tuple[float, float] | None]:
     pairs = zip(follower._there.tolist(), follower._places_m.tolist(), strict=True)
     return [tuple(place) if there else None for there, place in pairs]
 
@@ -161,5 +161,5 @@ def test_a_joint_needs_two_cameras_that_see_it(cameras, shown):
     names = VIEWS.rig.names
     masks = {name: np.zeros((240, 240), bool) for name in names}
     unknown = {name: np.full((240, 240), k < cameras) for k, name in enumerate(names)}
-    found = people_follower._found(one, Moment.of(0.0, masks, unknown), VIEWS.rig)  # type: ignore[arg-type]
+    found = pose_followers._found(one, Moment.of(0.0, masks, unknown), VIEWS.rig)  # type: ignore[arg-type]
     assert found is not None and (found.shown == shown).all()
