@@ -1,21 +1,23 @@
 """Live estimation with the stages of Okada and Stenger's Fig. 6(d): `python -m benchmarks.live
-RECORDING [--camera NAME] [--library LIB] [--fps 15 30] [--seconds 20]`.
+RECORDING [--camera NAME] [--people N] [--library LIB] [--fps 15 30] [--seconds 20]`.
 
 The recording's pictures are written as motion JPEG, as webcams deliver them, forth and back, so
 that nobody jumps where they begin again, and played to a session. A receiver on this machine takes
 its JSON messages. Printed are the durations of the stages, the time from a picture to its received
-message, dropped frames and, where the recording has its truth, the error of the joints.
+message, dropped frames, processor time and, where the recording has its truth, the error of the
+joints: of several people that of each number, from whoever is nearest, and how often that changed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from websockets.sync.server import serve
 
+from benchmarks.follower import joints_of_people
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter
@@ -77,12 +80,15 @@ def forth_and_back(live: LiveInput, folder: Path) -> tuple[LiveInput, int]:
 
 
 @contextmanager
-def session_of(live: LiveInput, settings: Settings, receiver: Receiver) -> Iterator[LiveSession]:
+def session_of(
+    live: LiveInput, settings: Settings, receiver: Receiver, people: int = 1
+) -> Iterator[LiveSession]:
     """A session that sends to the receiver."""
     subject = replace(live.recording.subject, stature_m=settings.stature_m)
-    session_settings = replace(live.settings(subject), loop=True)
+    session_settings = replace(live.settings(subject), loop=True, people=people)
     senders = Senders([receiver.address])
-    session = LiveSession(session_settings, make_estimator(live, settings, SilentReporter()))
+    estimator = make_estimator(live, settings, SilentReporter(), people=people)
+    session = LiveSession(session_settings, estimator)
     session.receivers.append(senders.send)
     try:
         session.start_cameras()
@@ -93,26 +99,71 @@ def session_of(live: LiveInput, settings: Settings, receiver: Receiver) -> Itera
 
 
 def errors_mm(
-    messages: list[tuple[float, dict]], truth: NDArray[np.float64], fps: float, shown: int
-) -> NDArray[np.float64]:
-    """Mean distance of the joints relative to the pelvis of each message with a body."""
-    errors = []
+    messages: list[tuple[float, dict]], people_m: NDArray[np.float64], fps: float, shown: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Mean distance of the joints relative to the pelvis of each message with a body, and which of
+    N people, whose joints are (N, T, 15, 3), has the nearest pelvis.
+    """
+    errors, nearest = [], []
     for _, message in messages:
         if message["body"] is None:
             continue
         frame = round(message["time_s"] * fps) % shown
-        frame = min(frame, shown - frame)
+        true = people_m[:, min(frame, shown - frame)]
         joints = message["body"]["joints"]
         found = np.array([joints[name]["position_m"] for name in LANDMARK_NAMES])
-        difference = (found - found[0]) - (truth[frame] - truth[frame][0])
+        nearest.append(int(np.linalg.norm(true[:, 0] - found[0], axis=1).argmin()))
+        difference = (found - found[0]) - (true[nearest[-1]] - true[nearest[-1], 0])
         errors.append(1000 * np.linalg.norm(difference, axis=1).mean())
-    return np.array(errors)
+    return np.array(errors), np.array(nearest)
 
 
-def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> None:
+def print_errors(
+    messages: list[tuple[float, dict]], truth_file: Path, fps: float, shown: int
+) -> None:
+    """Prints the errors of each number that the messages have."""
+    truth = json.loads(truth_file.read_text())
+    people_m = joints_of_people(truth)
+    for person in sorted({message.get("person", 1) for _, message in messages}):
+        own = [one for one in messages if one[1].get("person", 1) == person]
+        error, nearest = errors_mm(own, people_m, fps, shown)
+        lost = f"lost {1 - len(error) / max(len(own), 1):.2f}"
+        changed = int((np.diff(nearest) != 0).sum())
+        of_all = f"; is {1 + nearest[0]}, {changed} changes" if len(nearest) else ""
+        print(
+            f"person {person}: root_mm: mean {error.mean():.1f}, median {np.median(error):.1f};"
+            f" {lost}{of_all}"
+            if len(error)
+            else f"person {person}: {lost}"
+        )
+
+
+def family() -> list[int]:
+    """This process and those it has begun, in the order of begin; Linux only."""
+    parents = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended in the meantime
+            stat = (folder / "stat").read_text()
+            parents[int(folder.name)] = int(stat.rsplit(")")[-1].split()[1])
+    found = [os.getpid()]
+    for process in found:
+        found += sorted(child for child, parent in parents.items() if parent == process)
+    return found
+
+
+def processor_s() -> float:
+    """Processor time so far of this process and of those it has begun, s."""
+    ticks = 0
+    for process in family():
+        stat = Path(f"/proc/{process}/stat").read_text().rsplit(")")[-1].split()
+        ticks += int(stat[11]) + int(stat[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def measure(live: LiveInput, settings: Settings, shown: int, seconds: float, people: int) -> None:
     """Runs one session, and prints what it took."""
     receiver = Receiver()
-    with session_of(live, settings, receiver) as session:
+    with session_of(live, settings, receiver, people) as session:
         began_s = time.monotonic()
         while session.times.frames == 0 or session.state.phase != "following":
             if session.wait(0.02) or time.monotonic() - began_s > 60:
@@ -120,15 +171,17 @@ def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> 
         found_s = time.monotonic() - began_s
         session.wait(3.0)
         session.times.reset()
-        dropped, first = session.state.dropped, len(receiver.messages)
+        dropped, first, begun_s = session.state.dropped, len(receiver.messages), processor_s()
         session.wait(seconds)
+        worked_s = processor_s() - begun_s
         state, spent = session.state, session.times.summary()
         received = receiver.messages[first:]
     receiver.close()
     cameras = len(live.recording.rig)
     print(
         f"\n{cameras} camera{'s' if cameras > 1 else ''} at {live.fps:g} a second: {state.frames}"
-        f" frames in {seconds:g} s, {state.dropped - dropped} dropped; first pose after"
+        f" frames in {seconds:g} s, {state.dropped - dropped} dropped;"
+        f" {1000 * worked_s / max(state.frames, 1):.0f} ms of processor time each; first pose after"
         f" {found_s:.1f} s\n\n| ms | min | max | mean | median | 95 % | 99 % |\n|" + "---|" * 7
     )
     for stage in _STAGES:
@@ -138,13 +191,7 @@ def measure(live: LiveInput, settings: Settings, shown: int, seconds: float) -> 
     print("| picture to received message | " + " | ".join(f"{v:.1f}" for v in values) + " |")
     truth_file = live.recording.folder / "truth.json"
     if truth_file.exists():
-        joints = json.loads(truth_file.read_text())["joints"]
-        truth = np.stack([np.array(joints[name]) for name in LANDMARK_NAMES], axis=1)
-        error = errors_mm(received, truth, live.fps, shown)
-        share = 1 - len(error) / max(len(received), 1)
-        print(
-            f"\nroot_mm: mean {error.mean():.1f}, median {np.median(error):.1f}; lost {share:.2f}"
-        )
+        print_errors(received, truth_file, live.fps, shown)
 
 
 def main() -> None:
@@ -152,6 +199,7 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("recording", type=Path)
     words.add_argument("--camera")
+    words.add_argument("--people", type=int, default=1)
     words.add_argument("--library", default="")
     words.add_argument("--stature", type=float)
     words.add_argument("--fps", type=float, nargs="+", default=[15.0, 30.0])
@@ -169,7 +217,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         played, shown = forth_and_back(live, Path(folder))
         for fps in given.fps:
-            measure(replace(played, fps=fps), settings, shown, given.seconds)
+            measure(replace(played, fps=fps), settings, shown, given.seconds, given.people)
 
 
 if __name__ == "__main__":

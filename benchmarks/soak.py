@@ -10,32 +10,20 @@ processes, dropped moments and recent durations: a camera that falls behind the 
 from __future__ import annotations
 
 import argparse
-import os
 import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.live import Receiver, forth_and_back, session_of
+from benchmarks.live import Receiver, family, forth_and_back, session_of
 from silhouette_core.estimator import Settings
 from voxelpose.live.live_input import open_input
 
 
 def resident_mib() -> list[int]:
     """Resident memory, MiB, of this process and of those it has begun, in the order of begin."""
-    parents = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            parents[int(folder.name)] = int(
-                (folder / "stat").read_text().rsplit(")")[-1].split()[1]
-            )
-        except OSError:  # it has ended in the meantime
-            continue
-    family = [os.getpid()]
-    for process in family:
-        family += sorted(child for child, parent in parents.items() if parent == process)
     sizes = []
-    for process in family:
+    for process in family():
         lines = Path(f"/proc/{process}/status").read_text().splitlines()
         sizes += [int(line.split()[1]) // 1024 for line in lines if line.startswith("VmRSS")]
     return sizes

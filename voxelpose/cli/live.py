@@ -59,16 +59,17 @@ def print_session(session: LiveSession) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Live(arguments.PageArguments):
-    """Follows a person before running cameras, shows and sends the motion.
+    """Follows a person before running cameras, or several, shows and sends the motion.
 
     FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
     played at their own rate where no --source is given. With several cameras the body is followed
-    in space; with --camera NAME, or a single source, by the network as in `voxelpose track`. Ctrl-C
-    ends the session.
+    in space; with --camera NAME, or a single source, by the network as in `voxelpose track`. Three
+    cameras or more follow several people (--people). Ctrl-C ends the session.
 
       voxelpose live studio --source cam_1=0 --source cam_2=1 --stature 1.75
       voxelpose live studio --source cam_1=rtsp://192.168.0.20/stream --camera cam_1
       voxelpose live --source 0 --stature 1.75 --send vmc://127.0.0.1:39539
+      voxelpose live dance --people 2 --send ws://127.0.0.1:8765
       voxelpose live walk --loop --record rehearsal --private
       voxelpose live walk --camera cam_1 --method paper --stature 1.75
     """
@@ -81,6 +82,8 @@ class Live(arguments.PageArguments):
     camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
     """Use this camera alone."""
     cameras: arguments.Cameras = None
+    people: Annotated[int, arg(metavar="N")] = 1
+    """Number of people: each is followed, and keeps its number. 1: one, whoever else passes by."""
     stature: arguments.OptionalLength = None
     """Height in metres. Default: from subject.toml, else estimated (several cameras) or 1.70."""
     chest: arguments.OptionalLength = None
@@ -145,10 +148,11 @@ class Live(arguments.PageArguments):
         does not fit.
         """
         reporter.stage("loading the program")
-        from silhouette_core.estimator import Settings
+        from silhouette_core.estimator import ONE_PERSONS, Settings
         from voxelpose.live.camera_source import CameraSource
         from voxelpose.live.live_input import make_estimator, open_input
         from voxelpose.live.session import LiveSession
+        from voxelpose.recording.subject import Subject
 
         reporter.stage("reading calibration and empty view")
         sources = [CameraSource.parse(text) for text in self.source]
@@ -173,21 +177,27 @@ class Live(arguments.PageArguments):
             backend=self.backend,
             options=options if len(live.recording.rig) == 1 else {},
         )
+        if self.people > 1 and settings != settings.of_anybody:
+            reporter.note(ONE_PERSONS)
+            settings, subject = settings.of_anybody, Subject()
         session_settings = replace(
             live.settings(subject),
             loop=self.loop,
             countdown_s=self.countdown,
             record=self.record or Path(time.strftime("live_%Y-%m-%d_%H-%M-%S")),
             private=self.private,
+            people=self.people,
         )
         reporter.stage("preparing the estimation")
-        return LiveSession(session_settings, make_estimator(live, settings, reporter, method))
+        estimator = make_estimator(live, settings, reporter, method, self.people)
+        return LiveSession(session_settings, estimator)
 
     def check(self) -> None:
         """Refuses, by an InputError, what cannot be done, before anything is begun."""
         if self.folder is not None and not self.folder.is_dir():
             raise InputError(f"there is no folder {self.folder}: give one with calibration.toml")
         from voxelpose.live.senders import parse_receiver
+        from voxelpose.multiview.people import number_of_people
 
         if self.camera is not None and self.cameras is not None:
             raise InputError("--camera and --cameras exclude each other: give one of them")
@@ -199,8 +209,9 @@ class Live(arguments.PageArguments):
             raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
             self.address()
+        number_of_people(str(self.people))
         for address in self.send:
-            parse_receiver(address)
+            parse_receiver(address, self.people)
 
     def _page(self, session: LiveSession, senders: Senders) -> Page:
         """Serves the page, and opens it."""
@@ -210,7 +221,8 @@ class Live(arguments.PageArguments):
         title = "voxelpose live"
         if self.folder is not None:
             title = f"{self.folder.resolve().name} – {title}"
-        page = Page(session, cameras, self.address(), lambda: senders.states, title)
+        people = session.settings.people
+        page = Page(session, cameras, self.address(), lambda: senders.states, title, people)
         print(f"page: {page.url} (Ctrl-C ends the session)", file=sys.stderr, flush=True)
         self.open_page(page.url)
         return page

@@ -1,4 +1,4 @@
-"""The two estimators in live use: silhouettes of a moment in, a posed body out."""
+"""The two estimators in live use: silhouettes of a moment in, posed bodies out."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -34,23 +34,18 @@ from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING
 from silhouette_core.workers import SPAWN
-from voxelpose.live.live_frame import Hypotheses, PosedBody
+from voxelpose.live.live_frame import Hypotheses, People, PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
 from voxelpose.live.remote_object import RemoteObject, begin_process
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
+from voxelpose.multiview.people.pose_followers import FoundPerson, PoseFollowers
 from voxelpose.multiview.tracking.body_track import Moment
-from voxelpose.multiview.tracking.follower import (
-    PoseFollower,
-    adapt_body,
-    search,
-    search_limbs,
-)
+from voxelpose.multiview.tracking.follower import adapt_body, search, search_limbs
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.tuning import LIVE
 
-Masks = Mapping[str, NDArray[np.bool_]]
 Pictures = Mapping[str, NDArray[np.uint8]]
 SeenPerson = tuple[int, float, Person]
 """Number and time of a frame, and the person in it."""
@@ -69,25 +64,26 @@ class LiveMoment:
 
 
 class _Sparing:
-    """What finds poses, whose body model, which is large, is sent only when it has changed."""
+    """What finds poses, whose large body models are sent only when they have changed."""
 
     def __init__(self, make: Callable[..., Any], arguments: tuple[object, ...]):
         self._finder = make(*arguments)
-        self._sent: BodyModel | None = None
+        self._sent: dict[int, BodyModel] = {}  # by person
 
-    def step(self, given: object) -> PosedBody | None:
-        found = self._finder.step(given)
-        if found is None:
-            return None
-        known, self._sent = found.model is self._sent, found.model
-        return replace(found, model=None) if known else found  # type: ignore[arg-type]
+    def step(self, given: object) -> People:
+        people = list(self._finder.step(given))
+        for k, found in enumerate(people):
+            if found is not None:
+                known, self._sent[k] = found.model is self._sent.get(k), found.model
+                people[k] = replace(found, model=None) if known else found  # type: ignore[arg-type]
+        return tuple(people)
 
     def close(self) -> None:
         self._finder.close()
 
 
 class LiveEstimator(RemoteObject, ABC):
-    """Finds the person in one moment after the other, in two stages that run in a thread each: the
+    """Finds people in one moment after the other, in two stages that run in a thread each: the
     second in a process of its own.
 
     Args:
@@ -98,59 +94,66 @@ class LiveEstimator(RemoteObject, ABC):
     def __init__(self, make: Callable[..., Any], *arguments: object):
         """Begins the process, and waits until it is ready."""
         super().__init__(_Sparing, make, arguments)
-        self._model: BodyModel | None = None
+        self._models: dict[int, BodyModel] = {}  # by person
         self.wait()
 
     @abstractmethod
     def prepare(self, moment: LiveMoment, /) -> Any:
         """What the second stage needs of a moment."""
 
-    def step(self, given: Any) -> PosedBody | None:
-        """The person, None where there is none, from what `prepare` made."""
-        found = self.call("step", given)
-        if found is None:
-            return None
-        self._model = found.model or self._model
-        return replace(found, model=self._model)
+    def step(self, given: Any) -> People:
+        """Everybody by number, None where there is none, from what `prepare` made."""
+        people: list[PosedBody | None] = []
+        for k, found in enumerate(self.call("step", given)):
+            if found is not None:
+                self._models[k] = found.model or self._models[k]
+                found = replace(found, model=self._models[k])
+            people.append(found)
+        return tuple(people)
 
 
 class LiveMultiView(LiveEstimator):
-    """Several cameras."""
+    """Several cameras, before which several people are followed, or one."""
 
-    def __init__(self, rig: Rig, settings: Settings):
+    def __init__(self, rig: Rig, settings: Settings, people: int = 1):
         """Begins the process, and waits until it is ready."""
-        super().__init__(FollowedBody, rig, settings)
+        super().__init__(FollowedPeople, rig, settings, people)
 
     def prepare(self, moment: LiveMoment) -> Moment:
         """The silhouettes."""
         return moment.silhouettes
 
 
-class FollowedBody:
-    """A body before several cameras: see `PoseFollower`; searches are made in another process."""
+class FollowedPeople:
+    """People before several cameras: see `PoseFollowers`; searches are made in other processes."""
 
-    def __init__(self, rig: Rig, settings: Settings):
+    def __init__(self, rig: Rig, settings: Settings, people: int):
         """Loads all kernels, which takes seconds."""
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        self._executor = ProcessPoolExecutor(1, SPAWN, begin_process)
-        self._follower = PoseFollower(self._pinholes, settings, self._executor)
-        self._hull_s = -np.inf
-        self._hull: NDArray[np.float32] | None = None
+        self._executor = ProcessPoolExecutor(people, SPAWN, begin_process)
+        self._follower = PoseFollowers(self._pinholes, settings, people, self._executor)
+        self._hulls: list[tuple[float, NDArray[np.float32]] | None] = [None] * people
         self._warm_up(settings)
 
-    def step(self, moment: Moment) -> PosedBody | None:
-        """The person in silhouettes as recorded; None where there is none."""
+    def step(self, moment: Moment) -> People:
+        """Everybody in silhouettes as recorded; None where there is none."""
         masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
-        fit, body = self._follower.step(moment.time_s, masks), self._follower.body
-        if fit is None or body is None:
-            self._hull = None
+        found = self._follower.step(Moment.of(moment.time_s, masks))
+        return tuple(self._posed(k, own) for k, own in enumerate(found))
+
+    def _posed(self, person: int, found: FoundPerson | None) -> PosedBody | None:
+        """Somebody who was found, with the hull, which is carved now and then."""
+        if found is None:
+            self._hulls[person] = None
             return None
-        if self._hull is None or moment.time_s - self._hull_s > 0.15:  # it is only shown
-            self._hull_s, self._hull = moment.time_s, self._carved(masks, fit.pose)
-        confidence = float(np.clip(1 - fit.error, 0, 1))
-        return posed_body(body.model, fit.pose, confidence, np.ones(15), hull_m=self._hull)
+        hull, time_s = self._hulls[person], found.moment.time_s
+        if hull is None or time_s - hull[0] > 0.15:  # it is only shown
+            hull = self._hulls[person] = time_s, self._carved(found.moment, found.fit.pose)
+        confidence = float(np.clip(1 - found.fit.error, 0, 1))
+        body = posed_body(found.model, found.fit.pose, confidence, found.shown, hull_m=hull[1])
+        return replace(body, confidence=confidence * float(found.shown.mean()))
 
     def close(self) -> None:
         """Ends the searching process."""
@@ -163,15 +166,18 @@ class FollowedBody:
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
         moment = Moment.of(0.0, silhouettes)
-        beside = self._executor.submit(_load_kernels, self._pinholes, settings, moment)
-        _load_kernels(self._pinholes, settings, moment)
-        beside.result()
+        given = self._pinholes, settings, moment
+        beside = [self._executor.submit(_load_kernels, *given) for _ in self._hulls]
+        _load_kernels(*given)
+        for loaded in beside:
+            loaded.result()
 
-    def _carved(self, masks: Masks, pose: Pose) -> NDArray[np.float32]:
+    def _carved(self, moment: Moment, pose: Pose) -> NDArray[np.float32]:
         low, high = pose.root_m - 1.2, pose.root_m + 1.2  # as far as a body reaches
         grid = VoxelGrid.from_bounds(low, high, CARVING.coarse_m)
-        rig = self._pinholes.select(list(masks))
-        hull = carve(rig, dict(masks), grid, body_rule(len(masks), 0))
+        views, masks = moment.views(self._pinholes), moment.masks()
+        rule = body_rule(len(masks), 0, views.partly_unknown)
+        hull = carve(views.rig, masks, grid, rule, views.unknown)
         return grid.occupied_points(hull).astype(np.float32)
 
 
@@ -207,9 +213,9 @@ class LiveMonocular(LiveEstimator):
         person = self._finder.find(moment.pictures[self._name], mask)
         return None if person is None else (moment.number, moment.time_s, person)
 
-    def step(self, given: SeenPerson | None) -> PosedBody | None:
+    def step(self, given: SeenPerson | None) -> People:
         """See `LiveEstimator.step`."""
-        return None if given is None else super().step(given)
+        return (None,) if given is None else super().step(given)
 
 
 class MonocularPoses:
@@ -219,14 +225,14 @@ class MonocularPoses:
         person = person_for(options, settings, SilentReporter())
         self._stages = PoseStages(person, camera, settings, options, 1 / fps, _Untimed())
 
-    def step(self, seen: SeenPerson) -> PosedBody:
+    def step(self, seen: SeenPerson) -> People:
         """The likeliest pose and others."""
         (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
         model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
         shown = np.where(found.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
         likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
         hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
-        return posed_body(model, found.pose, confidence, shown, hypotheses)
+        return (posed_body(model, found.pose, confidence, shown, hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
@@ -259,7 +265,7 @@ class TreePoses:
         self._backend = load_backend(settings.backend)
         self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, self._backend)
 
-    def step(self, seen: SeenPerson) -> PosedBody:
+    def step(self, seen: SeenPerson) -> People:
         """The likeliest sample and others."""
         _, time_s, person = seen
         poses, probability = self._follower.step(time_s, person.mask)
@@ -267,7 +273,8 @@ class TreePoses:
         joints = landmarks(model, *place(model, *poses.arrays))
         (error,) = mask_errors(model, [best], self._views, [person.mask], self._backend)
         hypotheses = tuple(zip(probability.tolist(), joints, strict=True))
-        return posed_body(model, best, float(np.clip(1 - error, 0, 1)), np.ones(15), hypotheses)
+        confidence = float(np.clip(1 - error, 0, 1))
+        return (posed_body(model, best, confidence, np.ones(15), hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
@@ -294,7 +301,7 @@ def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
     """Runs once all that is done to follow a body."""
     track = search(rig, settings, None, moment, 1)
     if track is not None:
-        track = track.follow(rig, moment.time_s + 1 / FPS, moment.masks())
+        track = track.follow(rig, replace(moment, time_s=moment.time_s + 1 / FPS))
         search_limbs(rig, track, moment)
         adapt_body(rig, settings, track, [(moment, track.fit.pose)])
 

@@ -35,6 +35,20 @@ class PosedBody:
     hull_m: NDArray[np.float32] | None = None
 
 
+People = tuple[PosedBody | None, ...]
+"""Each of several people, or the one, by number; None where nobody was found."""
+
+
+def hidden_note(people: People) -> str:
+    """One line that names those of several people of whom others hide joints; else nothing."""
+    hidden = [
+        f"person {k + 1}"
+        for k, body in enumerate(people)
+        if len(people) > 1 and body is not None and np.ptp(body.joint_confidence)
+    ]
+    return f"hidden in part by others: {', '.join(hidden)}" if hidden else ""
+
+
 @dataclass(frozen=True, eq=False)
 class LiveFrame:
     """One moment, seen by all cameras, and what was found in it."""
@@ -44,11 +58,17 @@ class LiveFrame:
     pictures: Mapping[str, NDArray[np.uint8]]  # (H, W, 3) uint8 BGR by camera name, as captured
     # (h, w) bool by camera name, of the pictures or of these scaled down.
     silhouettes: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    body: PosedBody | None = None  # the person; None where none was found
+    # Of each person that is asked for, in the order of their numbers; None where nobody was found.
+    people: People = (None,)
     # One line about this frame for the user, such as a second person; empty: nothing.
     note: str = ""
     # Time of capture, Unix time, for receivers on other clocks; nan: unknown.
     captured_unix_s: float = float("nan")
+
+    @property
+    def body(self) -> PosedBody | None:
+        """The person, of several the first."""
+        return self.people[0]
 
 
 @dataclass(frozen=True)

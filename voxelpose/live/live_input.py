@@ -25,6 +25,7 @@ from voxelpose.live.live_estimators import (
     LiveTree,
 )
 from voxelpose.live.session import SessionSettings
+from voxelpose.multiview.people import require_cameras
 from voxelpose.recording.folder import Recording, default_camera
 from voxelpose.recording.subject import Subject
 
@@ -117,16 +118,21 @@ def open_input(
 
 
 def make_estimator(
-    live: LiveInput, settings: Settings, reporter: Reporter, method: str = "monocular"
+    live: LiveInput,
+    settings: Settings,
+    reporter: Reporter,
+    method: str = "monocular",
+    people: int = 1,
 ) -> LiveEstimator:
     """Estimator for one camera or for several, with what is known about the person, and options of
     the estimator of one camera, `monocular` or `tree`; InputError where these or the library cannot
-    be used.
+    be used, or where the cameras do not tell so many people apart.
     """
     recording = live.recording
+    require_cameras(people, len(recording.rig))
     load_backend(settings.backend)  # refuses an unknown name before a process is begun
     if len(recording.rig) > 1:
-        return LiveMultiView(recording.rig, settings)
+        return LiveMultiView(recording.rig, settings, people)
     if method == "tree":
         chosen = read_options(TreeOptions, settings.options, method)
         return LiveTree(recording.rig.cameras[0], settings, chosen, live.fps, reporter)

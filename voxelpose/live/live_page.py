@@ -1,4 +1,4 @@
-"""The live page: a browser shows the person in the room, and its buttons ask the session."""
+"""The live page: a browser shows the people in the room, and its buttons ask the session."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from voxelpose.live.live_scene import LAYERS, LiveScene
 from voxelpose.live.senders import ReceiverState
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.serving.page_server import PageServer
+from voxelpose.view.viewer.legend import css_colour, person_colour
 
 if TYPE_CHECKING:
     from voxelpose.live.session import LiveSession
@@ -63,13 +64,18 @@ def status_html(state: SessionState, note: str) -> str:
 def timings_html(state: SessionState, frame: LiveFrame | None) -> str:
     """Speed, latency, dropped frames, and the time of each stage as a bar."""
     latency = f"{1000 * state.latency_s:.0f} ms" if math.isfinite(state.latency_s) else "–"
-    confidence = f"{100 * frame.body.confidence:.0f} %" if frame is not None and frame.body else "–"
+    people = (None,) if frame is None else frame.people
+    sure = [f"{100 * body.confidence:.0f} %" if body else "–" for body in people]
     facts = {
         "frames per second": f"{state.fps:.1f} of {state.arriving_fps:.1f}",
         "latency": latency,
         "frames": f"{state.frames}, {state.dropped} dropped",
-        "confidence": confidence,
     }
+    if len(people) == 1:
+        facts["confidence"] = sure[0]
+    for k, confidence in enumerate(sure if len(people) > 1 else ()):
+        mark = f'<span style="color:{css_colour(person_colour(k))}">●</span>'
+        facts[f"{mark} confidence of person {k + 1}"] = confidence
     rows = "".join(
         f'<div style="display:flex;justify-content:space-between"><span>{name}</span>'
         f"<b>{value}</b></div>"
@@ -173,6 +179,7 @@ class Page:
         address: Address,
         receivers: Callable[[], Sequence[ReceiverState]],
         title: str = "voxelpose live",
+        people: int = 1,
     ) -> None:
         """Starts the server, see `Gate` for what it raises. The rig has a camera or more; the
         page's threads call the session's controls.
@@ -181,7 +188,7 @@ class Page:
         self.url, self.port = self._served.url, self._served.port
         try:
             self._panel = PagePanel(self._served.viser.gui, session, receivers)
-            self._scene = LiveScene(self._served.viser, rig)
+            self._scene = LiveScene(self._served.viser, rig, people)
         except BaseException:
             self._served.close()
             raise

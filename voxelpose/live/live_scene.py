@@ -1,4 +1,4 @@
-"""The room in the page: floor, person, cameras with small pictures, hull, other likely poses."""
+"""The room in the page: floor, people, cameras with small pictures, hull, other likely poses."""
 
 import time
 from collections.abc import Sequence
@@ -13,9 +13,10 @@ from silhouette_core.body.joints import HUMAN, LANDMARK_BONES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion.kinematics import quaternions
-from voxelpose.live.live_frame import LiveFrame, PosedBody
+from voxelpose.live.live_frame import LiveFrame, People, PosedBody
+from voxelpose.view.images.canvas import Colour
 from voxelpose.view.serving.page_server import move_bones
-from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, SILHOUETTE, faded
+from voxelpose.view.viewer.legend import HULL, HYPOTHESIS, SILHOUETTE, faded, person_colour
 from voxelpose.view.viewer.viser_camera import add_camera
 
 _PICTURE_PX = 320
@@ -113,8 +114,8 @@ _BONES, _BONE_OF = _bone_parts()
 class SkinnedFigure:
     """Draws the body: browsers get its mesh once, then only the bones' places and rotations."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        self._scene = scene
+    def __init__(self, scene: viser.SceneApi, name: str, colour: Colour) -> None:
+        self._scene, self._name, self._colour = scene, name, colour
         self._handle: viser.MeshSkinnedHandle | None = None
         self._model: BodyModel | None = None
         self._built_s = -np.inf
@@ -155,24 +156,25 @@ class SkinnedFigure:
         turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BONES), 1))
         self._places = np.hstack([turns, model.joints_m[_BONES]])
         self._handle = self._scene.add_mesh_skinned(
-            "/figure",
+            self._name,
             model.vertices_m.astype(np.float32),
             model.faces.astype(np.uint32),
             bone_wxyzs=turns,
             bone_positions=model.joints_m[_BONES],
             skin_weights=weights,
-            color=(84, 146, 214),
+            color=self._colour,
         )
         self._model, self._built_s = model, time.monotonic()
 
 
+_ALONE: Colour = (84, 146, 214)
 _NO_POINTS = np.zeros((0, 3), np.float32)
 
 
 class LiveScene:
-    """The nodes of viser's scene."""
+    """The nodes of viser's scene; of several people each has a colour of its own."""
 
-    def __init__(self, server: viser.ViserServer, rig: Sequence[Camera]) -> None:
+    def __init__(self, server: viser.ViserServer, rig: Sequence[Camera], people: int = 1) -> None:
         scene = server.scene
         centers = np.array([camera.center_m for camera in rig])
         middle = _looked_at(rig)
@@ -194,7 +196,11 @@ class LiveScene:
             plane_opacity=1.0,
             shadow_opacity=0.25,
         )
-        self._figure = SkinnedFigure(scene)
+        self._figures = [SkinnedFigure(scene, "/figure", _ALONE)]
+        if people > 1:
+            self._figures = [
+                SkinnedFigure(scene, f"/figure_{k + 1}", person_colour(k)) for k in range(people)
+            ]
         self._cameras = CameraViews(scene, rig)
         self._hull = scene.add_point_cloud(
             "/hull", _NO_POINTS, HULL, point_size=0.012, point_shape="circle"
@@ -218,16 +224,18 @@ class LiveScene:
             if not pictures:
                 self._cameras.clear()
             self._drawn = shown
-        self._figure.draw(frame.body if "figure" in shown else None)
+        for figure, body in zip(self._figures, frame.people, strict=True):
+            figure.draw(body if "figure" in shown else None)
         self._draw_hypotheses(frame.body if "hypotheses" in shown else None)
         self._count += 1
         if self._count % 2:  # hull and pictures cost the most, and may lag a little
-            self._draw_hull(frame.body if "hull" in shown else None)
+            self._draw_hull(frame.people if "hull" in shown else ())
         elif pictures:
             self._cameras.draw(frame, "outlines" in shown)
 
-    def _draw_hull(self, body: PosedBody | None) -> None:
-        points = _NO_POINTS if body is None or body.hull_m is None else body.hull_m
+    def _draw_hull(self, people: People) -> None:
+        hulls = [body.hull_m for body in people if body is not None and body.hull_m is not None]
+        points = np.concatenate([_NO_POINTS, *hulls])
         if len(points) == len(self._hull.points) == 0:
             return
         step = -(-len(points) // _MOST_POINTS) or 1

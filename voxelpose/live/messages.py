@@ -110,8 +110,11 @@ def humanoid_pose(body: PosedBody) -> tuple[NDArray[np.float64], NDArray[np.floa
     return offset, quaternions(local)[:, [1, 2, 3, 0]]
 
 
-def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
-    """One frame, sent at a Unix time, as a line of JSON: see docs/live.md; not finite is null."""
+def json_message(frame: LiveFrame, sent_unix_s: float, person: int = 0) -> str:
+    """One frame, sent at a Unix time, as a line of JSON: see docs/live.md; not finite is null. Of
+    several people, one of them, counted from 0.
+    """
+    body = frame.people[person]
     message = {
         "format": "voxelpose live",
         "version": SCHEMA_VERSION,
@@ -120,7 +123,8 @@ def json_message(frame: LiveFrame, sent_unix_s: float) -> str:
         "captured_unix_s": _rounded(frame.captured_unix_s),
         "sent_unix_s": _rounded(sent_unix_s),
         "note": frame.note,
-        "body": None if frame.body is None else _body(frame.body),
+        **({"person": person + 1} if len(frame.people) > 1 else {}),
+        "body": None if body is None else _body(body),
     }
     return msgspec.json.encode(message).decode() + "\n"
 
@@ -149,8 +153,9 @@ def _rounded(values: ArrayLike) -> Any:
     return np.round(np.asarray(values, float), 5).tolist()
 
 
-def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
-    """One frame as datagrams, each an OSC bundle of at most 1400 bytes.
+def vmc_datagrams(frame: LiveFrame, person: int = 0) -> list[bytes]:
+    """One frame as datagrams, each an OSC bundle of at most 1400 bytes; of several people, one of
+    them, counted from 0.
 
     The root stays at the world's origin and the hips carry position and heading. `/VMC/Ext/T` comes
     last, since some receivers draw at it. Without a body there are no bones: a receiver then keeps
@@ -159,7 +164,7 @@ def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
     """
     bundles: list[OscBundleBuilder] = []
     room = 0
-    for message in _messages(frame):
+    for message in _messages(frame.time_s, frame.people[person]):
         needed = _SIZE_BYTES + message.size
         if needed > room:
             bundles.append(OscBundleBuilder(IMMEDIATELY))
@@ -169,8 +174,7 @@ def vmc_datagrams(frame: LiveFrame) -> list[bytes]:
     return [bundle.build().dgram for bundle in bundles]
 
 
-def _messages(frame: LiveFrame) -> Iterator[OscMessage]:
-    body = frame.body
+def _messages(time_s: float, body: PosedBody | None) -> Iterator[OscMessage]:
     if body is not None:
         places = zip(BONE_NAMES, *(part.tolist() for part in humanoid_pose(body)), strict=True)
         root = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0  # position, quaternion
@@ -179,4 +183,4 @@ def _messages(frame: LiveFrame) -> Iterator[OscMessage]:
             yield build_msg("/VMC/Ext/Bone/Pos", [name, *position, *rotation])
     yield build_msg("/voxelpose/confidence", 0.0 if body is None else float(body.confidence))
     yield build_msg("/VMC/Ext/OK", 1)
-    yield build_msg("/VMC/Ext/T", float(frame.time_s))
+    yield build_msg("/VMC/Ext/T", float(time_s))

@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Literal
@@ -28,6 +28,7 @@ from voxelpose.view.serving.gate import until_one_ends
 VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
 
+_LAST_PORT = 65_535
 _FORMS = "vmc://HOST:PORT or ws://HOST:PORT/PATH"
 _RECENT = 60  # frames whose times are kept
 _OPEN_S = 3
@@ -63,10 +64,10 @@ class ReceiverAddress:
         return family, str(address[0])
 
 
-def parse_receiver(text: str) -> ReceiverAddress:
+def parse_receiver(text: str, people: int = 1) -> ReceiverAddress:
     """Receiver that a `--send` names: `vmc://HOST` or `vmc://HOST:PORT`, by default port 39539, or
     `ws://HOST:PORT`, with a path and a query where the receiver wants them. InputError where it is
-    neither.
+    neither, or where there are no ports for so many people.
     """
     try:
         parts = urlsplit(text.strip())
@@ -86,6 +87,11 @@ def parse_receiver(text: str) -> ReceiverAddress:
         raise InputError(f"--send {text}: the port is missing: write {_FORMS}")
     if parts.scheme == "vmc" and (parts.path.strip("/") or parts.query):
         raise InputError(f"--send {text}: VMC has no paths: write vmc://{parts.netloc}")
+    if parts.scheme == "vmc" and port + people - 1 > _LAST_PORT:
+        raise InputError(
+            f"--send {text}: {people} people need {people} ports: give {_LAST_PORT + 1 - people} at"
+            " most"
+        )
     return ReceiverAddress(
         text.strip(), "vmc" if parts.scheme == "vmc" else "ws", parts.hostname, port
     )
@@ -168,7 +174,8 @@ class Sender(ABC):
 
 
 class DatagramSender(Sender):
-    """Sends VMC messages to one receiver.
+    """Sends VMC messages to one receiver; those of each further person to the next port, since a
+    receiver moves one avatar by what comes to a port.
 
     UDP tells of an absent receiver only where the other machine reports the closed port. Frames go
     out all the same, so that a receiver that is started later has them at once.
@@ -176,17 +183,28 @@ class DatagramSender(Sender):
 
     async def connection(self) -> None:
         """See `Sender.connection`."""
-        with socket.socket(self.family, socket.SOCK_DGRAM) as outlet:
-            outlet.setblocking(False)
-            outlet.connect((self.host, self.address.port))
+        with ExitStack() as kept:
+            outlets = [kept.enter_context(self._outlet(0))]
             while True:
                 frame, offered_s = await self.newest()
-                refused = [_refused(outlet, datagram) for datagram in vmc_datagrams(frame)]
+                for person in range(len(outlets), len(frame.people)):
+                    outlets.append(kept.enter_context(self._outlet(person)))
+                refused = [
+                    _refused(outlet, datagram)
+                    for person, outlet in enumerate(outlets)
+                    for datagram in vmc_datagrams(frame, person)
+                ]
                 if any(refused):
                     self.note_state("nobody listens there, sending all the same", False)
                 else:
                     self.note_sent(offered_s)
                 await asyncio.sleep(0)
+
+    def _outlet(self, person: int) -> socket.socket:
+        outlet = socket.socket(self.family, socket.SOCK_DGRAM)
+        outlet.setblocking(False)
+        outlet.connect((self.host, self.address.port + person))
+        return outlet
 
 
 def _refused(outlet: socket.socket, datagram: bytes) -> bool:
@@ -204,7 +222,7 @@ def _refused(outlet: socket.socket, datagram: bytes) -> bool:
 
 
 class WebSocketSender(Sender):
-    """Sends JSON lines to one receiver.
+    """Sends JSON lines to one receiver, of several people a line each.
 
     Each frame is followed by a ping, and the next one waits for its pong, which every WebSocket
     implementation gives by itself: so frames do not pile up in buffers before a slow receiver.
@@ -243,7 +261,8 @@ class WebSocketSender(Sender):
     async def _feed(self, link: ClientConnection) -> None:
         while True:
             frame, offered_s = await self.newest()
-            await link.send(json_message(frame, time.time()))
+            for person in range(len(frame.people)):
+                await link.send(json_message(frame, time.time(), person))
             self.note_sent(offered_s)
             async with asyncio.timeout(_SILENT_S):
                 await (await link.ping())

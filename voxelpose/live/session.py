@@ -17,7 +17,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
-from voxelpose.live.live_frame import LiveFrame, Phase, SessionState
+from voxelpose.live.live_frame import LiveFrame, Phase, SessionState, hidden_note
 from voxelpose.live.live_recorder import LiveRecorder
 from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
 from voxelpose.multiview.tracking.body_track import Moment
@@ -112,6 +112,7 @@ class SessionSettings:
     # recording is not possible.
     record: Path | None = None
     private: bool = False  # whether silhouettes alone are recorded
+    people: int = 1  # who are followed at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ class LiveSession:
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._phase: Phase = "no background"
-        self._until_s, self._notice = 0.0, ""
+        self._until_s, self._notice, self._followed = 0.0, "", 0
         self._silhouettes = SilhouetteProcess(settings.rig)
         self._subtracts = False  # whether the background is known
         self._empty: Mapping[str, Sequence[Picture]] = settings.empty
@@ -209,8 +210,10 @@ class LiveSession:
         """The session's state, for the page and the terminal."""
         with self._lock:
             phase, notice, recorder = self._phase, self._notice, self._recorder
-            left_s = self._until_s - self._now()
+            left_s, followed = self._until_s - self._now(), self._followed
         message = _MESSAGES[phase]
+        if phase == "following" and self.settings.people > 1:
+            message = f"{message} {followed} of {self.settings.people} people"
         if phase == "countdown":
             message = f"{message}: {max(left_s, 0):.0f} s"
         if recorder is not None and recorder.failure:
@@ -308,7 +311,7 @@ class LiveSession:
             if phase == "searching" and shot.time_s - looked_s < LIVE.searching_s:
                 continue
             if phase not in ("searching", "following"):
-                self._show(shot)
+                self._show(shot, {}, (None,) * self.settings.people)
                 continue
             looked_s = shot.time_s
             silhouettes, others = self._silhouettes.of(shot.time_s, shot.pictures)
@@ -319,7 +322,7 @@ class LiveSession:
             done_s = self._now()
             if (recorder := self._recorder) is not None and recorder.private:
                 recorder.put(shot, silhouettes.masks())
-            several = len(others) >= min(2, len(shot.pictures))
+            several = len(others) >= min(2, len(shot.pictures)) and self.settings.people == 1
             note = "somebody else is in the picture" if several else ""
             stage_s = {"capture": begun_s - shot.time_s, "silhouettes": done_s - begun_s}
             self._observed.put(_Observed(shot, silhouettes, prepared, stage_s, note))
@@ -360,17 +363,19 @@ class LiveSession:
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot
-            body = self._estimator.step(observed.prepared)
+            people = self._estimator.step(observed.prepared)
             done_s = self._now()
             with self._lock:
+                self._followed = sum(body is not None for body in people)
                 if self._phase in ("searching", "following"):
-                    self._phase = "searching" if body is None else "following"
+                    self._phase = "following" if self._followed else "searching"
             stage_s = {
                 **observed.stage_s,
                 "waiting": begun_s - shot.time_s - sum(observed.stage_s.values()),
                 "estimation": done_s - begun_s,
             }
-            self._show(shot, observed.silhouettes.masks(), body, observed.note)
+            note = observed.note or hidden_note(people)
+            self._show(shot, observed.silhouettes.masks(), people, note)
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 

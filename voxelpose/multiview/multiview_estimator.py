@@ -27,6 +27,7 @@ from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
+from voxelpose.multiview.people import PEOPLE_CAMERAS, require_cameras
 from voxelpose.multiview.people.people_track import PeopleTrack, people_places
 from voxelpose.multiview.quality.quality import motion_quality
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
@@ -37,7 +38,6 @@ from voxelpose.multiview.tracking.recording_track import TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
-_PEOPLE_CAMERAS = 3
 _REPAIRS = "auto", "say", "off"
 
 
@@ -155,14 +155,10 @@ def _looked_for(people: int | None, cameras: int, given: BodyModel | None) -> in
         given: a body that is no person's.
     """
     if people in (None, 1):
-        return 1 if cameras < _PEOPLE_CAMERAS or given is not None else people
+        return 1 if cameras < PEOPLE_CAMERAS or given is not None else people
     if given is not None:
         raise InputError(f"{people} bodies that are no person's cannot be followed: one can")
-    if cameras < _PEOPLE_CAMERAS:
-        raise InputError(
-            f"{cameras} cameras are too few to tell {people} people apart: give {_PEOPLE_CAMERAS}"
-            " or more, or --people 1"
-        )
+    require_cameras(people, cameras)
     return people
 
 

@@ -42,7 +42,8 @@ def follow(
             parts.callback(receivers.close)
             session.receivers.append(receivers.send)
             address = Address("127.0.0.1", 0, token)
-            page = Page(session, session.settings.rig.cameras, address, receivers.states, title)
+            shown = session.settings
+            page = Page(session, shown.rig.cameras, address, receivers.states, title, shown.people)
             parts.callback(page.close)
             session.receivers.append(page.show)
             reporter.tell(port=page.port)

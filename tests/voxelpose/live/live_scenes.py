@@ -48,7 +48,7 @@ def posed(
 
 def bare_frame(number: int = 3, body: PosedBody | None = None) -> LiveFrame:
     """A frame without pictures."""
-    return LiveFrame(number, number / 25, {}, body=body, captured_unix_s=1.75e9 + number / 25)
+    return LiveFrame(number, number / 25, {}, people=(body,), captured_unix_s=1.75e9 + number / 25)
 
 
 def staged_frame(rig: Rig, body: PosedBody, number: int = 0) -> LiveFrame:
@@ -63,4 +63,4 @@ def staged_frame(rig: Rig, body: PosedBody, number: int = 0) -> LiveFrame:
         shaded = np.where(parts[..., None] > 0, np.array([150, 110, 70], np.uint8), room)
         pictures[camera.name] = cv2.GaussianBlur(shaded.astype(np.uint8), (3, 3), 0)
         silhouettes[camera.name] = (parts > 0)[::2, ::2]
-    return LiveFrame(number, number / 25, pictures, silhouettes, body)
+    return LiveFrame(number, number / 25, pictures, silhouettes, (body,))

@@ -10,7 +10,7 @@ import numpy as np
 from silhouette_core.motion.pose import Pose
 from tests.clips import waving
 from voxelpose.live.live_estimators import LiveMoment, posed_body
-from voxelpose.live.live_frame import LiveFrame, PosedBody
+from voxelpose.live.live_frame import LiveFrame, People
 from voxelpose.live.session import LiveSession, SessionSettings
 
 MOTION = waving(40)
@@ -18,12 +18,15 @@ STANDING = Pose(MOTION.root_m[0], np.eye(3), MOTION.angles_rad[0])
 
 
 class Sees:
-    """Estimator that finds a standing body wherever every camera has a silhouette."""
+    """Estimator that finds a standing body wherever every camera has a silhouette; so many numbers
+    before it are `absent`.
+    """
 
     def __init__(self) -> None:
         self.closed = False
         self.fails_at = -1
         self.seen = 0
+        self.absent = 0
 
     def prepare(self, moment: LiveMoment) -> int:
         self.seen += 1
@@ -31,10 +34,10 @@ class Sees:
             raise RuntimeError("a stage that fails")
         return min(int(mask.sum()) for mask in moment.silhouettes.masks().values())
 
-    def step(self, prepared: int) -> PosedBody | None:
+    def step(self, prepared: int) -> People:
         if prepared < 50:
-            return None
-        return posed_body(MOTION.model, STANDING, 0.9, np.ones(15))
+            return (None,) * (1 + self.absent)
+        return (*(None,) * self.absent, posed_body(MOTION.model, STANDING, 0.9, np.ones(15)))
 
     def close(self) -> None:
         self.closed = True

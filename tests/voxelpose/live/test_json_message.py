@@ -57,3 +57,12 @@ def test_what_is_unknown_is_null():
     lost[3] = np.nan
     message = json.loads(json_message(bare_frame(body=replace(body, joints_m=lost)), 5.0))
     assert message["body"]["joints"]["left_ankle"]["position_m"] == [None, None, None]
+
+
+def test_of_several_people_each_has_a_message_with_the_number():
+    body = posed(root_m=(1, 2, 0.9))
+    alone = json.loads(json_message(bare_frame(7, body), 5.0))
+    frame = replace(bare_frame(7), people=(None, body))
+    absent, there = (json.loads(json_message(frame, 5.0, person)) for person in (0, 1))
+    assert (absent.pop("person"), there.pop("person")) == (1, 2)
+    assert there == alone and absent == alone | {"body": None}

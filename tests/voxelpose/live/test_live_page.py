@@ -18,10 +18,10 @@ from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page, links_html, status_html, timings_html
-from voxelpose.live.live_scene import small_picture
+from voxelpose.live.live_scene import LAYERS, small_picture
 from voxelpose.live.senders import ReceiverState
 from voxelpose.view.serving.gate import Address
-from voxelpose.view.viewer.legend import SILHOUETTE
+from voxelpose.view.viewer.legend import SILHOUETTE, css_colour, person_colour
 
 RIG = ring(2, (320, 240), (-0.2, 0.05, 0.0, 0.0))
 
@@ -44,11 +44,13 @@ def wait_until(true: Callable[[], bool], seconds: float = 10.0) -> None:
 
 
 @contextmanager
-def serving(token: str | None = None, receivers=tuple) -> Iterator[tuple[Page, FakeControls]]:
+def serving(
+    token: str | None = None, receivers=tuple, people: int = 1
+) -> Iterator[tuple[Page, FakeControls]]:
     """A page that leaves no thread behind, and prints nothing."""
     before = set(threading.enumerate())
     controls = FakeControls()
-    page = Page(controls, RIG, Address("127.0.0.1", 0, token), receivers)
+    page = Page(controls, RIG, Address("127.0.0.1", 0, token), receivers, people=people)
     try:
         yield page, controls
     finally:
@@ -65,13 +67,13 @@ def test_showing_costs_nothing_while_nobody_looks(capsys):
             page.show(frame)
         assert time.perf_counter() - begun < 2
         time.sleep(0.3)
-        assert page._scene._figure._handle is None  # nothing was drawn
+        assert page._scene._figures[0]._handle is None  # nothing was drawn
     assert capsys.readouterr().out == ""
 
 
 def test_a_new_body_is_built_anew_but_not_with_every_frame():
     with serving() as (page, _):
-        figure = page._scene._figure
+        (figure,) = page._scene._figures
         first, other = posed({}), posed({}, model=person(1.85))
         figure.draw(first)
         built = figure._handle
@@ -89,13 +91,28 @@ def test_a_new_body_is_built_anew_but_not_with_every_frame():
         assert figure._handle.visible
 
 
+def test_several_people_have_a_colour_each():
+    frame = waving(0)
+    frame = replace(frame, people=(None, frame.body))
+    with serving(people=2) as (page, controls):
+        scene = page._scene
+        scene.draw(frame, frozenset(LAYERS))
+        absent, there = scene._figures
+        assert absent._handle is None and there._handle is not None
+        assert there._handle.color == person_colour(1) != person_colour(0)
+        assert len(scene._hull.points) == 500
+    text = timings_html(controls.state, frame)
+    assert "person 1</span><b>–" in text and "person 2</span><b>88 %" in text
+    assert css_colour(person_colour(1)) in text
+
+
 def test_bones_move_the_skin_as_the_body_model_does():
     from silhouette_core.motion import kinematics
     from voxelpose.live.live_scene import _BONE_OF, _BONES
 
     body = posed({"left_upper_arm.abduction": 50.0, "left_shin.flexion": 70.0, "neck.rotation": 30})
     with serving() as (page, _):
-        figure = page._scene._figure
+        (figure,) = page._scene._figures
         figure.draw(body)
         handle = figure._handle
         assert handle is not None and len(handle.bones) == len(_BONES) < len(_BONE_OF) == 27
@@ -174,7 +191,7 @@ def look(browser, page: Page, controls: FakeControls) -> None:
     assert "sesame" not in browser.url  # the address bar does not keep the token
     browser.get_by_text("Leave the view and press Background.").wait_for(timeout=20_000)
     browser.locator("canvas").first.wait_for()
-    figure = page._scene._figure
+    (figure,) = page._scene._figures
     wait_until(lambda: figure._handle is not None)
     assert figure._handle is not None
     hand = max(figure._handle.bones, key=lambda bone: -bone.position[0])

@@ -59,7 +59,7 @@ def test_a_person_is_found_frame_by_frame(live):
     for number in range(3):
         seen = estimator.prepare(moment(number, whole, frame.pictures))
         assert seen is not None and seen[:2] == (number, number / 25)
-        found = estimator.step(seen)
+        (found,) = estimator.step(seen)
         assert found.confidence > 0.6 and found.joint_confidence.shape == (15,)
         assert found.model.sizes.stature_m == pytest.approx(person().sizes.stature_m)
         away = np.linalg.norm(found.pose.root_m - RIG.cameras[0].center_m)
@@ -69,7 +69,7 @@ def test_a_person_is_found_frame_by_frame(live):
         assert 1 <= len(odds) <= 5 and odds == sorted(odds, reverse=True)
     empty = {NAME: np.zeros_like(whole[NAME])}
     assert estimator.prepare(moment(3, empty, frame.pictures)) is None
-    assert estimator.step(None) is None
+    assert estimator.step(None) == (None,)
 
 
 def test_a_library_without_a_proposal_is_refused(live):
@@ -86,7 +86,7 @@ def test_paper_a_s_filter_follows_too(library, tmp_path):
         frame = staged_frame(RIG, STANDING)
         whole = {NAME: frame.silhouettes[NAME].repeat(2, axis=0).repeat(2, axis=1)}
         for number in range(2):
-            found = estimator.step(estimator.prepare(moment(number, whole, frame.pictures)))
+            (found,) = estimator.step(estimator.prepare(moment(number, whole, frame.pictures)))
             assert found.confidence > 0.5
             odds = [probability for probability, _ in found.hypotheses]
             assert sum(odds) == pytest.approx(1) and odds == sorted(odds, reverse=True)

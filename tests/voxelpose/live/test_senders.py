@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 from oscpy.parser import read_packet
@@ -110,6 +111,13 @@ def test_a_wrong_address_is_one_line(text, word):
     assert message.startswith("--send") and "write vmc://" in message and "\n" not in message
 
 
+def test_people_need_a_port_each():
+    assert parse_receiver("vmc://127.0.0.1:65534", 2).port == 65534
+    with pytest.raises(InputError, match="2 people need 2 ports: give 65534 at most"):
+        parse_receiver("vmc://127.0.0.1:65535", 2)
+    assert parse_receiver("ws://127.0.0.1:65535", 2).port == 65535
+
+
 def test_an_unknown_host_is_one_line_and_leaves_no_thread():
     with pytest.raises(InputError, match=r"knows no host 'nowhere\.invalid'"):
         Senders(["vmc://127.0.0.1:9", "vmc://nowhere.invalid:39539"])
@@ -146,6 +154,32 @@ def test_two_receivers_at_once():
     for state in states:
         assert (state.message, state.working, state.sent, state.dropped) == ("sending", True, 5, 0)
         assert 0 < state.send_s < 5
+
+
+def test_of_several_people_each_moves_an_avatar_of_its_own():
+    """Person 2's bones go to the next port; of the lines of JSON each tells whose it is."""
+    lines: list[dict] = []
+
+    def take(link: ServerConnection) -> None:
+        lines.extend(json.loads(line) for line in link)
+
+    with (
+        receiver(take) as (_, url),
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+    ):
+        first.bind(("127.0.0.1", 0))
+        port = first.getsockname()[1]
+        second.bind(("127.0.0.1", port + 1))
+        with sending(f"vmc://127.0.0.1:{port}", url) as senders:
+            senders.send(replace(bare_frame(1), people=(None, BODY)))
+            wait_until(lambda: len(lines) == 2 and senders.states[0].sent == 1)
+        sizes = []
+        for avatar in (first, second):
+            avatar.settimeout(5)
+            sizes.append(len(avatar.recv(2048)))
+    assert sizes[0] < 200 < 1000 < sizes[1]  # without bones, and with them
+    assert [(line["person"], line["body"] is None) for line in lines] == [(1, True), (2, False)]
 
 
 def test_absent_receivers_delay_nobody_and_are_found_later():

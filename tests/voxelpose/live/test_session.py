@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from tests.sources import ring, write_staged
-from tests.voxelpose.live.sessions import MOTION, running, wait_until
+from tests.voxelpose.live.sessions import MOTION, STANDING, running, wait_until
+from voxelpose.live.live_estimators import posed_body
+from voxelpose.live.live_frame import hidden_note
 from voxelpose.live.live_input import open_input
 from voxelpose.live.session import SessionSettings
 from voxelpose.recording.folder import Recording
@@ -41,6 +43,22 @@ def test_files_are_played_to_their_end(settings):
     assert {"capture", "silhouettes", "waiting", "estimation"} <= set(spent)
     shortest, longest, *_, median, high, _ = spent["total"]
     assert 0 < shortest <= median <= high <= longest
+
+
+def test_a_session_of_several_people_says_how_many_are_followed(settings):
+    with running(replace(settings, people=2)) as (session, estimator, frames):
+        estimator.absent = 1
+        wait_until(lambda: session.state.phase == "following")
+        assert "following 1 of 2 people" in session.state.message
+        wait_until(lambda: frames[-1:] != [] and frames[-1].people[-1] is not None)
+        assert frames[-1].body is None and frames[-1].note == ""
+
+
+def test_who_is_hidden_by_others_is_said():
+    body = posed_body(MOTION.model, STANDING, 0.9, np.ones(15))
+    hidden = replace(body, joint_confidence=np.where(np.arange(15) < 3, 0.4, 0.9))
+    assert hidden_note((body, hidden)) == "hidden in part by others: person 2"
+    assert hidden_note((body, None)) == hidden_note((hidden,)) == ""
 
 
 def test_stopping_and_starting(settings):

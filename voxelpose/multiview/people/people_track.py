@@ -18,7 +18,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
-from voxelpose.multiview.people.presence import at_all_times, find_people
+from voxelpose.multiview.people.presence import ASKED_HZ, at_all_times, find_people
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
@@ -31,7 +31,6 @@ from voxelpose.multiview.tracking.tracking import PoseTracker
 
 _ROUNDS = 2  # in which everybody is followed again beside the others as they were found
 _TOGETHER = 16  # frames
-_ASKED_HZ = 10  # how often it is asked who is where
 
 
 def people_places(
@@ -46,7 +45,7 @@ def people_places(
         InputError: fewer people than asked for are there.
     """
     observer, store, times_s = prepared.observer, prepared.store, prepared.times_s
-    tenths = np.floor((times_s - times_s[0]) * _ASKED_HZ + 1e-6)
+    tenths = np.floor((times_s - times_s[0]) * ASKED_HZ + 1e-6)
     asked = np.diff(tenths, prepend=-1) > 0
     asked[-1] = True
     steps = np.flatnonzero(asked)

@@ -20,9 +20,12 @@ from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
 
+ASKED_HZ = 10
+"""How often it is asked who is where."""
+HIDDEN_S = 2
+"""So long somebody may be hidden and is still known by the place."""
 _REDUCED = 4  # of the images in which it is asked who explains what
 _MOST_AXES = 9  # places in a frame that are asked for
-_HIDDEN_S = 2  # so long somebody may be hidden and is still known by the place
 _MOST_SETS = 40  # of people in a frame, which are compared over time
 
 
@@ -169,7 +172,7 @@ def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: NDArray[np.float64])
 
 def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> NDArray[np.float64]:
     """(K, K') float64: what it costs that each set follows upon each."""
-    moved = _moved(before.axes_m, after.axes_m, seconds)
+    moved = moving_costs(before.axes_m, after.axes_m, seconds)
     costs = np.empty((len(before.members), len(after.members)))
     for i, old in enumerate(before.members):
         for j, new in enumerate(after.members):
@@ -180,7 +183,7 @@ def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> NDArra
     return costs
 
 
-def _moved(
+def moving_costs(
     before_m: NDArray[np.float64], after_m: NDArray[np.float64], seconds: float
 ) -> NDArray[np.float64]:
     """(n, m) float64: what it costs that somebody goes from each place to each; at most, vanishing
@@ -205,7 +208,7 @@ def link_sets(
         followed: dict[int, int] = {}
         if t and len(members) and current:
             old = [*current]
-            moved = _moved(
+            moved = moving_costs(
                 frames[t - 1].axes_m[old], frame.axes_m[members], float(elapsed_s[t - 1])
             )
             for i, j in zip(*linear_sum_assignment(moved), strict=True):
@@ -260,8 +263,8 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
         for person in people:
             last = int(np.flatnonzero(np.isfinite(person[:, 0]))[-1])
             away_s = float(times_s[first] - times_s[last])
-            cost = _moved(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
-            costs.append(cost if 0 < away_s <= _HIDDEN_S else np.inf)
+            cost = moving_costs(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
+            costs.append(cost if 0 < away_s <= HIDDEN_S else np.inf)
         best = int(np.argmin(costs)) if costs else 0
         if not costs or costs[best] >= PEOPLE.appearing:
             people.append(track.copy())

@@ -37,25 +37,45 @@ RECENT = 12
 _REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 
+_Bits = dict[str, tuple[NDArray[np.uint8], int]]
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Silhouettes of one moment by camera, packed as (h, ceil(w / 8)) uint8 with the width w."""
+    """Silhouettes of one moment by camera, packed as (h, ceil(w / 8)) uint8 with the width w;
+    `unknown`, where nothing is known of them, since others are there: None: nowhere.
+    """
 
     time_s: float
-    bits: dict[str, tuple[NDArray[np.uint8], int]]
+    bits: _Bits
+    unknown: _Bits | None = None
 
     @classmethod
-    def of(cls, time_s: float, masks: Masks) -> Moment:
-        """Packs silhouettes (h, w) bool by camera name."""
-        packed = {name: (np.packbits(mask, axis=1), mask.shape[1]) for name, mask in masks.items()}
-        return cls(time_s, packed)
+    def of(cls, time_s: float, masks: Masks, unknown: Masks | None = None) -> Moment:
+        """Packs silhouettes, and what is unknown, (h, w) bool by camera name."""
+        return cls(time_s, _packed(masks), None if unknown is None else _packed(unknown))
 
     def masks(self) -> dict[str, NDArray[np.bool_]]:
         """Silhouettes (h, w) bool by camera name."""
-        return {
-            name: np.unpackbits(bits, axis=1, count=width).view(bool)
-            for name, (bits, width) in self.bits.items()
-        }
+        return _unpacked(self.bits)
+
+    def views(self, rig: Rig) -> PinholeViews:
+        """The cameras of a rig that have silhouettes, with what is unknown in them."""
+        views = views_of(rig, tuple(self.bits))
+        if self.unknown is None:
+            return views
+        return replace(views, unknown=tuple(_unpacked(self.unknown).values()))
+
+
+def _packed(masks: Masks) -> _Bits:
+    return {name: (np.packbits(mask, axis=1), mask.shape[1]) for name, mask in masks.items()}
+
+
+def _unpacked(bits: _Bits) -> dict[str, NDArray[np.bool_]]:
+    return {
+        name: np.unpackbits(rows, axis=1, count=width).view(bool)
+        for name, (rows, width) in bits.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,14 +145,12 @@ class BodyTrack:
             return self
         return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
 
-    def follow(self, rig: Rig, time_s: float, masks: Masks) -> BodyTrack:
-        """Track with the next frame, of which only what is near to the predicted pose counts.
-
-        Args:
-            rig: pinhole cameras.
-            masks: silhouettes (h, w) bool by camera name.
+    def follow(self, rig: Rig, moment: Moment) -> BodyTrack:
+        """Track with the next frame of pinhole cameras, of which only what is near to the predicted
+        pose counts.
         """
-        return self.step(observed_near(self.body, rig, masks, self.predict(time_s).pose), time_s)
+        pose = self.predict(moment.time_s).pose
+        return self.step(observed_near(self.body, rig, moment, pose), moment.time_s)
 
 
 def process_noise(tree: KinematicTree, steps: float) -> NDArray[np.float64]:
@@ -146,17 +164,13 @@ def views_of(rig: Rig, names: tuple[str, ...]) -> PinholeViews:
     return PinholeViews.from_rig(rig.select(list(names)))
 
 
-def observed_near(body: BodyGeometry, rig: Rig, masks: Masks, pose: Pose) -> Observation:
-    """Silhouettes without what is farther from a pose than a limb moves in a few frames.
-
-    Args:
-        rig: pinhole cameras.
-        masks: silhouettes (h, w) bool by camera name.
-        pose: near which the silhouettes count.
+def observed_near(body: BodyGeometry, rig: Rig, moment: Moment, pose: Pose) -> Observation:
+    """Silhouettes of pinhole cameras without what is farther from a pose than a limb moves in a few
+    frames.
     """
-    views, points = views_of(rig, tuple(masks)), body.surface.posed(pose).points[::4]
+    views, points = moment.views(rig), body.surface.posed(pose).points[::4]
     near = []
-    for c, mask in enumerate(masks.values()):
+    for c, mask in enumerate(moment.masks().values()):
         inside = points @ views.rotation[c].T + views.translation_m[c]
         depth = np.maximum(inside[:, 2], 0.1)
         focal, center = views.intrinsics[c, :2], views.intrinsics[c, 2:]

@@ -40,10 +40,8 @@ from voxelpose.multiview.person.posterior import (
 )
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
-    Masks,
     Moment,
     observed_near,
-    views_of,
 )
 from voxelpose.multiview.tuning import CARVING, LIVE, PERSON_COST, TRACKING
 
@@ -63,7 +61,7 @@ def search(
         body: the body; None: one as the settings say.
         count: placements of the torso to try.
     """
-    frame = _hull(rig, moment.masks())
+    frame = _hull(rig, moment)
     if frame is None:
         return None
     body = body or _body(settings, frame)
@@ -79,7 +77,7 @@ def search(
 
 def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
     """Searches every arm and leg in the track's latest frame; None where none is better."""
-    found = track.with_limbs(observed_near(track.body, rig, moment.masks(), track.fit.pose))
+    found = track.with_limbs(observed_near(track.body, rig, moment, track.fit.pose))
     return None if found is track else found
 
 
@@ -94,9 +92,7 @@ def adapt_body(
     stature = model.sizes.stature_m
     told = settings.stature_m is not None
     sigma = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * stature
-    observations = [
-        observed_near(track.body, rig, moment.masks(), pose) for moment, pose in samples
-    ]
+    observations = [observed_near(track.body, rig, moment, pose) for moment, pose in samples]
     surface, poses = adapt_shape(
         track.body.surface,
         observations,
@@ -125,7 +121,7 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
-        track = followed(rig, track, moment.time_s, moment.masks())
+        track = followed(rig, track, moment)
         if track.fit.error > TRACKING.bad * usual and not searched:
             searched, track = True, search_limbs(rig, track, moment) or track
         error = track.fit.error
@@ -135,25 +131,21 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
     return track
 
 
-def followed(rig: Rig, track: BodyTrack, time_s: float, masks: Masks) -> BodyTrack:
-    """Track with the next frame. Where few frames come, the person has gone farther than a step
-    reaches: then also from where the silhouettes are now.
-
-    Args:
-        rig: pinhole cameras.
-        masks: silhouettes (h, w) bool by camera name.
+def followed(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack:
+    """Track with the next frame of pinhole cameras. Where few frames come, the person has gone
+    farther than a step reaches: then also from where the silhouettes are now.
     """
-    near = track.follow(rig, time_s, masks)
-    if time_s - track.time_s <= LIVE.longest_step_s or not track.is_poor(near.fit.error):
+    near, passed_s = track.follow(rig, moment), moment.time_s - track.time_s
+    if passed_s <= LIVE.longest_step_s or not track.is_poor(near.fit.error):
         return near
-    frame = _hull(rig, masks)
+    frame = _hull(rig, moment)
     if frame is None:
         return near
     pose, points_m = track.fit.pose, track.body.surface.posed(track.fit.pose).points
     offset_m = frame.grid.occupied_points(frame.occupancy).mean(0) - points_m.mean(0)
     moved = replace(pose, root_m=pose.root_m + offset_m * (1, 1, 0))
     there = replace(track, before=None, fit=replace(track.fit, pose=moved))
-    far = replace(there.follow(rig, time_s, masks), before=(track.time_s, pose))
+    far = replace(there.follow(rig, moment), before=(track.time_s, pose))
     return min(near, far, key=lambda one: one.fit.error)
 
 
@@ -170,15 +162,20 @@ def _body(settings: Settings, frame: FrameObservation) -> BodyGeometry:
     return BodyGeometry.from_surface(Surface(model), CARVING.voxel_m)
 
 
-def _hull(rig: Rig, masks: Masks) -> FrameObservation | None:
+def _hull(rig: Rig, moment: Moment) -> FrameObservation | None:
     """Silhouettes of one body and its hull; None where they do not meet in space."""
-    views, images = views_of(rig, tuple(masks)), list(masks.values())
-    rule = body_rule(len(images), 0)
+    views, images = moment.views(rig), list(moment.masks().values())
+    rule = body_rule(len(images), 0, views.partly_unknown)
     try:
-        grid = place_grid(views.rig, images, voxel_size_m=CARVING.coarse_m, rule=rule)
+        grid = place_grid(views.rig, images, CARVING.coarse_m, rule=rule, unknown=views.unknown)
     except InputError:
         return None
     return HullObserver(views, grid, CARVING.voxel_m, rule).observe(images)
+
+
+def _longest_s(gap_s: float) -> float:
+    """Time after which a track is given up, where so much is between two frames."""
+    return max(LIVE.longest_gap_s, LIVE.longest_gap * gap_s)
 
 
 _Searched = Future[BodyTrack | None]
@@ -204,7 +201,12 @@ class _Followed:
 
 
 class PoseFollower:
-    """Follows one body with pinhole cameras; the executor does one long job at a time."""
+    """Follows one body with pinhole cameras; the executor does one long job at a time.
+
+    Attributes:
+        rough: whether the silhouettes of the first search showed something else, too, so that it is
+            made again as soon as a body is followed.
+    """
 
     def __init__(self, rig: Rig, settings: Settings, executor: Executor):
         """Starts without a body."""
@@ -217,21 +219,31 @@ class PoseFollower:
         self._job: _Searched | None = None
         self._since: list[Moment] = []
         self._previous_s = 0.0
+        self.rough = False
 
     @property
     def body(self) -> BodyGeometry | None:
         """The body that is followed; None: there is none at present."""
         return None if self._track is None else self._track.body
 
-    def step(self, time_s: float, masks: Masks) -> PoseFit | None:
-        """Pose in the next frame, or None where nobody is found.
+    @property
+    def busy(self) -> bool:
+        """Whether a long job was begun, and its result is not taken yet."""
+        return self._job is not None
 
-        Args:
-            masks: silhouettes (h, w) bool by camera name, of two cameras at least; cameras that are
-                missing at the moment are left out.
+    def expected(self, time_s: float) -> BodyTrack | None:
+        """Track that may go on at a time, perhaps after some frames without a pose."""
+        latest = self._track or self._lost
+        longest_s = _longest_s(time_s - self._previous_s)
+        return latest if latest is not None and time_s - latest.time_s <= longest_s else None
+
+    def step(self, moment: Moment) -> PoseFit | None:
+        """Pose in the next frame, of two cameras at least, or None where nobody is found; cameras
+        that are missing at the moment are left out.
         """
+        time_s = moment.time_s
         gap_s, self._previous_s = time_s - self._previous_s, time_s
-        longest_s = max(LIVE.longest_gap_s, LIVE.longest_gap * gap_s)
+        longest_s = _longest_s(gap_s)
         latest, self._track = self._track or self._lost, None
         found, later = self._found()
         behind = len(later) > _CAUGHT_UP
@@ -240,7 +252,7 @@ class PoseFollower:
             found = None
         for track, most_s in ((latest, longest_s), (found, np.inf)):
             if track is not None and time_s - track.time_s <= most_s:
-                stepped = followed(self.rig, track, time_s, masks)
+                stepped = followed(self.rig, track, moment)
                 best = self._track
                 least = TRACKING.lost if best is None else TRACKING.better * best.fit.error
                 if stepped.fit.error < least:
@@ -248,7 +260,6 @@ class PoseFollower:
         if found is not None and behind and self._track is None:
             self._catch_up(found, later)
         self._lost = latest if self._track is None else None
-        moment = Moment.of(time_s, masks)
         if self._job is None:
             self._begin_job(moment)
         else:
@@ -291,11 +302,11 @@ class PoseFollower:
         poor = track.is_poor(track.fit.error)
         if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
-        suspect = is_improbable([track.usual])
+        suspect = self.rough or is_improbable([track.usual])
         bad = suspect or track.usual > TRACKING.bad * person.least
         limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
         if bad and now - person.searched_s > LIVE.poor_again_s:
-            person.searched_s = now
+            person.searched_s, self.rough = now, False
             body = None if suspect else track.body  # a wrong pose has spoiled the proportions
             self._submit(search, self.rig, self.settings, body, moment, PLACEMENTS)
         elif len(person.samples) >= _ADAPTED:

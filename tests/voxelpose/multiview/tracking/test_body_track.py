@@ -13,7 +13,7 @@ from silhouette_core.tuning import REFINEMENT
 from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph, stance, views
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track
-from voxelpose.multiview.tracking.body_track import BodyTrack, observed_near
+from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
 from voxelpose.multiview.tuning import REFINING, TRACKING
 
 SEEN_BY = views(2)
@@ -117,7 +117,7 @@ def test_silhouettes_far_from_the_body_do_not_count():
     own, other = (photograph(views_of_both, BODY.model, at(x_m)) for x_m in (0.0, 1.2))
     names = views_of_both.rig.names
     both = {name: a | b for name, a, b in zip(names, own, other, strict=True)}
-    seen = observed_near(BODY, views_of_both.rig, both, at(0.0))  # type: ignore[arg-type]
+    seen = observed_near(BODY, views_of_both.rig, Moment.of(0.0, both), at(0.0))  # type: ignore[arg-type]
     for mask, body, beside in zip(seen.masks, own, other, strict=True):
         assert (mask & body).sum() == body.sum()
         assert (mask & beside & ~body).sum() < 0.2 * (beside & ~body).sum()

@@ -72,7 +72,7 @@ def error_mm(follower: PoseFollower, pose: Pose, truth: Pose) -> float:
 def test_a_walker_is_found_and_followed(follower):
     errors = []
     for frame in range(25):
-        fit = follower.step(frame / 30, masks_of(walking(frame)))
+        fit = follower.step(Moment.of(frame / 30, masks_of(walking(frame))))
         if frame > 1:
             assert fit is not None
             errors.append(error_mm(follower, fit.pose, walking(frame)))
@@ -84,7 +84,7 @@ def test_a_walker_is_found_and_followed(follower):
 def test_a_camera_may_be_missing_for_a_while(follower):
     for frame in range(14):
         cameras = slice(0, 3) if 5 <= frame < 10 else slice(None)
-        fit = follower.step(frame / 30, masks_of(walking(frame), cameras))
+        fit = follower.step(Moment.of(frame / 30, masks_of(walking(frame), cameras)))
     assert fit is not None
     assert error_mm(follower, fit.pose, walking(13)) < 60
 
@@ -92,12 +92,12 @@ def test_a_camera_may_be_missing_for_a_while(follower):
 @pytest.mark.slow
 def test_a_person_who_left_is_found_again(follower):
     for frame in range(3):
-        follower.step(frame / 30, masks_of(walking(frame)))
+        follower.step(Moment.of(frame / 30, masks_of(walking(frame))))
     assert follower.body is not None
-    assert follower.step(0.1, nobody()) is None
+    assert follower.step(Moment.of(0.1, nobody())) is None
     assert follower.body is None
     for frame in range(20, 23):
-        fit = follower.step(2 + frame / 30, masks_of(walking(frame)))
+        fit = follower.step(Moment.of(2 + frame / 30, masks_of(walking(frame))))
     assert fit is not None
     assert error_mm(follower, fit.pose, walking(22)) < 60
 
@@ -106,7 +106,7 @@ def test_a_person_who_left_is_found_again(follower):
 def test_slow_cameras_are_followed_too(follower):
     """More than half a second between two frames, after which a track is usually given up."""
     for frame in range(4):
-        fit = follower.step(0.6 * frame, masks_of(walking(3 * frame)))
+        fit = follower.step(Moment.of(0.6 * frame, masks_of(walking(3 * frame))))
     assert fit is not None
     assert error_mm(follower, fit.pose, walking(9)) < 100
 
@@ -137,7 +137,7 @@ def test_two_pictures_a_second_are_enough_though_a_search_takes_two_seconds():
     fits = []
     for number, frame in enumerate((0, 15, 30, 15) * 2):
         executor.next_frame()
-        fits.append(follower.step(number / 2, masks_of(walking(frame))))
+        fits.append(follower.step(Moment.of(number / 2, masks_of(walking(frame)))))
     assert fits[3] is None  # not yet
     assert all(fit is not None for fit in fits[4:])
     assert error_mm(follower, fits[-1].pose, walking(15)) < 100
@@ -149,7 +149,7 @@ def test_nobody_is_not_searched_for(follower):
             raise AssertionError("a search for nobody")
 
     follower._executor = Refusing()
-    assert follower.step(0.0, nobody()) is None
+    assert follower.step(Moment.of(0.0, nobody())) is None
 
 
 @pytest.mark.slow
@@ -182,9 +182,14 @@ def test_the_hull_tells_a_stout_person():
 
 def test_a_moment_keeps_silhouettes():
     masks = masks_of(walking(0))
-    again = Moment.of(0.0, masks).masks()
+    hidden = {name: np.roll(mask, 20, axis=1) for name, mask in masks.items()}
+    alone, beside = Moment.of(0.0, masks), Moment.of(0.0, masks, hidden)
     for name, mask in masks.items():
-        assert np.array_equal(again[name], mask)
+        assert np.array_equal(alone.masks()[name], mask)
+    assert alone.views(SEEN_BY.rig).unknown is None
+    unknown = beside.views(SEEN_BY.rig).unknown
+    assert unknown is not None
+    assert all(np.array_equal(*pair) for pair in zip(unknown, hidden.values(), strict=True))
 
 
 @pytest.mark.slow
@@ -193,7 +198,7 @@ def test_what_is_far_from_the_body_is_left_out(found):
     stained = {name: mask.copy() for name, mask in masks.items()}
     for mask in stained.values():
         mask[:40, :40] = True
-    observation = observed_near(found.body, SEEN_BY.rig, stained, found.fit.pose)
+    observation = observed_near(found.body, SEEN_BY.rig, Moment.of(0.0, stained), found.fit.pose)
     for mask, original in zip(observation.masks, masks.values(), strict=True):
         assert not mask[:40, :40].any()
         assert (mask & original).sum() > 0.99 * original.sum()

@@ -10,7 +10,7 @@ import pytest
 from silhouette_core.motion.pose import Pose
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import follower
-from voxelpose.multiview.tracking.body_track import BodyTrack
+from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import catch_up
 
 
@@ -31,13 +31,13 @@ class Track:
     def is_poor(self, error):
         return False  # nothing is looked for far away
 
-    def follow(self, rig, time_s, masks):
-        self.steps.append(time_s)
-        return replace(self, time_s=time_s, error=self.table.get(time_s, 0.1))
+    def follow(self, rig, moment):
+        self.steps.append(moment.time_s)
+        return replace(self, time_s=moment.time_s, error=self.table.get(moment.time_s, 0.1))
 
 
 def moments(count: int, interval_s: float) -> list:
-    return [SimpleNamespace(time_s=k * interval_s, masks=dict) for k in range(1, count + 1)]
+    return [SimpleNamespace(time_s=k * interval_s) for k in range(1, count + 1)]
 
 
 @pytest.fixture(autouse=True)
@@ -91,18 +91,20 @@ def test_after_a_long_time_the_person_is_looked_for_where_the_silhouettes_are(
 ):
     grid = SimpleNamespace(occupied_points=lambda occupancy: np.array([[1.2, 0.0, 0.4]]))
     hull = SimpleNamespace(grid=grid, occupancy=None)
-    monkeypatch.setattr(follower, "_hull", lambda rig, masks: hull)
+    monkeypatch.setattr(follower, "_hull", lambda rig, moment: hull)
     body = SimpleNamespace(
         surface=SimpleNamespace(posed=lambda pose: SimpleNamespace(points=pose.root_m[None]))
     )
     track = BodyTrack(body, 0.0, PoseFit(Pose(np.zeros(3), np.eye(3), np.zeros(0)), 0.1))  # type: ignore[arg-type]
 
-    def follow(self, rig, time_s, masks):
+    def follow(self, rig, moment):
         there = abs(self.fit.pose.root_m[0] - 1.2) < 0.01
-        return replace(self, time_s=time_s, fit=replace(self.fit, error=0.1 if there else 0.6))
+        return replace(
+            self, time_s=moment.time_s, fit=replace(self.fit, error=0.1 if there else 0.6)
+        )
 
     monkeypatch.setattr(BodyTrack, "follow", follow)
-    stepped = follower.followed(None, track, after_s, {})  # type: ignore[arg-type]
+    stepped = follower.followed(None, track, Moment(after_s, {}))  # type: ignore[arg-type]
     assert (stepped.fit.error == 0.1) == found
     assert stepped.fit.pose.root_m[2] == 0  # a hull is no height of the hips
     assert not found or stepped.before[0] == 0.0  # it knows how fast they go
@@ -118,7 +120,7 @@ def test_at_low_rates_what_was_found_counts_at_once(monkeypatch, gap_s, at_once)
     one._job, one._since = done, moments(4, gap_s)
     monkeypatch.setattr(one, "_submit", lambda work, *given: submitted.append(work))
     monkeypatch.setattr(one, "_begin_job", lambda moment: None)
-    monkeypatch.setattr(follower, "followed", lambda rig, track, time_s, masks: track)
-    fit = one.step(5 * gap_s, {})
+    monkeypatch.setattr(follower, "followed", lambda rig, track, moment: track)
+    fit = one.step(Moment(5 * gap_s, {}))
     assert (fit is not None) == at_once
     assert submitted == ([] if at_once else [catch_up])
