@@ -45,7 +45,15 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
             lambda message: faults.append(message.text) if message.type == "error" else None,
         )
         page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("requestfailed", lambda request: faults.append(f"failed: {request.url}"))
+        page.on(
+            "requestfailed",
+            # A page that is left takes back what it has asked for.
+            lambda request: (
+                None
+                if request.failure == "net::ERR_ABORTED"
+                else faults.append(f"failed: {request.url}: {request.failure}")
+            ),
+        )
         page.on(
             "request",
             lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"),

@@ -54,7 +54,8 @@ def place_grid(
         rule: Condition under which a voxel is occupied; its tolerance holds here as well.
         unknown: As of `carve`; what they hide bounds nothing.
         moments: Where `masks` are unions over time, those of single moments: somebody who walks
-            about before cameras side by side is bounded at each moment, but not by the unions.
+            about before cameras side by side is bounded at each moment, but not by the unions, or
+            too far away for the voxels' size.
 
     Returns:
         The grid, with a margin of one voxel.
@@ -71,7 +72,8 @@ def place_grid(
         raise ValueError(f"voxel_size_m must be positive, got {voxel_size_m}")
     images = mask_list(rig, masks)
     require_foreground(rig, images, rule.tolerance)
-    low, high = _pyramid_box(rig, images, rule, unknown, (mask_list(rig, one) for one in moments))
+    single = (mask_list(rig, one) for one in moments)
+    low, high = _pyramid_box(rig, images, rule, unknown, single, voxel_size_m)
     if len(_blind(rig, low, high)) > rule.tolerance:
         raise _nothing_common(rig)
     low, high = _shrink(rig, images, rule, (low, high), unknown)
@@ -97,13 +99,18 @@ def grid_within(
             f"the volume from {_metres(low_m)} to {_metres(high_m)} is empty: give low corner, then"
             " high corner"
         )
-    if np.ceil(edges / voxel_size_m + 1).prod() > LARGEST:
+    if not _fits(edges, voxel_size_m):
         fitting = float(np.cbrt(edges.prod() / LARGEST))
         raise InputError(
             f"voxels of {voxel_size_m:g} m in a volume of {_metres(edges)} are too many for memory:"
             f" choose at least {1.1 * fitting:.2g} m, or a smaller volume"
         )
     return VoxelGrid.from_bounds(low_m, high_m, voxel_size_m)
+
+
+def _fits(edges_m: NDArray[np.float64], voxel_size_m: float) -> bool:
+    """Whether the voxels of a box fit into memory."""
+    return bool(np.ceil(edges_m / voxel_size_m + 1).prod() <= LARGEST)
 
 
 def require_foreground(rig: Rig, masks: list[NDArray[Any]], tolerance: int = 0) -> None:
@@ -196,20 +203,24 @@ def _pyramid_box(
     rule: CarveRule,
     unknown: Sequence[NDArray[np.bool_]] | None,
     moments: Iterable[list[NDArray[np.uint8]]],
+    voxel_size_m: float | None,
 ) -> _Box:
     """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
-    of them; of those of the moments that bound one, if that is infinite.
+    of them; of those of the moments that bound one, if that is infinite or its voxels too many.
     """
     found = _intersection(rig, masks, rule, unknown)
     if found is None:
         raise _nothing_common(rig)
-    if not np.isfinite(found).all():
+    finite = bool(np.isfinite(found).all())
+    if not finite or (voxel_size_m is not None and not _fits(found[1] - found[0], voxel_size_m)):
         seen = (one for one in moments if all(mask.any() for mask in one))
         boxes = [_intersection(rig, one, rule, unknown) for one in seen]
         bounded = [box for box in boxes if box is not None and np.isfinite(box).all()]
         lengths = [float(np.linalg.norm(high - low)) for low, high in bounded]
         usual = np.median(lengths or [0.0])
         bounded = [box for box, long in zip(bounded, lengths, strict=True) if long <= _LONG * usual]
+        if not bounded and finite:
+            return found
         if not bounded:
             raise InputError(
                 f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the"

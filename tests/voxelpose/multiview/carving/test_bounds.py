@@ -74,14 +74,19 @@ def test_one_bad_camera_neither_shrinks_nor_empties_a_tolerant_box():
         assert (grid.origin_m + grid.size_m >= good.origin_m + good.size_m - 0.031).all()
 
 
-def test_somebody_who_walks_before_cameras_side_by_side_is_bounded_moment_by_moment():
+@pytest.mark.parametrize(
+    ("aside_m", "voxel_m", "refusal"), [(1.2, 0.05, "do not bound"), (0.45, 0.02, "too many")]
+)
+def test_somebody_who_walks_before_cameras_side_by_side_is_bounded_moment_by_moment(
+    aside_m, voxel_m, refusal
+):
     rig = Rig(tuple(look_at(f"cam_{k}", (x, -4, 1), (0, 0, 1)) for k, x in enumerate((-1, 1))))
-    walk = [figure_points() + np.array([x, 0, 0]) for x in np.linspace(-1.2, 1.2, 7)]
+    walk = [figure_points() + np.array([x, 0, 0]) for x in np.linspace(-aside_m, aside_m, 7)]
     moments = [silhouettes(rig, points) for points in walk]
     union = {name: np.logical_or.reduce([one[name] for one in moments]) for name in rig.names}
-    with pytest.raises(InputError, match="do not bound a volume"):
-        place_grid(rig, union, voxel_size_m=0.05)
-    grid = place_grid(rig, union, voxel_size_m=0.05, moments=moments)
+    with pytest.raises(InputError, match=refusal):
+        place_grid(rig, union, voxel_size_m=voxel_m)
+    grid = place_grid(rig, union, voxel_size_m=voxel_m, moments=moments)
     points = np.concatenate(walk)
     assert (grid.origin_m < points.min(axis=0)).all()
     assert (grid.origin_m + grid.size_m > points.max(axis=0)).all()
