@@ -209,7 +209,7 @@ class Live(arguments.PageArguments):
             raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
             self.address()
-        number_of_people(str(self.people))
+        number_of_people(str(self.people), auto=False)
         for address in self.send:
             parse_receiver(address, self.people)
 

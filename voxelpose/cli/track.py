@@ -55,7 +55,7 @@ class Track(EstimationArguments):
         estimator, options = method_options(
             self.method, self.start, self.outline_only, self.library
         )
-        people = number_of_people(str(self.people))
+        people = number_of_people(str(self.people), auto=False)
         folder, camera = one_camera(self.recording, self.camera)
         paper = self.method == "paper" and self.background == "auto"
         background = "paper" if paper else None

@@ -9,21 +9,22 @@ PEOPLE_CAMERAS = 3
 """Cameras that tell people apart, at least: before two, nearly everything is a phantom."""
 
 
-def number_of_people(text: str, setting: str = "--people {}") -> int | None:
+def number_of_people(text: str, setting: str = "--people {}", *, auto: bool = True) -> int | None:
     """Number of people as a setting tells it; None: as many as are seen.
 
     Args:
         setting: how it is given, with {} in its place, for messages.
+        auto: whether `auto` may be said.
 
     Raises:
         InputError: it is no number of people.
     """
-    if text == "auto":
+    if auto and text == "auto":
         return None
     if not text.isdecimal() or not 1 <= int(text) <= MOST_PEOPLE:
         raise InputError(
             f"{setting.format(text)} is no number of people that are followed: give 1 to"
-            f" {MOST_PEOPLE}, or auto"
+            f" {MOST_PEOPLE}{', or auto' if auto else ''}"
         )
     return int(text)
 

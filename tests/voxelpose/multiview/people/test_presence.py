@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.errors import InputError
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
@@ -14,6 +15,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
+from voxelpose.multiview.people import number_of_people
 from voxelpose.multiview.people.presence import (
     PeopleSets,
     PresenceSearch,
@@ -25,6 +27,13 @@ from voxelpose.multiview.people.presence import (
 )
 
 VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
+
+
+@pytest.mark.parametrize("told", ["0", "7", "auto", "two"])
+def test_a_number_of_people_is_told_or_refused(told):
+    assert number_of_people("6", auto=False) == 6 and number_of_people("auto") is None
+    with pytest.raises(InputError, match=f"--people {told} .*: give 1 to 6$"):
+        number_of_people(told, auto=False)
 
 
 def union(*silhouettes):
