@@ -33,7 +33,14 @@ def drawn(
     missing = [str(k) for k in seeds if not (folder / str(k) / "truth.json").is_file()]
     if missing:
         draw = SHARED / "render" / "draw.py"
-        command = [sys.executable, draw.name, str(folder), *missing, "--level", str(level)]
+        command = [
+            sys.executable,
+            draw.name,
+            str(folder.resolve()),
+            *missing,
+            "--level",
+            str(level),
+        ]
         command += [*options, *([] if clip is None else ["--clip", clip])]
         subprocess.run(command, cwd=draw.parent, check=True, stdout=subprocess.DEVNULL)
     return [folder / str(k) for k in seeds]

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
+from voxelpose.result_documents import summary_document
 from voxelpose.results import Result
 
 FILES = ["calibration.toml", "contact_sheet.png", "joints.csv", "motion.bvh", "motion.safetensors"]
@@ -47,6 +49,13 @@ def test_moments_that_a_camera_lost_are_told_apart_from_those_without_a_pose(rec
     assert frames["lost"] == [0, 7] and frames["not_filmed"] == [3, 6]
 
 
+def test_moments_in_which_somebody_is_away_are_not_lost(recording):
+    found = load_estimator("standing").estimate(recording, Settings(), SilentReporter())
+    away = replace(found, away=frozenset({0, 3}))  # 1 to 5 have a pose
+    frames: Any = summary_document(recording, away, "standing", {})["frames"]
+    assert frames["lost"] == [] and frames["away"] == [0]
+
+
 def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     out = str(tmp_path / "out")  # words will do for paths
     fit(
@@ -58,7 +67,7 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
     result = Result.open(tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     ends, poses = {"first": 0, "last": 5}, {"with_pose": 5, "lost": [0], "not_filmed": []}
-    assert summary["frames"] == ends | poses
+    assert summary["frames"] == ends | poses | {"away": []}
     assert summary["seconds"]["stages"]["standing"] == {
         "min": 0.002,
         "median": 0.002,

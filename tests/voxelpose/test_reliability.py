@@ -136,3 +136,14 @@ def test_the_least_reliable_person_is_named():
     assert str(verdict_of_people({"a": good, "b": bad, "c": bad})) == "doubtful: b: lost"
     words = "reliable, but for b neck: likely over 30 mm off"
     assert str(verdict_of_people({"a": good, "b": unsure})) == words
+
+
+def test_somebody_who_is_seen_and_was_not_found_makes_a_result_doubtful():
+    numbers = summary(right=0.98)
+    numbers["facts"]["unexplained_frames"] = 0.25
+    verdict = verdict_of(numbers)
+    assert verdict.level == "doubtful" and "25 % of the frames something as large as" in str(
+        verdict
+    )
+    numbers["facts"]["unexplained_frames"] = 0.0
+    assert verdict_of(numbers).level == "reliable"

@@ -73,9 +73,11 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
         verdict, frames = verdict_of(summary), summary["frames"]
         colour = "green" if verdict.level == "reliable" else "yellow"
         words = plain(str(verdict).removeprefix(verdict.level))
+        away = len(frames.get("away", ()))
         console.print(
-            f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames:"
-            f" [bold {colour}]{verdict.level}[/]{words}",
+            f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames"
+            + (f", away in {away}:" if away else ":")
+            + f" [bold {colour}]{verdict.level}[/]{words}",
             soft_wrap=True,
         )
     console.print(f"[bold]{plain(folder)}[/bold]", soft_wrap=True)

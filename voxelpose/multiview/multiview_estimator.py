@@ -138,11 +138,15 @@ class MultiViewEstimator:
             motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         rig, estimates = _posed_as(source.rig, prepared.rig), []
+        away = [frozenset[int]()] * len(found)
+        if len(found) > 1 and places_m is not None:
+            absent = np.isnan(places_m[:, :, 0])
+            away = [frozenset(prepared.numbers[own].tolist()) for own in absent]
         floor_m = floor_height(*(motion for motion, _ in motions))  # on which everybody stands
-        for (motion, ratio), (_, facts) in zip(motions, found, strict=True):
+        for (motion, ratio), (_, facts), own in zip(motions, found, away, strict=True):
             motion = replace(motion, floor_m=floor_m).in_world(prepared.upright)
             facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
-            estimates.append(Estimate(motion, stage_s, facts, rig=rig))
+            estimates.append(Estimate(motion, stage_s, facts, rig=rig, away=own))
         return estimates
 
 

@@ -197,15 +197,17 @@ def _lost(result: Result) -> Finding:
     summary: Any = result.summary
     lost = np.array(summary["frames"]["lost"], np.int64)
     count = summary["frames"]["with_pose"] + len(lost)
+    away = np.array(summary["frames"].get("away", ()), np.int64)
+    absent = f" Not there in {ranges_text(away)}." if len(away) else ""
     if not len(lost):
-        return Finding("good", "Frames", f"All {count} frames have a pose.")
+        return Finding("good", "Frames", f"All {count} frames have a pose.{absent}")
     noun = noun_of(result)
     count_filled = int(result.motion.filled.sum())
     filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
     return Finding(
         "bad" if len(lost) > RELIABILITY.lost * count else "look",
         "Frames",
-        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}",
+        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}{absent}",
         f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
         " silhouettes: voxelpose view shows them frame by frame.",
     )

@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.moments import even_moments
+from silhouette_core.image.cleanup import dilated
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
-from voxelpose.multiview.people.presence import ASKED_HZ, at_all_times, find_people
+from voxelpose.multiview.people.presence import (
+    ASKED_HZ,
+    at_all_times,
+    find_people,
+    metre_px,
+)
+from voxelpose.multiview.people.recognition import looks_of, never_at_once, rejoined
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
@@ -28,6 +35,7 @@ from voxelpose.multiview.silhouettes.observation_store import (
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, Tracked, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
+from voxelpose.multiview.tuning import CARVING, PEOPLE
 
 _ROUNDS = 2  # in which everybody is followed again beside the others as they were found
 _TOGETHER = 16  # frames
@@ -58,8 +66,9 @@ def people_places(
 
     most = MOST_PEOPLE if people is None else people
     with clock("people"):
-        axes_m = find_people(observer, frames(), times_s[steps], most)
-        axes_m = at_all_times(axes_m, times_s[steps], times_s)
+        tracks_m = find_people(observer, frames(), times_s[steps], most)
+        tracks_m = at_all_times(tracks_m, times_s[steps], times_s)
+        axes_m = _each_person(prepared, tracks_m, people, reporter)[:most]
     if people is not None and len(axes_m) < people:
         found = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
         raise InputError(
@@ -72,6 +81,47 @@ def people_places(
         )
     middle_m = observer.volume.origin_m[2] + 0.5 * observer.volume.size_m[2]
     return np.concatenate([axes_m, np.full((*axes_m.shape[:2], 1), middle_m)], axis=2)
+
+
+def _each_person(
+    prepared: PreparedSilhouettes,
+    tracks_m: NDArray[np.float64],
+    people: int | None,
+    reporter: Reporter,
+) -> NDArray[np.float64]:
+    """Where N people stand, (N, T, 2) float64, of K tracks (K, T, 2), since who comes back is the
+    same person; those who are longest there first.
+    """
+    if not len(tracks_m):
+        return tracks_m
+    looks = None
+    if never_at_once(tracks_m).any() and not prepared.footage.source.silhouettes_given:
+        looks = looks_of(prepared, tracks_m)
+    joined = rejoined(tracks_m, looks, people)
+    axes_m = np.stack([np.nansum(tracks_m[own], axis=0) for own in joined])
+    axes_m[np.stack([np.isnan(tracks_m[own]).all(axis=0) for own in joined])] = np.nan
+    order = np.argsort(np.isnan(axes_m[:, :, 0]).sum(axis=1), kind="stable")
+    for number, own in enumerate(axes_m[order], 1):
+        for left, back in absences(own):
+            reporter.note(
+                f"person {number} is away from frame {prepared.numbers[left]} to"
+                f" {prepared.numbers[back]}: that who comes back is who left is a guess"
+                + ("" if looks is None else " by the colours")
+            )
+    if never_at_once(axes_m[order]).any():
+        reporter.note(
+            "people are seen who are never there at once: if they are one who came back, tell how"
+            " many there are by --people"
+        )
+    return axes_m[order]
+
+
+def absences(places_m: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """The last frame before and the first after each time in which somebody, places (T, D), NaN:
+    not there, was away and came back.
+    """
+    there = np.flatnonzero(np.isfinite(places_m[:, 0]))
+    return [(a, b) for a, b in pairwise(there.tolist()) if b > a + 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +145,29 @@ class PeopleTrack:
             return replace(self, prepared=cut).followed(kept)
 
         found, changed = self.work.cut_anew(self.followed(kept), self.prepared, again, kept)
+        facts = [self.work.finished(*one) | {"cut_by_body": changed} for one in found]
+        unexplained = self._unexplained([tracker for tracker, _ in found])
         return [
-            (tracker, self.work.finished(tracker, start) | {"cut_by_body": changed})
-            for tracker, start in found
+            (tracker, own | {"unexplained_frames": unexplained})
+            for (tracker, _), own in zip(found, facts, strict=True)
         ]
+
+    def _unexplained(self, trackers: Sequence[PoseTracker]) -> float:
+        """Share of the frames in which a person, or a thing of that size, is seen beside all."""
+        store, observer = self.prepared.store, self.prepared.observer
+        scale_px = metre_px(observer)
+        window_px = 2 * np.ceil(CARVING.coarse_m * scale_px).astype(int) + 1
+        moments = even_moments(len(store), REFIT_FRAMES, margin=0).tolist()
+        lefts = []
+        for t in moments:
+            drawn = [one for own in trackers if (one := _drawn(own, t, observer.views))]
+            left = []
+            for c, mask in enumerate(store[t]):
+                bodies = np.logical_or.reduce([one[c] for one in drawn] or [np.zeros_like(mask)])
+                beside = mask & ~dilated(bodies, int(window_px[c]))
+                left.append(np.count_nonzero(beside) / scale_px[c] ** 2 / PEOPLE.seen_m2)
+            lefts.append(np.mean(left))
+        return float(np.mean(np.array(lefts) > PEOPLE.needed))
 
     def followed(self, kept: ExitStack) -> list[Tracked]:
         """Everybody followed: alone first, then with the others drawn; `kept` as above."""

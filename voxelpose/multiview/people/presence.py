@@ -59,25 +59,30 @@ class PresenceSearch:
         """Prepares reduced cameras."""
         self._observer, self._most = observer, most
         self._cameras = [camera.pinhole(1 / _REDUCED) for camera in observer.views.rig]
-        middle = observer.volume.origin_m + 0.5 * observer.volume.size_m
-        away_m = np.linalg.norm(observer.views.center_m - middle, axis=1)
-        focal_px = np.array([camera.matrix[0, 0] for camera in self._cameras])
-        # Pixels of a person in each camera, by which the unexplained ones are counted.
-        self._person_px = PEOPLE.seen_m2 * (focal_px / away_m) ** 2
+        self._person_px = PEOPLE.seen_m2 * (metre_px(observer) / _REDUCED) ** 2
 
-    def sets(self, masks: list[NDArray[np.bool_]]) -> PeopleSets:
-        """Sets of people that silhouettes (h, w) bool of all cameras allow, best first."""
+    def sets(
+        self, masks: list[NDArray[np.bool_]], before_m: NDArray[np.float64] | None = None
+    ) -> PeopleSets:
+        """Sets of people that silhouettes (h, w) bool of all cameras allow, best first.
+
+        Args:
+            before_m: (n, 2) float64, axes of the frame before, which are asked for as well: the
+                hull of people who stand near to each other is thickest between them.
+        """
         hull = self._observer.coarse_hull(masks)
-        axes, upright = self._axes(hull)
+        axes, upright = self._axes(hull, np.empty((0, 2)) if before_m is None else before_m)
         pairs = zip(masks, self._cameras, strict=True)
         seen = [_reduced(mask, camera.size) for mask, camera in pairs]
         explained = [self._explained(hull, axis, seen) for axis in axes]
         members, cost = self._ranked(explained, seen)
         return PeopleSets(axes, upright, members, cost)
 
-    def _axes(self, hull: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Places (n, 2) where the hull is thickest and somebody may stand, crouch or sit, and
-        whether (n,) upright.
+    def _axes(
+        self, hull: NDArray[np.bool_], before_m: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Places (n, 2) where the hull is thickest, or where somebody was before, and somebody may
+        stand, crouch or sit, and whether (n,) upright.
         """
         grid = self._observer.coarse
         disc = _disc(PERSON_COST.middle_m / grid.voxel_size_m)  # a trunk's
@@ -91,7 +96,12 @@ class PresenceSearch:
             return np.asarray(maximum_filter(above, footprint=disc), np.bool_)
 
         crouching = reaches(0.5 * PEOPLE.upright_m)
-        places = np.argwhere(highest & crouching & (volume_m3 >= CARVING.smallest_m3))
+        possible = crouching & (volume_m3 >= CARVING.smallest_m3)
+        highest &= possible
+        before = np.rint((before_m - grid.origin_m[:2]) / grid.voxel_size_m - 0.5).astype(int)
+        apart = ~np.asarray(maximum_filter(highest, footprint=disc), np.bool_)
+        highest[*before.T] |= (apart & possible)[*before.T]
+        places = np.argwhere(highest)
         thick = volume_m3[*places.T]
         places = places[np.argsort(-thick, kind="stable")[:_MOST_AXES]]
         axes = np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
@@ -137,6 +147,14 @@ class PresenceSearch:
             for all_, explained, area in zip(whole, union, self._person_px, strict=True)
         ]
         return float(np.mean(left)) + PEOPLE.needed * count
+
+
+def metre_px(observer: HullObserver) -> NDArray[np.float64]:
+    """Pixels of a metre in the middle of the volume, (C,) float64 of all cameras."""
+    middle = observer.volume.origin_m + 0.5 * observer.volume.size_m
+    away_m = np.linalg.norm(observer.views.center_m - middle, axis=1)
+    focal_px = np.array([camera.matrix[0, 0] for camera in observer.views.rig])
+    return np.asarray(focal_px / away_m, float)
 
 
 def _reduced(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -238,18 +256,17 @@ def find_people(
         observer: as of `PresenceSearch`.
         frames: T frames' silhouettes (h, w) bool of all cameras, made when they are asked for.
         times_s: (T,) float64, of these frames.
-        most: number of people, at most.
+        most: number of people who are there at a time, at most.
 
     Returns:
-        Axes (N, T, 2) float64 in the world's xy plane, m, of N people, those who are longest there
-        first; NaN where one is not there.
+        Axes (N, T, 2) float64 in the world's xy plane, m, of N people; NaN where one is not there.
+        Who comes back after more than `HIDDEN_S` is another one.
     """
-    search = PresenceSearch(observer, most)
-    sets, elapsed_s = [search.sets(masks) for masks in frames], np.diff(times_s)
-    tracks = join_tracks(link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s), times_s)
-    seen = np.isfinite(tracks[:, :, 0])
-    order = np.argsort(-seen.sum(axis=1), kind="stable")[:most]
-    return tracks[order]
+    search, elapsed_s = PresenceSearch(observer, most), np.diff(times_s)
+    sets: list[PeopleSets] = []
+    for masks in frames:
+        sets.append(search.sets(masks, sets[-1].axes_m if sets else None))
+    return join_tracks(link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s), times_s)
 
 
 def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -281,14 +298,11 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
 def at_all_times(
     axes_m: NDArray[np.float64], asked_s: NDArray[np.float64], times_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Axes (N, T, 2) of N people at T times, between those (N, K, 2) at K times; NaN before the
-    first and after the last of each person's.
+    """Axes (N, T, 2) of N people at T times, between those (N, K, 2) at K times; NaN where somebody
+    is not there at the times asked before and after.
     """
     found = np.full((len(axes_m), len(times_s), 2), np.nan)
     for own, axes in zip(found, axes_m, strict=True):
-        there = np.isfinite(axes[:, 0])
-        first, last = asked_s[there][[0, -1]]
-        inside = (times_s >= first) & (times_s <= last)
         for k in range(2):
-            own[inside, k] = np.interp(times_s[inside], asked_s[there], axes[there, k])
+            own[:, k] = np.interp(times_s, asked_s, axes[:, k])
     return found

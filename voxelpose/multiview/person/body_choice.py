@@ -196,9 +196,9 @@ def choose_body(
 
 def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]:
     """Some frames of a recording in which a body is seen, by number."""
-    total = len(observations)
-    most = max(_FEWEST_ANCHORS, total // _FRAMES_PER_ANCHOR)
-    chosen = even_moments(total, most).tolist()
+    there = np.flatnonzero(observations.there)
+    most = max(_FEWEST_ANCHORS, len(there) // _FRAMES_PER_ANCHOR)
+    chosen = there[even_moments(len(there), most)].tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
 
 

@@ -330,7 +330,8 @@ def begin_again(tracker: PoseTracker) -> None:
     What the first poses have in common, like a head in the place of an arm, is carried through the
     whole recording and shows as no rise of the error.
     """
-    for t in even_moments(len(tracker.observations), REFIT_FRAMES).tolist():
+    there = np.flatnonzero(tracker.observations.there)
+    for t in there[even_moments(len(there), REFIT_FRAMES)].tolist():
         improbable = is_improbable(spread_errors(tracker))
         if improbable and tracker.anchor(t, MORE_PLACEMENTS):
             tracker.carry(t)

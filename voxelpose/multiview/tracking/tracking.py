@@ -141,7 +141,7 @@ class PoseTracker:
 
     def repair(self, most: int) -> None:
         """Searches at most `most` of the worst frames again, and tracks from those that improve."""
-        tried = np.zeros(len(self.poses), bool)
+        tried = ~self.observations.there
         for _ in range(most):
             errors = np.minimum(self.error, TRACKING.lost)
             bad = np.where(tried, -np.inf, errors)

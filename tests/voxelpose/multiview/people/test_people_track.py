@@ -9,11 +9,16 @@ import pytest
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.kinematics import joints_of
-from silhouette_core.progress import SilentReporter
+from silhouette_core.progress import SilentReporter, StageClock
 from tests.sources import GreySource
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
+from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator
-from voxelpose.multiview.people.people_track import PeopleTrack
+from voxelpose.multiview.people.people_track import PeopleTrack, people_places
+from voxelpose.multiview.silhouettes.prepared_silhouettes import (
+    PreparationSettings,
+    prepare_silhouettes,
+)
 
 ROBOT = Path(__file__).parents[4] / "examples" / "bodies" / "robot_arm.urdf"
 PLACES = (-0.35, 0.0), (0.4, 0.15)
@@ -21,6 +26,16 @@ TURNS = (
     {"left_upper_arm.abduction": 40.0, "left_thigh.flexion": 25.0, "right_forearm.flexion": 50.0},
     {"right_upper_arm.forward": 60.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0},
 )
+
+
+class Noting(SilentReporter):
+    """Keeps what is told."""
+
+    def __init__(self):
+        self.told = []
+
+    def note(self, words):
+        self.told.append(words)
 
 
 class Couple(GreySource):
@@ -101,3 +116,47 @@ def test_of_all_combinations_the_one_that_explains_everybody_is_taken():
     assert track._best_together([[wrong[0], right[0]], [right[1], wrong[1]]]) == (1, 0)
     assert track._best_together([[right[0], lost[0]], [lost[1], wrong[1], right[1]]]) == (0, 2)
     assert track._best_together([[wrong[0]], [wrong[1]]]) == (0, 0)
+
+
+def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
+    trackers = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE]
+    people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
+    volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
+    observer = namespace(views=VIEWS, volume=volume)
+    prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
+    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)))
+    assert track._unexplained(trackers) == 0
+    assert track._unexplained(trackers[:1]) == 1
+
+
+class Wardrobe(Couple):
+    """Two people in colours, of whom the second is away for three seconds."""
+
+    def backgrounds(self):
+        return {camera.name: [np.full((*camera.size, 3), 90, np.uint8)] for camera in self.rig}
+
+    def at(self, steps):
+        for t in steps:
+            pairs = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
+            pictures = {}
+            for name, (first, second) in zip(self.rig.names, pairs, strict=True):
+                picture = np.full((*first.shape, 3), 90, np.uint8)
+                picture[first] = 0, 0, 200
+                if not 10 <= t < 40:
+                    picture[second & ~first] = 200, 0, 0
+                pictures[name] = picture
+            yield pictures
+
+
+@pytest.mark.parametrize("people", [None, 2])
+def test_who_comes_back_is_the_same_person_and_that_is_said(people):
+    source = Wardrobe(VIEWS.rig, 50, fps=10.0)
+    reporter = Noting()
+    with prepare_silhouettes(
+        source, Settings(), PreparationSettings(0.03, 0, "off"), StageClock(), reporter
+    ) as prepared:
+        places_m = people_places(prepared, people, StageClock(), reporter)
+    there = np.isfinite(places_m[:, :, 0])
+    assert there[0].all()
+    assert there[1].tolist() == [not 10 <= t < 40 for t in range(50)]
+    assert any("person 2 is away from frame 9 to 40" in words for words in reporter.told)

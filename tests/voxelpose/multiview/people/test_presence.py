@@ -89,6 +89,18 @@ def post(seen_by, x, y, width_m=0.05, height_m=1.2):
     return masks
 
 
+def test_where_somebody_was_before_is_asked_for_too():
+    """The hull of two who stand near to each other may be thickest in one place only."""
+    seen_by = views(4)
+    near = union(*(post(seen_by, 0, y, 0.3, 1.6) for y in (-0.17, 0.17)))
+    presence = search(seen_by)
+    alone = presence.sets(near).axes_m
+    before_m = np.array([[0.0, -0.3], [0.0, 0.3], [1.2, 1.2]])
+    asked = presence.sets(near, before_m).axes_m
+    assert len(alone) == 1 and len(asked) == 3
+    assert np.linalg.norm(asked - before_m[1], axis=1).min() < 0.05
+
+
 def test_what_is_much_thinner_than_a_person_is_nobody():
     model, seen_by = fitting_model(), views(4)
     person = photograph(seen_by, model, stance(model))

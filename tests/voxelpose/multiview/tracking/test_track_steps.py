@@ -27,7 +27,7 @@ class Frames:
     """An observation per frame: its number."""
 
     def __init__(self, count: int):
-        self._count = count
+        self._count, self.there = count, np.ones(count, np.bool_)
 
     def __len__(self) -> int:
         return self._count
@@ -170,6 +170,9 @@ def test_the_worst_frames_are_repaired_but_not_beside_each_other(rules, monkeypa
     tracker.error[[10, 11, 20]] = 0.4, 0.39, 0.3
     tracker.repair(5)
     assert tried == [10, 20]
+    tracker.observations.there[9:12] = False  # nobody is searched where nobody is
+    tracker.repair(5)
+    assert tried == [10, 20, 20]
 
 
 @pytest.mark.parametrize("turned", [range(7, 10), range(3)])

@@ -1,0 +1,84 @@
+"""Who comes back: somebody who was away too long to be known by the place, told by the colours."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.moments import even_moments
+from silhouette_core.image.head_colours import coarse_histogram, quantise
+from voxelpose.multiview.people.own_silhouettes import hull_pieces
+from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
+
+_LOOKED_AT = 6  # frames of each track
+
+
+def never_at_once(axes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N, N) bool: which of N tracks (N, T, 2), NaN: not there, have no frame in common."""
+    there = np.isfinite(axes_m[:, :, 0])
+    return np.asarray(~(there[:, None] & there[None]).any(axis=2), np.bool_)
+
+
+def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Colours of N tracks: (N, n) float64, histograms of the pixels that only one of them explains.
+
+    Args:
+        prepared: silhouettes of everybody.
+        axes_m: (N, T, 2) float64, where the people stand in all frames; NaN: not there.
+    """
+    store, footage = prepared.store, prepared.footage
+    there = [np.flatnonzero(np.isfinite(own[:, 0])) for own in axes_m]
+    steps = sorted({int(t) for own in there for t in own[even_moments(len(own), _LOOKED_AT)]})
+    cameras = [*zip(footage.source.rig.names, footage.lenses, footage.late, strict=True)]
+    looks: list[list[NDArray[np.float64]]] = [[] for _ in axes_m]
+    for t, frames in zip(steps, footage.source.at(steps), strict=True):
+        for c, (name, lens, late) in enumerate(cameras):
+            in_step = t - late  # as silhouettes are, not pictures
+            if not 0 <= in_step < len(store):
+                continue
+            masks = store[in_step]
+            pieces = hull_pieces(masks, axes_m[:, in_step], prepared.observer)
+            covered = np.sum([piece[c] for piece in pieces if piece is not None], axis=0)
+            colours = quantise(lens.undistort_part(frames[name], (0, 0), lens.pinhole.size))
+            for own, piece in zip(looks, pieces, strict=True):
+                if piece is not None:
+                    own.append(coarse_histogram(colours[masks[c] & piece[c] & (covered == 1)]))
+    means = [np.mean(own, axis=0) for own in looks]
+    return np.stack([mean / max(mean.sum(), np.finfo(float).tiny) for mean in means])
+
+
+def rejoined(
+    axes_m: NDArray[np.float64], looks: NDArray[np.float64] | None, people: int | None
+) -> list[list[int]]:
+    """Which of N tracks are the same person's, who went and came back.
+
+    Two are who look less than half as different as any two who are there at once.
+
+    Args:
+        axes_m: (N, T, 2) float64; NaN: not there.
+        looks: (N, n) float64, as of `looks_of`; None: they are not known.
+        people: how many there are: while more are left, the most alike are the same; None: that is
+            not known.
+    """
+    apart = never_at_once(axes_m)
+    unlike = np.ones(apart.shape)
+    if looks is not None:  # Hellinger's distance
+        unlike = np.sqrt(np.maximum(1 - np.sqrt(looks[:, None] * looks[None]).sum(axis=2), 0))
+    most = unlike[~apart & ~np.eye(len(apart), dtype=np.bool_)].min(initial=1) / 2
+    found = [[k] for k in range(len(axes_m))]
+
+    def cost(pair: tuple[list[int], list[int]]) -> float:
+        """How different two look."""
+        return float(unlike[np.ix_(*pair)].mean())
+
+    while True:
+        pairs = [pair for pair in combinations(found, 2) if apart[np.ix_(*pair)].all()]
+        best = min(pairs, key=cost, default=None)
+        told = people is not None and len(found) > people
+        if best is None or (cost(best) >= most and not told):
+            return found
+        first, second = best
+        found.remove(second)
+        first += second
