@@ -127,19 +127,21 @@ class MultiViewEstimator:
         ):
             told = clock, reporter, prepared.numbers
             work = TrackWork(settings, source.fps, matching, known, *told)
-            places_m = None if people == 1 else people_places(prepared, people, clock, reporter)
-            if places_m is None or len(places_m) < 2:
+            places_m = things_m = np.empty((0, source.frame_count, 3))
+            if people != 1:
+                places_m, things_m = people_places(prepared, people, clock, reporter)
+            if len(places_m) < 2:
                 found = [work.track(prepared, kept)]
             else:
                 if known is not None or settings != settings.of_anybody:
                     reporter.note(ONE_PERSONS)
-                found = PeopleTrack(work.of_anybody(), prepared, places_m).track(kept)
+                found = PeopleTrack(work.of_anybody(), prepared, places_m, things_m).track(kept)
             at = prepared.numbers, prepared.times_s
             motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         rig, estimates = _posed_as(source.rig, prepared.rig), []
         away = [frozenset[int]()] * len(found)
-        if len(found) > 1 and places_m is not None:
+        if len(found) > 1:
             absent = np.isnan(places_m[:, :, 0])
             away = [frozenset(prepared.numbers[own].tolist()) for own in absent]
         floor_m = floor_height(*(motion for motion, _ in motions))  # on which everybody stands

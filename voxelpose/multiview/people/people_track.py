@@ -43,8 +43,9 @@ _TOGETHER = 16  # frames
 
 def people_places(
     prepared: PreparedSilhouettes, people: int | None, clock: StageClock, reporter: Reporter
-) -> NDArray[np.float64]:
-    """About where everybody is, (N, T, 3) float64, m, in the upright frame; NaN: not there.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """About where everybody is, (N, T, 3) float64, m, in the upright frame; NaN: not there. Then
+    the same of things, such as a chair that is carried in.
 
     Args:
         people: their number; None: as many as there are.
@@ -66,8 +67,10 @@ def people_places(
 
     most = MOST_PEOPLE if people is None else people
     with clock("people"):
-        tracks_m = find_people(observer, frames(), times_s[steps], most)
-        tracks_m = at_all_times(tracks_m, times_s[steps], times_s)
+        tracks_m, things_m = (
+            at_all_times(found_m, times_s[steps], times_s)
+            for found_m in find_people(observer, frames(), times_s[steps], most)
+        )
         axes_m = _each_person(prepared, tracks_m, people, reporter)[:most]
     if people is not None and len(axes_m) < people:
         found = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
@@ -80,7 +83,11 @@ def people_places(
             f"{len(axes_m)} people are seen, and each is followed (--people 1 follows only one)"
         )
     middle_m = observer.volume.origin_m[2] + 0.5 * observer.volume.size_m[2]
-    return np.concatenate([axes_m, np.full((*axes_m.shape[:2], 1), middle_m)], axis=2)
+    places_m, things_m = (
+        np.concatenate([found_m, np.full((*found_m.shape[:2], 1), middle_m)], axis=2)
+        for found_m in (axes_m, things_m)
+    )
+    return places_m, things_m
 
 
 def _each_person(
@@ -132,11 +139,13 @@ class PeopleTrack:
         work: of each alone.
         prepared: silhouettes of everybody.
         places_m: (N, T, 3) float64, about where each is; NaN: not there.
+        things_m: (M, T, 3) float64, the same of things.
     """
 
     work: TrackWork
     prepared: PreparedSilhouettes
     places_m: NDArray[np.float64]
+    things_m: NDArray[np.float64]
 
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
@@ -233,23 +242,23 @@ class PeopleTrack:
         return kept.enter_context(carved_observations(*at))
 
     def _hull_pieces(self) -> Iterator[list[Masks | None]]:
-        """Where each frame's people are seen, by the hull about them."""
-        store = self.prepared.store
-        axes_m = self.places_m[:, :, :2]
+        """Where each frame's people and things are seen, by the hull about them."""
+        return _in_turn(self._hull_pieces_at, self.prepared.store)
 
-        def pieces(t: int) -> list[Masks | None]:
-            return hull_pieces(store[t], axes_m[:, t], self.prepared.observer)
-
-        return _in_turn(pieces, store)
+    def _hull_pieces_at(self, t: int) -> list[Masks | None]:
+        axes_m = np.concatenate([self.places_m, self.things_m])[:, t, :2]
+        return hull_pieces(self.prepared.store[t], axes_m, self.prepared.observer)
 
     def _drawn_pieces(self, trackers: Sequence[PoseTracker]) -> Iterator[list[Masks | None]]:
-        """Where each frame's people are seen, by their bodies."""
-        store, views = self.prepared.store, self.prepared.observer.views
+        """Where each frame's people are seen, by their bodies, and things, by the hull."""
+        views = self.prepared.observer.views
 
         def pieces(t: int) -> list[Masks | None]:
-            return [_drawn(tracker, t, views) for tracker in trackers]
+            there = np.isfinite(self.things_m[:, t]).any()
+            things = self._hull_pieces_at(t)[len(self.places_m) :] if there else []
+            return [_drawn(tracker, t, views) for tracker in trackers] + things
 
-        return _in_turn(pieces, store)
+        return _in_turn(pieces, self.prepared.store)
 
 
 def _drawn(tracker: PoseTracker, t: int, views: PinholeViews) -> Masks | None:

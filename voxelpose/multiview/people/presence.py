@@ -51,7 +51,7 @@ class PresenceSearch:
     """Asks frame by frame who may be where.
 
     Args:
-        observer: carves the hull of everybody, in a volume that begins at the floor.
+        observer: carves the hull of everybody.
         most: number of people, at most.
     """
 
@@ -90,9 +90,11 @@ class PresenceSearch:
         volume_m3 = np.asarray(cv2.filter2D(columns, -1, disc.astype(np.float32), borderType=0))
         highest = volume_m3 >= maximum_filter(volume_m3, footprint=disc)
         x, y, z = grid.axes()
+        # Of what is seen of people's feet; where the volume begins is lower.
+        floor_m = float(np.quantile(z[hull.nonzero()[2]], 0.01)) if hull.any() else 0.0
 
         def reaches(height_m: float) -> NDArray[np.bool_]:
-            above = hull[:, :, z >= self._observer.volume.origin_m[2] + height_m].any(axis=2)
+            above = hull[:, :, z >= floor_m + height_m].any(axis=2)
             return np.asarray(maximum_filter(above, footprint=disc), np.bool_)
 
         crouching = reaches(0.5 * PEOPLE.upright_m)
@@ -214,9 +216,9 @@ def moving_costs(
 
 def link_sets(
     frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Places (N, T, 2) float64 of N people over time, NaN where one is not there. What is upright
-    at no time is nobody.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (N, T, 2) float64 of N people over time, NaN where one is not there; and of things,
+    which are upright at no time.
     """
     tracks: list[NDArray[np.float64]] = []
     upright: list[bool] = []
@@ -240,8 +242,8 @@ def link_sets(
             tracks[followed[axis]][t] = frame.axes_m[axis]
             upright[followed[axis]] |= bool(frame.upright[axis])
         current = followed
-    people = [track for track, stood in zip(tracks, upright, strict=True) if stood]
-    return np.stack(people) if people else np.empty((0, len(frames), 2))
+    axes_m, stood = np.array(tracks).reshape(-1, len(frames), 2), np.array(upright, np.bool_)
+    return axes_m[stood], axes_m[~stood]
 
 
 def find_people(
@@ -249,8 +251,8 @@ def find_people(
     frames: Iterable[list[NDArray[np.bool_]]],
     times_s: NDArray[np.float64],
     most: int,
-) -> NDArray[np.float64]:
-    """Where people are in some frames of a recording.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where people are in some frames of a recording, and what is as large and nobody.
 
     Args:
         observer: as of `PresenceSearch`.
@@ -260,13 +262,14 @@ def find_people(
 
     Returns:
         Axes (N, T, 2) float64 in the world's xy plane, m, of N people; NaN where one is not there.
-        Who comes back after more than `HIDDEN_S` is another one.
+        Who comes back after more than `HIDDEN_S` is another one. Then the same of things.
     """
     search, elapsed_s = PresenceSearch(observer, most), np.diff(times_s)
     sets: list[PeopleSets] = []
     for masks in frames:
         sets.append(search.sets(masks, sets[-1].axes_m if sets else None))
-    return join_tracks(link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s), times_s)
+    people, things = link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s)
+    return join_tracks(people, times_s), join_tracks(things, times_s)
 
 
 def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -112,7 +112,7 @@ def test_of_all_combinations_the_one_that_explains_everybody_is_taken():
     people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
     store = [[a | b for a, b in people]]
     prepared = namespace(store=store, observer=namespace(views=VIEWS))
-    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)))
+    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)), np.zeros((0, 1, 3)))
     assert track._best_together([[wrong[0], right[0]], [right[1], wrong[1]]]) == (1, 0)
     assert track._best_together([[right[0], lost[0]], [lost[1], wrong[1], right[1]]]) == (0, 2)
     assert track._best_together([[wrong[0]], [wrong[1]]]) == (0, 0)
@@ -124,7 +124,7 @@ def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
     volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
     observer = namespace(views=VIEWS, volume=volume)
     prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
-    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)))
+    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)), np.zeros((0, 1, 3)))
     assert track._unexplained(trackers) == 0
     assert track._unexplained(trackers[:1]) == 1
 
@@ -155,7 +155,8 @@ def test_who_comes_back_is_the_same_person_and_that_is_said(people):
     with prepare_silhouettes(
         source, Settings(), PreparationSettings(0.03, 0, "off"), StageClock(), reporter
     ) as prepared:
-        places_m = people_places(prepared, people, StageClock(), reporter)
+        places_m, things_m = people_places(prepared, people, StageClock(), reporter)
+    assert not len(things_m)
     there = np.isfinite(places_m[:, :, 0])
     assert there[0].all()
     assert there[1].tolist() == [not 10 <= t < 40 for t in range(50)]
