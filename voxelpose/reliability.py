@@ -157,8 +157,8 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
     if share > RELIABILITY.lost:
         yield (
             f"in {100 * share:.0f} % of the frames something as large as a person is seen beside"
-            " those who were found: look at the contact sheet, and tell by --people how many there"
-            " are"
+            " those who were found: look at the contact sheet, and if it is somebody, tell by"
+            " --people how many there are"
         )
     near, uncertain = quality.get("landmark_confidence", {}), _uncertain(quality)
     # Of 13 right results of random recordings none has more than 3 of 15; a wrong one had 11.

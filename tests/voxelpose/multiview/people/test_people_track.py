@@ -13,6 +13,7 @@ from silhouette_core.progress import SilentReporter, StageClock
 from tests.sources import GreySource
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
 from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator
 from voxelpose.multiview.people.people_track import PeopleTrack, people_places
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
@@ -127,6 +128,20 @@ def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
     track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)), np.zeros((0, 1, 3)))
     assert track._unexplained(trackers) == 0
     assert track._unexplained(trackers[:1]) == 1
+
+
+def test_a_thing_is_seen_where_its_hull_is_beside_the_bodies():
+    trackers = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE[:1]]
+    people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
+    volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
+    observer = HullObserver(VIEWS, volume, 0.025, body_rule(5, 0))
+    prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
+    places = [np.array([[(*place, 1.0)]]) for place in PLACES]
+    ((body, thing),) = PeopleTrack(namespace(), prepared, *places)._drawn_pieces(trackers)
+    own, other = (photograph(VIEWS, *one) for one in PEOPLE)
+    for k in range(5):
+        assert np.array_equal(body[k], own[k])
+        assert (thing[k] & other[k]).sum() > 0.9 * other[k].sum()
 
 
 class Wardrobe(Couple):

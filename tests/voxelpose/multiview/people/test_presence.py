@@ -180,6 +180,17 @@ def test_who_crouches_is_somebody_and_what_is_low_at_all_times_nobody():
     np.testing.assert_allclose(thing, person)
 
 
+def test_a_crate_is_nobody_wherever_the_volume_begins():
+    seen_by, times_s = views(4), np.arange(3) / 10
+    deep = VoxelGrid.from_bounds((-1.5, -1.5, -0.4), (1.5, 1.5, 2.1), 0.05)
+    asked = HullObserver(seen_by, deep, 0.025, body_rule(4, 0))
+    person = photograph(seen_by, fitting_model(), stance(fitting_model(), {}, (-0.4, 0)))
+    both = union(person, post(seen_by, 0.6, 0.2, 0.4, 0.8))
+    people, things = find_people(asked, [both] * 3, times_s, 6)
+    assert len(people) == len(things) == 1
+    np.testing.assert_allclose(things[0], [(0.6, 0.2)] * 3, atol=0.1)
+
+
 def test_who_stays_for_a_moment_only_is_not_there():
     alone = sets_of([(0, 0)], {(0,): 0.2, (): 1.0})
     ghost = sets_of([(0, 0), (1.5, 0)], {(0, 1): 0.1, (0,): 0.9, (): 2.0})
