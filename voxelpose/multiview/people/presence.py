@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -218,10 +219,10 @@ def link_sets(
     frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Places (N, T, 2) float64 of N people over time, NaN where one is not there; and of things,
-    which are upright at no time.
+    which are upright at no time: one moment alone is a phantom's.
     """
     tracks: list[NDArray[np.float64]] = []
-    upright: list[bool] = []
+    upright: list[list[bool]] = []
     current: dict[int, int] = {}  # person by index of the axis
     for t, (frame, k) in enumerate(zip(frames, taken, strict=True)):
         members = frame.members[k]
@@ -238,11 +239,13 @@ def link_sets(
             if axis not in followed:
                 followed[axis] = len(tracks)
                 tracks.append(np.full((len(frames), 2), np.nan))
-                upright.append(False)
+                upright.append([])
             tracks[followed[axis]][t] = frame.axes_m[axis]
-            upright[followed[axis]] |= bool(frame.upright[axis])
+            upright[followed[axis]].append(bool(frame.upright[axis]))
         current = followed
-    axes_m, stood = np.array(tracks).reshape(-1, len(frames), 2), np.array(upright, np.bool_)
+    axes_m = np.array(tracks).reshape(-1, len(frames), 2)
+    long = [own == [True] or any(map(all, pairwise(own))) for own in upright]
+    stood = np.array(long, np.bool_)
     return axes_m[stood], axes_m[~stood]
 
 
