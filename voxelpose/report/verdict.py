@@ -198,7 +198,10 @@ def _lost(result: Result) -> Finding:
     lost = np.array(summary["frames"]["lost"], np.int64)
     count = summary["frames"]["with_pose"] + len(lost)
     away = np.array(summary["frames"].get("away", ()), np.int64)
-    absent = f" Not there in {ranges_text(away)}." if len(away) else ""
+    absent = f" Away in {ranges_text(away)}." if len(away) else ""
+    first, last = result.motion.frames[[0, -1]]
+    if ((away > first) & (away < last)).any():
+        absent += " That who came back is who left is a guess by the colours."
     if not len(lost):
         return Finding("good", "Frames", f"All {count} frames have a pose.{absent}")
     noun = noun_of(result)

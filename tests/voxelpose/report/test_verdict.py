@@ -38,6 +38,26 @@ def test_all_is_well(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("away", "words"),
+    [
+        (
+            [4, 5, 6],
+            "have a pose. Away in frames 4–6. That who came back is who left is a guess by",
+        ),
+        ([0, 1, 19], "have a pose. Away in frames 0–1, 19."),
+    ],
+)
+def test_who_is_away_is_told_and_no_fault(tmp_path, away, words):
+    whole = result(tmp_path)
+    kept = np.setdiff1d(np.arange(20), away)
+    whole.summary["frames"]["away"] = away
+    came = replace(whole, motion=whole.motion.select(kept))
+    told = next(one for one in findings(came, CameraCheck()) if one.title == "Frames")
+    assert told.level == "good" and words in told.words
+    assert ("guess" in told.words) == (4 in away)
+
+
+@pytest.mark.parametrize(
     ("change", "level", "words"),
     [
         ({"lost": [4, 5, 6, 9]}, "bad", "4 of 20 frames have no pose: frames 4–6, 9."),
