@@ -69,6 +69,13 @@ def coarse_histogram(bins: NDArray[np.uint16]) -> NDArray[np.float64]:
     return fine.sum(axis=(2, 4)).ravel() / max(len(bins), 1)
 
 
+def unlikeness(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How different histograms (..., n) of shares are, (...) float64 from 0 to 1: Hellinger's
+    distance.
+    """
+    return np.asarray(np.sqrt(np.maximum(1 - np.sqrt(first * second).sum(axis=-1), 0)), float)
+
+
 class HeadColours:
     """Histograms of the colours of the head and of the rest of a person."""
 

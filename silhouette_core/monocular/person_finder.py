@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 from calib.camera import Camera
 from calib.components import MaskComponents, label_components
 from silhouette_core.estimator import Frame
-from silhouette_core.image.head_colours import ColourCrop, coarse_histogram
+from silhouette_core.image.head_colours import ColourCrop, coarse_histogram, unlikeness
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.person import LEAST_PX, Person, find_person, slenderness
 from silhouette_core.monocular.tuning import PERSON
@@ -286,10 +286,10 @@ def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dic
 
 
 def _unlike(person: FollowedPerson, piece: _Piece) -> float:
-    """How different the colours of a person and a piece are, 0 to 1: Hellinger's distance."""
+    """How different the colours of a person and a piece are, 0 to 1."""
     if person.looks is None or piece.looks is None:
         return 0.0
-    return float(np.sqrt(max(1 - np.sqrt(person.looks * piece.looks).sum(), 0.0)))
+    return float(unlikeness(person.looks, piece.looks))
 
 
 def _holds(box_px: NDArray[np.float64], place_px: NDArray[np.float64]) -> bool:

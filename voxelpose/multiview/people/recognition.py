@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.moments import even_moments
-from silhouette_core.image.head_colours import coarse_histogram, quantise
+from silhouette_core.image.head_colours import coarse_histogram, quantise, unlikeness
 from voxelpose.multiview.people.own_silhouettes import hull_pieces
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
-
-_LOOKED_AT = 6  # frames of each track
+from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES
 
 
 def never_at_once(axes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -30,7 +29,7 @@ def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDAr
     """
     store, footage = prepared.store, prepared.footage
     there = [np.flatnonzero(np.isfinite(own[:, 0])) for own in axes_m]
-    steps = sorted({int(t) for own in there for t in own[even_moments(len(own), _LOOKED_AT)]})
+    steps = sorted({int(t) for own in there for t in own[even_moments(len(own), REFIT_FRAMES)]})
     cameras = [*zip(footage.source.rig.names, footage.lenses, footage.late, strict=True)]
     looks: list[list[NDArray[np.float64]]] = [[] for _ in axes_m]
     for t, frames in zip(steps, footage.source.at(steps), strict=True):
@@ -64,8 +63,8 @@ def rejoined(
     """
     apart = never_at_once(axes_m)
     unlike = np.ones(apart.shape)
-    if looks is not None:  # Hellinger's distance
-        unlike = np.sqrt(np.maximum(1 - np.sqrt(looks[:, None] * looks[None]).sum(axis=2), 0))
+    if looks is not None:
+        unlike = unlikeness(looks[:, None], looks[None])
     most = unlike[~apart & ~np.eye(len(apart), dtype=np.bool_)].min(initial=1) / 2
     found = [[k] for k in range(len(axes_m))]
 
