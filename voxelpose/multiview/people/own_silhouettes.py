@@ -19,6 +19,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
+from voxelpose.multiview.silhouettes.observation_store import OtherPeople
 from voxelpose.multiview.tuning import CARVING
 
 Masks = list[NDArray[np.bool_]]
@@ -89,27 +90,33 @@ def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 def silhouettes_of(
     store: MaskStore,
     pieces: Iterator[Sequence[Masks | None]],
-    people: int,
+    places_m: NDArray[np.float64],
     views: PinholeViews,
-    *,
-    bodies: bool,
-) -> Iterator[list[tuple[MaskStore, MaskStore]]]:
-    """Each person's silhouettes, and where nothing is known of them, for a `with` block.
+) -> Iterator[list[tuple[MaskStore, OtherPeople]]]:
+    """Each person's silhouettes, and what others leave open of them, for a `with` block.
 
     Args:
         store: silhouettes of everybody.
         pieces: of every frame, see `own_and_unknown`.
-        people: their number.
+        places_m: (N, T, 3) float64, about where each is; NaN: not there.
         views: the cameras.
-        bodies: see `own_and_unknown`.
     """
     sizes = [camera.size for camera in views.rig]
-    with mask_stores(2 * people, sizes, len(store)) as stores:
-        pairs = list(zip(stores[::2], stores[1::2], strict=True))
+    with mask_stores(2 * len(places_m), sizes, len(store)) as stores:
+        each = [
+            (own, OtherPeople(unknown, at_m, np.ones(len(store))))
+            for own, unknown, at_m in zip(stores[::2], stores[1::2], places_m, strict=True)
+        ]
         for t, seen in enumerate(pieces):
             masks = store[t]
-            for person, kept in enumerate(pairs):
-                found = own_and_unknown(masks, seen, person, bodies=bodies)
-                for one, silhouettes in zip(kept, found, strict=True):
+            for person, (own, others) in enumerate(each):
+                found = own_and_unknown(masks, seen, person)
+                for one, silhouettes in zip((own, others.unknown), found, strict=True):
                     one.put(t, silhouettes)
-        yield pairs
+                if (mine := seen[person]) is not None:
+                    pairs = zip(mine, found[1], strict=True)
+                    shares = [
+                        (piece & unknown).sum() / max(piece.sum(), 1) for piece, unknown in pairs
+                    ]
+                    others.hidden[t] = np.mean(shares)
+        yield each

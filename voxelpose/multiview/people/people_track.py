@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ from voxelpose.multiview.people.recognition import looks_of, never_at_once, rejo
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import (
     ObservationStore,
-    OtherPeople,
     carved_observations,
 )
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
@@ -179,67 +178,32 @@ class PeopleTrack:
         return float(np.mean(np.array(lefts) > PEOPLE.needed))
 
     def followed(self, kept: ExitStack) -> list[Tracked]:
-        """Everybody followed: alone first, then with the others drawn; `kept` as above."""
+        """Everybody followed: beside the others' pieces of hull first, which hide more of a person
+        than bodies do, then beside their bodies; `kept` as above.
+        """
         stack = kept.enter_context(ExitStack())
-        found = self._begun(stack)
+        found = [self.work.tracked(seen) for seen in self._observations(self._hull_pieces(), stack)]
         for _ in range(_ROUNDS):
             trackers = [tracker for tracker, _ in found]
             before, stack = stack, kept.enter_context(ExitStack())
-            silhouettes = self._silhouettes(self._drawn_pieces(trackers), stack, bodies=True)
-            for k, (tracker, own) in enumerate(zip(trackers, silhouettes, strict=True)):
-                tracker.observations = self._observations(k, own, stack)
+            observed = self._observations(self._drawn_pieces(trackers), stack)
+            for tracker, seen in zip(trackers, observed, strict=True):
+                tracker.observations = seen
             for tracker in trackers:
                 self.work.again(tracker)
             before.close()
         return found
 
-    def _begun(self, kept: ExitStack) -> list[Tracked]:
-        """Everybody followed beside the others' pieces of hull, which may hide too much of a person
-        or leave too much of the others: of both ways, those that explain all silhouettes best
-        together.
-        """
-        ways = [self._silhouettes(self._hull_pieces(), kept, bodies=one) for one in (False, True)]
-        found: list[list[Tracked]] = []
-        for k, (wide, narrow) in enumerate(zip(*ways, strict=True)):
-            alike = np.array_equal(wide[0].pixels(), narrow[0].pixels())
-            asked = [wide] if alike else [wide, narrow]
-            found.append([self.work.tracked(self._observations(k, own, kept)) for own in asked])
-        best = self._best_together([[tracker for tracker, _ in one] for one in found])
-        return [one[k] for one, k in zip(found, best, strict=True)]
-
-    def _best_together(self, trackers: Sequence[Sequence[PoseTracker]]) -> tuple[int, ...]:
-        """Which of each person's trackers explain the silhouettes best, all bodies drawn."""
-        store, views = self.prepared.store, self.prepared.observer.views
-        choices = list(product(*(range(len(own)) for own in trackers)))
-        errors = np.zeros(len(choices))
-        for t in even_moments(len(store), REFIT_FRAMES).tolist():
-            masks = store[t]
-            nothing = [np.zeros_like(mask) for mask in masks]
-            drawn = [[_drawn(one, t, views) or nothing for one in own] for own in trackers]
-            for number, choice in enumerate(choices):
-                people = [own[k] for own, k in zip(drawn, choice, strict=True)]
-                for mask, *bodies in zip(masks, *people, strict=True):
-                    union = np.logical_or.reduce(bodies)
-                    either = np.count_nonzero(union | mask)
-                    errors[number] += np.count_nonzero(union ^ mask) / max(either, 1)
-        return choices[int(errors.argmin())]
-
-    def _silhouettes(
-        self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack, *, bodies: bool
-    ) -> list[tuple[MaskStore, MaskStore]]:
-        """Each person's silhouettes among others that are seen where `pieces` says."""
-        views, count = self.prepared.observer.views, len(self.places_m)
-        at = self.prepared.store, pieces, count, views
-        return kept.enter_context(silhouettes_of(*at, bodies=bodies))
-
     def _observations(
-        self, person: int, silhouettes: tuple[MaskStore, MaskStore], kept: ExitStack
-    ) -> ObservationStore:
-        """Observations of a person with these silhouettes."""
-        own, unknown = silhouettes
-        others = OtherPeople(unknown, self.places_m[person])
-        at = self.prepared.observer, own, self.work.clock, self.work.reporter, others
-        return kept.enter_context(carved_observations(*at))
+        self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack
+    ) -> list[ObservationStore]:
+        """Observations of each person among others that are seen where `pieces` says."""
+        observer, told = self.prepared.observer, (self.work.clock, self.work.reporter)
+        at = self.prepared.store, pieces, self.places_m, observer.views
+        return [
+            kept.enter_context(carved_observations(observer, own, *told, others))
+            for own, others in kept.enter_context(silhouettes_of(*at))
+        ]
 
     def _hull_pieces(self) -> Iterator[list[Masks | None]]:
         """Where each frame's people and things are seen, by the hull about them."""

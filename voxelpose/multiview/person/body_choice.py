@@ -195,10 +195,17 @@ def choose_body(
 
 
 def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]:
-    """Some frames of a recording in which a body is seen, by number."""
+    """Some frames of a recording in which a body is seen, by number: about evenly spaced, where
+    others hide least of it.
+    """
     there = np.flatnonzero(observations.there)
     most = max(_FEWEST_ANCHORS, len(there) // _FRAMES_PER_ANCHOR)
-    chosen = there[even_moments(len(there), most)].tolist()
+    even = even_moments(len(there), most)
+    between = np.arange(even[0], even[-1] + 1) if len(even) else even
+    away = np.abs(between[:, None] - even)
+    order = np.lexsort((away.min(axis=1), observations.hidden[there[between]]))
+    _, clearest = np.unique(away.argmin(axis=1)[order], return_index=True)
+    chosen = there[between[order[clearest]]].tolist()
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
 
 

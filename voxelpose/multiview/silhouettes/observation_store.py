@@ -61,10 +61,12 @@ class OtherPeople:
     Attributes:
         unknown: where others are, or may be.
         places_m: (T, 3) float64, about where the person is; NaN: not there.
+        hidden: (T,) float64, share of the person that others may hide.
     """
 
     unknown: MaskStore
     places_m: NDArray[np.float64]
+    hidden: NDArray[np.float64]
 
 
 class ObservationStore:
@@ -105,6 +107,11 @@ class ObservationStore:
         others.
         """
         return None if self._others is None else self._others.places_m
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """(T,) float64, share of the person that others may hide."""
+        return np.zeros(len(self)) if self._others is None else self._others.hidden
 
     def carve(self, frames: Sequence[int]) -> None:
         """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""

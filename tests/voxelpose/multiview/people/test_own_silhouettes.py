@@ -1,5 +1,7 @@
 """Whose pixel: one person's silhouettes among several people's."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from tests.voxelpose.multiview.matching_scenes import (
@@ -11,7 +13,12 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.people.own_silhouettes import hull_pieces, own_and_unknown
+from voxelpose.multiview.people.own_silhouettes import (
+    hull_pieces,
+    own_and_unknown,
+    silhouettes_of,
+)
+from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
 VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
 
@@ -45,6 +52,21 @@ def test_where_another_is_drawn_before_the_background_nothing_is_known():
     (own,), (unknown,) = own_and_unknown([row(1, 2)], [[row(1, 2)], [row(8, 9)]], 0)
     assert np.flatnonzero(own).tolist() == [1, 2]
     assert np.flatnonzero(unknown).tolist() == [8, 9]
+
+
+def test_what_others_may_hide_is_a_share_of_the_persons_own_piece():
+    views = SimpleNamespace(rig=[SimpleNamespace(size=(12, 1))])
+    store = MaskStore([(12, 1)], 2)
+    for t in range(2):
+        store.put(t, [row(*range(1, 11))])
+    pieces = [[[row(2, 3, 4, 5)], [row(5, 6, 7, 8)]], [None, [row(5, 6)]]]
+    places_m = np.zeros((2, 2, 3))
+    with silhouettes_of(store, iter(pieces), places_m, views) as ((own, first), (_, second)):
+        assert first.hidden.tolist() == [0.25, 1.0]
+        assert second.hidden.tolist() == [0.25, 0.0]
+        assert np.flatnonzero(own[0][0]).tolist() == [1, 2, 3, 4]
+        assert np.flatnonzero(second.unknown[0][0]).tolist() == [1, 2, 3, 4, 5]
+    store.close()
 
 
 def test_who_is_alone_has_the_whole_foreground():

@@ -102,23 +102,6 @@ def test_two_robots_cannot_be_followed(source):
         MultiViewEstimator().estimate_people(source, settings, SilentReporter(), 2)
 
 
-def test_of_all_combinations_the_one_that_explains_everybody_is_taken():
-    """A leg that lies in another's silhouette is no mistake there, and missing where it is."""
-    right = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE]
-    wrong = [
-        namespace(body=namespace(model=body), poses=[stance(body, {}, place)])
-        for body, place in zip(BODIES, PLACES, strict=True)
-    ]
-    lost = [namespace(body=namespace(model=body), poses=[None]) for body in BODIES]
-    people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
-    store = [[a | b for a, b in people]]
-    prepared = namespace(store=store, observer=namespace(views=VIEWS))
-    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)), np.zeros((0, 1, 3)))
-    assert track._best_together([[wrong[0], right[0]], [right[1], wrong[1]]]) == (1, 0)
-    assert track._best_together([[right[0], lost[0]], [lost[1], wrong[1], right[1]]]) == (0, 2)
-    assert track._best_together([[wrong[0]], [wrong[1]]]) == (0, 0)
-
-
 def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
     trackers = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE]
     people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)

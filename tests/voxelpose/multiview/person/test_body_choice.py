@@ -1,6 +1,7 @@
 """The body that a fit begins with, where nothing is told of the person."""
 
 from contextlib import closing, contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -90,6 +91,17 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
         start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
+
+
+def test_bodies_are_compared_where_others_hide_least_of_them():
+    there, hidden = np.ones(60, bool), np.zeros(60)
+    there[:10] = False
+    seen = SimpleNamespace(there=there, hidden=hidden, observe=lambda t: t if t != 45 else None)
+    alone = [*anchor_frames(seen)]
+    assert len(alone) >= 4 and np.ptp(np.diff(alone)) <= 1 and alone[0] > 10
+    hidden[:] = 0.5
+    hidden[[2, 12, alone[1] + 2, 58]] = 0.1  # 2: away; 12 and 58: where people come and go
+    assert [*anchor_frames(seen)] == [alone[0], alone[1] + 2, *alone[2:]]
 
 
 def test_frames_that_do_not_tell_the_body_have_the_errors_of_the_adapted_one():
