@@ -127,7 +127,7 @@ class _Filming:
         if plan.empty_s:
             self._wait("step out", plan.countdown_s)
             self._empty = empty
-            self._wait("empty view", plan.empty_s)
+            self._wait("empty view", plan.empty_s)  # and until every camera has shown it
             self._empty = None
             self._wait("step in", plan.countdown_s)
         self._begin(empty)
@@ -162,9 +162,10 @@ class _Filming:
         begun_s, asked = time.monotonic(), None
         while asked != word or not word:
             passed_s = time.monotonic() - begun_s
-            if seconds is not None and passed_s >= seconds:
+            shown = self._empty is None or len(self._empty) == len(self._readers)
+            if seconds is not None and passed_s >= seconds and shown:
                 return
-            self._show(phase, None if seconds is None else seconds - passed_s)
+            self._show(phase, None if seconds is None else max(seconds - passed_s, 0.0))
             if self._recorder is not None:
                 if self._recorder.failure:
                     raise InputError(self._recorder.failure)
