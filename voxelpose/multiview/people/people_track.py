@@ -183,14 +183,15 @@ class PeopleTrack:
         """
         stack = kept.enter_context(ExitStack())
         found = [self.work.tracked(seen) for seen in self._observations(self._hull_pieces(), stack)]
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS):
             trackers = [tracker for tracker, _ in found]
             before, stack = stack, kept.enter_context(ExitStack())
             observed = self._observations(self._drawn_pieces(trackers), stack)
             for tracker, seen in zip(trackers, observed, strict=True):
                 tracker.observations = seen
-            for tracker in trackers:
-                self.work.again(tracker)
+            for tracker, start in found:
+                # Limbs that pieces of hull hid are searched where bodies hide less.
+                self.work.again(tracker, [] if number else [*start.errors])
             before.close()
         return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -268,9 +268,16 @@ class TrackWork:
         tracker.begin(poses, errors)
         self._mend(tracker)
 
-    def again(self, tracker: PoseTracker) -> None:
-        """Follows somebody again whose silhouettes have changed."""
+    def again(self, tracker: PoseTracker, anchors: Sequence[int]) -> None:
+        """Follows somebody again whose silhouettes have changed, also from frames that are searched
+        without a prior.
+        """
         self._polish(tracker)
+        with self.clock("first poses"):
+            searched = zip(side_by_side(tracker.anchor, anchors), anchors, strict=True)
+            better = [t for found, t in searched if found]
+        for t in sorted(better, key=lambda k: tracker.error[k]):
+            tracker.carry(t)
         self._mend(tracker)
 
     def _mend(self, tracker: PoseTracker) -> None:

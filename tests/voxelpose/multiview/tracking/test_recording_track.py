@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack, contextmanager
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -111,3 +112,23 @@ def test_one_of_several_people_is_supposed_where_the_place_is_known():
     assert [one.root_m[0] for one in found[:3]] == pytest.approx([1.0, 1.2, 1.5])
     alone = SimpleNamespace(places_m=None, there=np.ones(4, bool))
     assert recording_track._supposed(SimpleNamespace(poses=poses, observations=alone)) is poses
+
+
+def test_who_is_followed_again_is_searched_in_the_anchor_frames_and_the_best_carried_first():
+    (tracker, _), done = tracked(0.1), []
+
+    def anchor(t):
+        found = {0: 0.08, 1: 0.05}.get(t)
+        if found is not None:
+            tracker.error[t] = found
+        return found is not None
+
+    tracker.error = np.full(3, 0.1)
+    tracker.observations = MagicMock(there=np.ones(3, bool))
+    tracker.anchor, tracker.carry = anchor, lambda t: done.append(t)
+    for name in ("polish", "repair", "mend_jumps", "recheck"):
+        setattr(tracker, name, lambda *_, name=name: done.append(name))
+    told = StageClock(), SilentReporter()
+    work = TrackWork(Settings(), 10, MatchSettings(), None, *told)
+    work.again(tracker, [0, 1, 2])
+    assert done == ["polish", 1, 0, "repair", "mend_jumps", "recheck"]
