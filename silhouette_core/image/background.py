@@ -314,13 +314,16 @@ class BackgroundModel:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
         return count_shadows(self._aligned(frame), self._background)
 
-    def as_grey(self, frames: Sequence[np.ndarray] | np.ndarray) -> "BackgroundModel":
+    def as_grey(
+        self, frames: Sequence[np.ndarray] | np.ndarray, several: bool = False
+    ) -> "BackgroundModel":
         """The same background, known to be of a camera without colour where no frame has any.
 
         Args:
             frames: each (H, W, 3) uint8, BGR.
+            several: see `difference.Background`.
         """
-        return self._with(grey=all(map(is_grey, [self.mean, *frames])))
+        return self._with(grey=all(map(is_grey, [self.mean, *frames])), several=several)
 
     def with_shadow(self, darkest: float) -> "BackgroundModel":
         """The same background with another darkest cast shadow, see `difference.Background`."""

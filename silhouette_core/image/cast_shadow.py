@@ -43,7 +43,7 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     bright = pooled_brightness(view)
     dark = only_darker(pooled, bright, exposure.noise)
     if background.grey:
-        any_shadow = replace(background, shadow=SHADOW.range[0])
+        any_shadow = replace(background, shadow=SHADOW.range[0], several=False)
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
     inside = ~grown(~dark, background.radius, cv2.MORPH_RECT)
     ratio = 1 + bright[inside] / background.scales[2][inside]

@@ -199,6 +199,7 @@ def _reduced(background: Background) -> Background:
         shadow=background.shadow,
         known=np.asarray(known) > 0.8,
         grey=background.grey,
+        several=background.several,
     )
 
 

@@ -28,6 +28,8 @@ class Background:
         radius: half width of the window over which evidence is pooled, px.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
         grey: whether the camera films without colour, so that no tint tells a shadow.
+        several: whether other cameras film the same: a shadow that counts as the person costs
+            little then, since it lies on the floor, and a limb that counts as a shadow much.
     """
 
     mean: NDArray[np.float32]
@@ -37,6 +39,7 @@ class Background:
     radius: int
     shadow: float = FOREGROUND.shadow
     grey: bool = False
+    several: bool = False
 
     @classmethod
     def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":

@@ -26,7 +26,8 @@ def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
 
 def texture_evidence(view: FrameView, whole_px: int | None = None) -> NDArray[np.float32]:
     """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
-    twice the logarithm of a ratio of densities; 0 where it says nothing.
+    twice the logarithm of a ratio of densities; 0 where it says nothing. Of several cameras, how
+    unlikely a shadow is, whatever else it may be.
 
     Args:
         whole_px: shorter side of the picture of which the view is a part; None: it is all of it.
@@ -46,5 +47,6 @@ def texture_evidence(view: FrameView, whole_px: int | None = None) -> NDArray[np
     left = mean(seen * seen) - both * both / np.maximum(square, least)
     uneven = np.sqrt(np.maximum(left * share, 0)) / np.maximum(mean(seen), least)
     shadow, clothes = SHADOW.uneven
-    evidence = np.square(uneven / shadow) - 2 * _FREEDOM * np.log(clothes / shadow)
+    usual = 0 if view.background.several else 2 * _FREEDOM * np.log(clothes / shadow)
+    evidence = np.square(uneven / shadow) - usual
     return np.where(share > least, evidence, 0).astype(np.float32)

@@ -106,7 +106,7 @@ class Silhouettes:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
             empty = (self._registered(name, frame) for frame in frames)
             taken, _ = seen.get(name, ((), None))
-            return BackgroundModel.from_frames(empty, method).as_grey(taken)
+            return BackgroundModel.from_frames(empty, method).as_grey(taken, len(self._sizes) > 1)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
         for name, (frames, odds) in self._samples(source, without, _OCCUPIED, backgrounds).items():
@@ -182,8 +182,10 @@ class Silhouettes:
                 " where it stands in the mean"
             )
         if grey := self.by_texture:
+            several = "what is darker counts as the person there, shadows too"
+            one = "texture tells clothes from shadows there"
             reporter.note(
-                f"without colour: {', '.join(grey)}: texture tells clothes from shadows there"
+                f"without colour: {', '.join(grey)}: {several if len(self._sizes) > 1 else one}"
             )
 
     def of(

@@ -7,6 +7,8 @@ import pytest
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.difference import Background, FrameView
 from silhouette_core.image.grey import is_grey, texture_evidence
+from silhouette_core.image.silhouettes import Silhouettes
+from tests.sources import GreySource, ring
 
 SIZE = (240, 320)
 SHIRT, SHADOW = (slice(60, 150), slice(120, 170)), (slice(180, 215), slice(150, 250))
@@ -56,6 +58,27 @@ def test_grey_clothes_as_dark_as_a_shadow_are_found_and_the_shadow_is_not(filmed
     blind = BackgroundModel.from_frames([empty]).with_colours([frame])
     assert blind.by_texture == 0
     assert blind.silhouette(frame)[SHIRT].mean() < 0.5  # by tint, of which there is none
+
+
+@pytest.mark.parametrize("cameras", [1, 2])
+def test_where_several_cameras_see_a_shadow_is_the_person(filmed, cameras):
+    """It lies on the floor and costs little there; an arm too few is lost."""
+    empty, frame = filmed
+
+    class Room(GreySource):
+        def backgrounds(self):
+            return {name: [empty] for name in self.rig.names}
+
+        def at(self, steps):
+            for _ in steps:
+                yield dict.fromkeys(self.rig.names, frame)
+
+    source = Room(ring(cameras, (320, 240)), 12)
+    silhouettes = Silhouettes(source)
+    found = silhouettes.of(next(source.at([0])))["cam_1"]
+    assert found[SHIRT].mean() > 0.8 and not found[:40].any()
+    assert (found[SHADOW].mean() > 0.8) == (cameras > 1)
+    assert len(silhouettes.by_texture) == cameras
 
 
 def test_without_colours_whatever_is_darker_may_belong_to_a_silhouette(filmed):
