@@ -78,10 +78,11 @@ def test_what_is_no_camera_is_refused(text):
 
 
 def test_a_file_is_played_at_its_rate_and_ends(tmp_path):
-    video = write_recording(tmp_path / "r", ring(1), 10, 20.0) / "cam_1.mp4"
+    # At 20 a second a busy machine is late by two pictures, which are then left out.
+    video = write_recording(tmp_path / "r", ring(1), 6, 5.0) / "cam_1.mp4"
     with reading(str(video)) as (reader, deliveries):
         wait_until(lambda: reader.state == "ended")
-    assert np.allclose(deliveries.times_s, np.arange(10) / 20)
+    assert np.allclose(deliveries.times_s, np.arange(6) / 5)
 
 
 def test_a_file_begins_again(tmp_path):

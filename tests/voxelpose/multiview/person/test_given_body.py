@@ -151,6 +151,7 @@ def test_anchors_begin_where_they_explain_the_silhouettes_nearly_as_well_as_the_
     class Observations(list):
         observer = SimpleNamespace(voxel_size_m=VOXEL_M)
         there = np.ones(5, np.bool_)
+        hidden = np.zeros(5)
 
         def observe(self, t):
             return t
