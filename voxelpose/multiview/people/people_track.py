@@ -1,4 +1,4 @@
-"""Several people followed beside each other: each alone first, then with the others drawn."""
+"""Several people followed beside each other: beside pieces of hull first, then beside bodies."""
 
 from __future__ import annotations
 
@@ -27,10 +27,7 @@ from voxelpose.multiview.people.presence import (
 )
 from voxelpose.multiview.people.recognition import looks_of, never_at_once, rejoined
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
-from voxelpose.multiview.silhouettes.observation_store import (
-    ObservationStore,
-    carved_observations,
-)
+from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, Tracked, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker

@@ -198,14 +198,17 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
     """Some frames of a recording in which a body is seen, by number: about evenly spaced, where
     others hide least of it.
     """
-    there = np.flatnonzero(observations.there)
+    there, hidden = np.flatnonzero(observations.there), observations.hidden
+    if not len(there):
+        return {}
     most = max(_FEWEST_ANCHORS, len(there) // _FRAMES_PER_ANCHOR)
-    even = even_moments(len(there), most)
-    between = np.arange(even[0], even[-1] + 1) if len(even) else even
-    away = np.abs(between[:, None] - even)
-    order = np.lexsort((away.min(axis=1), observations.hidden[there[between]]))
-    _, clearest = np.unique(away.argmin(axis=1)[order], return_index=True)
-    chosen = there[between[order[clearest]]].tolist()
+    even = there[even_moments(len(there), most)]
+    between = there[(there >= even[0]) & (there <= even[-1])]
+    nearest = np.abs(between[:, None] - even).argmin(axis=1)
+    chosen = [
+        min(between[nearest == k].tolist(), key=lambda t: (hidden[t], abs(t - middle)))
+        for k, middle in enumerate(even.tolist())
+    ]
     return {t: frame for t in chosen if (frame := observations.observe(t)) is not None}
 
 

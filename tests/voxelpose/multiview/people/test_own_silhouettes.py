@@ -13,11 +13,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.people.own_silhouettes import (
-    hull_pieces,
-    own_and_unknown,
-    silhouettes_of,
-)
+from voxelpose.multiview.people.own_silhouettes import hull_pieces, own_and_unknown, silhouettes_of
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
 VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)

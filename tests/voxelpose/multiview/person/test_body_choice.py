@@ -102,6 +102,8 @@ def test_bodies_are_compared_where_others_hide_least_of_them():
     hidden[:] = 0.5
     hidden[[2, 12, alone[1] + 2, 58]] = 0.1  # 2: away; 12 and 58: where people come and go
     assert [*anchor_frames(seen)] == [alone[0], alone[1] + 2, *alone[2:]]
+    there[:] = False
+    assert anchor_frames(seen) == {}
 
 
 def test_frames_that_do_not_tell_the_body_have_the_errors_of_the_adapted_one():
