@@ -16,6 +16,14 @@ _XCP = """<?xml version="1.0"?>
  </Camera>
 </Cameras>
 """
+_THEIA = """<calibration><results/><cameras>
+ <camera active="1" serial="21" viewrotation="0">
+  <transform x="500" y="1200" z="3000" r11="1" r12="0" r13="0" r21="0" r22="0" r23="-1" r31="0"
+   r32="1" r33="0"/>
+  <intrinsic sensorMinU="0" sensorMaxU="320" sensorMinV="0" sensorMaxV="240" focalLengthU="300"
+   focalLengthV="301" centerPointU="160" centerPointV="120" skew="0" radialDistortion1="-0.1"/>
+ </camera></cameras></calibration>
+"""
 _METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.0.0"><chunk label="Chunk 1">
  <sensors><sensor id="0" type="frame"><resolution width="320" height="240"/>
@@ -33,6 +41,11 @@ _METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 def write_vicon(folder: Path) -> None:
     """Writes a rig of a marker camera and a video camera."""
     (folder / "rig.xcp").write_text(_XCP)
+
+
+def write_theia(folder: Path) -> None:
+    """Writes one camera as Theia3D does."""
+    (folder / "rig.txt").write_text(_THEIA)
 
 
 def write_metashape(folder: Path) -> None:

@@ -583,6 +583,7 @@ TARGETS: dict[str, FuzzTarget] = {
     ),
     "nerfstudio": _foreign(calibrations.write_nerfstudio, "rig.json", any_json),
     "metashape": _foreign(calibrations.write_metashape, "rig.xml", any_text),
+    "theia": _foreign(calibrations.write_theia, "rig.txt", any_text, "mm"),
     "vicon": _foreign(calibrations.write_vicon, "rig.xcp", any_text, "mm"),
     "kinect": FuzzTarget(calibrations.write_kinect, {"rig.json": any_json}, _use_lens),
     "opencap": _foreign(calibrations.write_opencap, "rig.json", any_json, "mm"),

@@ -18,9 +18,15 @@ from calib.files.anipose import read_anipose, write_anipose
 from calib.files.colmap import is_colmap, read_colmap
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
-from calib.files.foreign_json import is_opencap, read_kinect, read_nerfstudio, read_opencap
+from calib.files.foreign_json import (
+    is_kinect,
+    is_opencap,
+    read_kinect,
+    read_nerfstudio,
+    read_opencap,
+)
 from calib.files.metashape import read_metashape
-from calib.files.opencv import read_opencv, read_opencv_folder, write_opencv
+from calib.files.opencv import read_folder, read_opencv, write_opencv
 from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys
 from calib.files.vicon import read_vicon
@@ -74,9 +80,9 @@ def read_rig(
 
     Args:
         path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
-            matrices, nerfstudio's, OpenCap's and Kinect's JSON, Qualisys .qca.txt, Vicon .xcp,
-            Metashape's XML), or a folder (EasyMocap's intri.yml and extri.yml, COLMAP's text model,
-            or one OpenCV file per camera).
+            matrices, nerfstudio's, OpenCap's and Kinect's JSON, Qualisys .qca.txt, Theia's, Vicon
+            .xcp, Metashape's XML), or a folder (EasyMocap's intri.yml and extri.yml, COLMAP's text
+            model, or one file of OpenCV's, OpenCap's or Kinect's per camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
         cameras: Names of the cameras that are wanted; None for all. Others may be left out of the
@@ -134,7 +140,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
     if is_colmap(source.path):
         return read_colmap
     if source.path.is_dir():
-        return read_opencv_folder
+        return read_folder
     if not source.path.exists():
         raise source.error("no such calibration file")
     text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)
@@ -169,11 +175,10 @@ def _reader_of_json(content: Any) -> Callable[[Source], Rig]:
         "projections": read_projections,
         "cameras": read_json,
         "frames": read_nerfstudio,
-        "CalibrationInformation": read_kinect,
     }
     for key, reader in readers.items():
         if key in content:
             return reader
-    if isinstance(content.get("intrinsic_matrix"), list) and {"width", "height"} <= content.keys():
+    if is_kinect(content):
         return read_kinect
     return read_opencap if is_opencap(content) else read_opencv

@@ -28,13 +28,14 @@ from typing import Any
 
 import numpy as np
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.files.fields import Source, brief, names_of_pictures
 
 _FLIP = np.diag([1, -1, -1])
 _NERF_MODELS = {"OPENCV": False, "PINHOLE": False, "SIMPLE_PINHOLE": False, "OPENCV_FISHEYE": True}
-_OPENCAP_MATRIX = "intrinsicMat"
+OPENCAP_MATRIX = "intrinsicMat"
+"""Key by which a camera's map of OpenCap's is known."""
 _KINECT_MODEL = "CALIBRATION_LensDistortionModelBrownConrady"
 _COLOUR = "CALIBRATION_CameraPurposePhotoVideo"
 _ORDER = "cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1".split()
@@ -88,9 +89,9 @@ def _frame_lens(source: Source, name: str, own: dict[str, Any]) -> dict[str, Any
 
 
 def is_opencap(content: dict[str, Any]) -> bool:
-    """Whether the content of JSON is OpenCap's."""
+    """Whether the content of JSON is OpenCap's, of one camera or of several."""
     inner = (value for value in content.values() if isinstance(value, dict))
-    return _OPENCAP_MATRIX in content or any(_OPENCAP_MATRIX in value for value in inner)
+    return OPENCAP_MATRIX in content or any(OPENCAP_MATRIX in value for value in inner)
 
 
 def read_opencap(source: Source) -> Rig:
@@ -100,22 +101,37 @@ def read_opencap(source: Source) -> Rig:
         InputError: A camera is incomplete or wrong.
     """
     content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
-    metres = source.metres_per_unit("mm", "OpenCap writes mm")
-    named = {source.path.stem: content} if _OPENCAP_MATRIX in content else content
-    cameras = []
-    for name, own in named.items():
-        if not isinstance(own, dict) or _OPENCAP_MATRIX not in own:
-            continue
-        size = own.get("imageSize")
-        values = {
-            "size": None if size is None else source.numbers(name, "imageSize", size, (2,))[::-1],
-            "matrix": own[_OPENCAP_MATRIX],
-            "distortions": own.get("distortion"),
-            "rotation": own.get("rotation"),
-            "translation": own.get("translation"),
-        }
-        cameras.append(source.camera(name, values, metres))
-    return source.rig(cameras)
+    named = {source.path.stem: content} if OPENCAP_MATRIX in content else content
+    return source.rig(
+        [
+            opencap_camera(source, name, own)
+            for name, own in named.items()
+            if isinstance(own, dict) and OPENCAP_MATRIX in own
+        ]
+    )
+
+
+def opencap_camera(source: Source, name: str, own: dict[str, Any]) -> Camera | None:
+    """Camera from its map.
+
+    Raises:
+        InputError: It is incomplete or wrong.
+    """
+    size = own.get("imageSize")
+    values = {
+        "size": None if size is None else source.numbers(name, "imageSize", size, (2,))[::-1],
+        "matrix": own.get(OPENCAP_MATRIX),
+        "distortions": own.get("distortion"),
+        "rotation": own.get("rotation"),
+        "translation": own.get("translation"),
+    }
+    return source.camera(name, values, source.metres_per_unit("mm", "OpenCap writes mm"))
+
+
+def is_kinect(content: dict[str, Any]) -> bool:
+    """Whether the content of JSON is Azure Kinect's, or Open3D's."""
+    plain = isinstance(content.get("intrinsic_matrix"), list)
+    return "CalibrationInformation" in content or (plain and {"width", "height"} <= content.keys())
 
 
 def read_kinect(source: Source) -> Rig:
@@ -126,12 +142,20 @@ def read_kinect(source: Source) -> Rig:
             that this sensor makes.
     """
     content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
-    name = source.path.stem
+    return source.rig([kinect_camera(source, source.path.stem, content)])
+
+
+def kinect_camera(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
+    """Colour camera from the content of its JSON.
+
+    Raises:
+        InputError: As `read_kinect`.
+    """
     if "intrinsic_matrix" in content:
         matrix = source.numbers(name, "intrinsic_matrix", content["intrinsic_matrix"], (9,))
         size = [content.get("width"), content.get("height")]
         values = {"size": size, "matrix": matrix.reshape(3, 3).T, "distortions": []}
-        return source.rig([source.camera(name, values, 1)])
+        return source.camera(name, values, 1)
     content = content["CalibrationInformation"]
     cameras = content.get("Cameras") if isinstance(content, dict) else None
     colour = [
@@ -160,4 +184,4 @@ def read_kinect(source: Source) -> Rig:
     term |= {"cx": term["cx"] * full[0], "cy": term["cy"] * full[1] - cut}
     term |= {"fx": term["fx"] * full[0], "fy": term["fy"] * full[1]}
     values = source.lens(name, term) | {"size": size}
-    return source.rig([source.camera(name, values, 1)])
+    return source.camera(name, values, 1)

@@ -6,7 +6,7 @@ Layouts that are read:
   also what is written);
 - one file with one camera, its keys at the top level;
 - a folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or
-  `cam_1/config.xml` ... (after the folder).
+  `cam_1/config.xml` ... (after the folder). They may be OpenCap's or Kinect's JSON, too.
 
 Keys, whatever their case and underscores: `camera_matrix` (or K, intrinsic_matrix, mtx),
 `distortion_coefficients` (dist_coeffs, dist, D, distortions), `rotation` (R, Rot, rvec,
@@ -16,6 +16,7 @@ the world into the camera.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files.fields import Source
 from calib.files.file_storage import dump_storage, load_storage
+from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
 
 _ALIASES = {
     "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
@@ -73,8 +75,8 @@ def read_opencv(source: Source) -> Rig:
     return source.rig([_camera(source, name, values, metres) for name, values in maps.items()])
 
 
-def read_opencv_folder(source: Source) -> Rig:
-    """Reads a folder of one file per camera.
+def read_folder(source: Source) -> Rig:
+    """Reads a folder of one file per camera: OpenCV's, OpenCap's or Kinect's.
 
     Raises:
         InputError: No calibration in it, or a camera is incomplete or wrong.
@@ -85,15 +87,16 @@ def read_opencv_folder(source: Source) -> Rig:
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         inner = [replace(source, path=file) for file in files]
         stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
-        holding = [(one, content) for one, content in stored if "matrix" in _named(content)]
+        holding = [
+            (one, reader, content) for one, content in stored if (reader := _reader_of_one(content))
+        ]
         if entry.is_dir() and len(holding) > 1:
             raise Source(entry).error(
                 f"{len(holding)} calibrations in one camera's folder: keep"
                 f" {holding[0][0].path.name} or the other"
             )
-        for file_source, content in holding:
-            name = entry.stem if entry.is_file() else entry.name
-            cameras.append(_camera(file_source, name, content, _metres(file_source, content)))
+        name = entry.stem if entry.is_file() else entry.name
+        cameras += [reader(one, name, content) for one, reader, content in holding]
     return source.rig(cameras)
 
 
@@ -156,6 +159,22 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
             f"cameras in different units ({', '.join(stated)[:80]}): write them in one"
         )
     return source.metres_per_unit(units[0] if units else None, _REMEDY)
+
+
+def _reader_of_one(
+    content: dict[str, Any],
+) -> Callable[[Source, str, dict[str, Any]], Camera | None] | None:
+    """What makes a camera of the content of a file that is its own; None for other files."""
+    if is_kinect(content):
+        return kinect_camera
+    if OPENCAP_MATRIX in content:
+        return opencap_camera
+    return _alone if "matrix" in _named(content) else None
+
+
+def _alone(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
+    """Camera of a file that states its unit."""
+    return _camera(source, name, content, _metres(source, content))
 
 
 def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera | None:

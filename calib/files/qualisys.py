@@ -1,4 +1,4 @@
-"""Qualisys Track Manager's calibration export, `.qca.txt` (XML).
+"""Qualisys Track Manager's calibration export, `.qca.txt`, and Theia3D's, of the same tags (XML).
 
 What QTM writes, and how it is converted:
 
@@ -13,11 +13,18 @@ What QTM writes, and how it is converted:
 
 Marker cameras are left out where there are cameras that film by their model: Video, Hybrid,
 colour, an Oqus with a c (210c). The unit is always mm.
+
+Theia's root has no attributes, and its cameras no `fov_video`. There `transform` takes the world
+into the camera, with OpenCV's axes, and lengths of the lens are in px. Where a pixel begins is not
+said: its centre is taken, as OpenCV does. Both have the same terms of distortion. Source: "Data
+formats, Calibration files" of Theia3D's documentation; a camera of a public recording stands at
+2.16 m and looks at the origin by it.
 """
 
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -36,22 +43,24 @@ _DISTORTION = (
     "tangentalDistortion2",
     "radialDistortion3",
 )
+_LENS = ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV")
 
 
 def read_qualisys(source: Source) -> Rig:
     """Reads the rig.
 
     Raises:
-        InputError: The file is no QTM calibration, or a camera in it is incomplete or wrong.
+        InputError: The file is neither QTM's nor Theia's calibration, or a camera in it is
+            incomplete or wrong.
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
-    stated = root.attrib and root.find(".//fov_video") is not None
-    if not stated and root.find(".//intrinsic") is not None:
+    theia = not root.attrib
+    if theia == (root.find(".//fov_video") is not None) and root.find(".//intrinsic") is not None:
         raise source.error(
-            "looks like Theia's: no qtm-version, or no <fov_video>; its transforms differ from"
-            " QTM's, and how it counts pixels is not known here: export from QTM or Nexus"
+            "QTM's file has attributes in its first tag and <fov_video> in each camera, Theia's has"
+            " neither; they differ in the transform, and this one is of neither kind: export again"
         )
-    metres = source.metres_per_unit("mm", "QTM writes mm")
+    metres = source.metres_per_unit("mm", "QTM and Theia write mm")
     found = {
         element.get("serial") or f"cam_{number}": element
         for number, element in enumerate(root.iter("camera"), start=1)
@@ -63,7 +72,8 @@ def read_qualisys(source: Source) -> Rig:
     }
     filming = [name for name, kind in kinds.items() if _FILMING.search(kind) or kind == "none"]
     names, notes = video_cameras(source, kinds, filming, found.keys() - kinds.keys())
-    return source.rig([_camera(source, name, found[name], metres) for name in names], notes)
+    camera = _theia_camera if theia else _camera
+    return source.rig([camera(source, name, found[name], metres) for name in names], notes)
 
 
 def write_qualisys(rig: Rig, path: Path) -> None:
@@ -114,16 +124,9 @@ def write_qualisys(rig: Rig, path: Path) -> None:
 def _camera(
     source: Source, name: str, element: ElementTree.Element, metres: float
 ) -> Camera | None:
-    """Camera from its element."""
-
-    def numbers(tag: str, keys: Iterable[str], missing: str | None = None) -> FloatArray:
-        child = element.find(tag)
-        if child is None:
-            raise source.error(f"<{tag}> is missing: export the calibration from QTM again", name)
-        texts = ((key, child.get(key, missing)) for key in keys)
-        return np.array([source.numbers(name, key, text, (1,))[0] for key, text in texts])
-
-    left, top, right, bottom = numbers("fov_video", ("left", "top", "right", "bottom"))
+    """Camera from QTM's element."""
+    fields = _Fields(source, name, element)
+    left, top, right, bottom = fields.numbers("fov_video", ("left", "top", "right", "bottom"))
     size = source.image_size(name, (right - left + 1, bottom - top + 1))
     resolution = element.get("video_resolution", "")
     if (
@@ -135,23 +138,69 @@ def _camera(
             " resolution or write a TOML",
             name,
         )
-    lengths = ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV")
-    fu, fv, cu, cv = numbers("intrinsic", lengths)
-    (skew,) = numbers("intrinsic", ("skew",), missing="0")
-    matrix = [
-        [fu, skew, cu - _SUBPIXELS * left],
-        [0, fv, cv - _SUBPIXELS * top],
-        [0, 0, _SUBPIXELS],
-    ]
-    rotation = numbers("transform", (f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
-    position = numbers("transform", "xyz")
+    matrix = fields.matrix()
+    matrix[:2] /= _SUBPIXELS
+    matrix[:2, 2] -= left, top
+    rotation, position = fields.transform()
     values = {
         "size": size,
-        "matrix": np.asarray(matrix, dtype=np.float64) / _SUBPIXELS,
-        "distortions": numbers("intrinsic", _DISTORTION, missing="0"),
-        "rotation": _FLIP @ source.rotation(name, rotation),
+        "matrix": matrix,
+        "distortions": fields.numbers("intrinsic", _DISTORTION, missing="0"),
+        "rotation": _FLIP @ rotation,
     }
     return source.camera(name, values | {"translation": -values["rotation"] @ position}, metres)
+
+
+def _theia_camera(
+    source: Source, name: str, element: ElementTree.Element, metres: float
+) -> Camera | None:
+    """Camera from Theia's element."""
+    fields = _Fields(source, name, element)
+    first_u, last_u, first_v, last_v = fields.numbers(
+        "intrinsic", ("sensorMinU", "sensorMaxU", "sensorMinV", "sensorMaxV")
+    )
+    # The last pixel, or the first one beyond: sides of videos are even.
+    size = source.image_size(name, 2 * np.ceil([(last_u - first_u) / 2, (last_v - first_v) / 2]))
+    matrix = fields.matrix()
+    matrix[:2, 2] -= first_u, first_v
+    rotation, translation = fields.transform()
+    values = {
+        "size": size,
+        "matrix": matrix,
+        "distortions": fields.numbers("intrinsic", _DISTORTION, missing="0"),
+        "rotation": rotation,
+        "translation": translation,
+    }
+    return source.camera(name, values, metres)
+
+
+class _Fields(NamedTuple):
+    """Numbers of a camera's element, as they stand there."""
+
+    source: Source
+    name: str
+    element: ElementTree.Element
+
+    def numbers(self, tag: str, keys: Iterable[str], missing: str | None = None) -> FloatArray:
+        """Attributes of a child; "tangential" is spelled in more than one way."""
+        child = self.element.find(tag)
+        if child is None:
+            raise self.source.error(f"<{tag}> is missing: export the calibration again", self.name)
+        found = {re.sub("^t[ae]ngenti?al", "tangental", key): text for key, text in child.items()}
+        texts = ((key, found.get(key, missing)) for key in keys)
+        return np.array([self.source.numbers(self.name, key, text, (1,))[0] for key, text in texts])
+
+    def matrix(self) -> FloatArray:
+        """Lens (3, 3) of the whole sensor, in the file's unit, with 1 in the corner."""
+        fu, fv, cu, cv = self.numbers("intrinsic", _LENS)
+        (skew,) = self.numbers("intrinsic", ("skew",), missing="0")
+        return np.array([[fu, skew, cu], [0, fv, cv], [0, 0, 1]])
+
+    def transform(self) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and the vector (3,)."""
+        keys = (f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+        rotation = self.source.rotation(self.name, self.numbers("transform", keys))
+        return rotation, self.numbers("transform", "xyz")
 
 
 def _text(value: float) -> str:

@@ -356,6 +356,26 @@ def test_opencap_has_height_before_width_and_millimetres(tmp_path):
     assert "camera left: imageSize must have shape (2,)" in refusal(path)
 
 
+def test_a_folder_may_hold_a_file_per_camera_of_opencap_or_of_kinect(tmp_path):
+    for number, name in enumerate(NAMES):
+        path = tmp_path / "opencap" / name / "cameraIntrinsicsExtrinsics.json"
+        path.parent.mkdir(parents=True)
+        path.write_text(json.dumps(opencap(number)))
+        path.with_name("notes.json").write_text("{}")
+    assert_seen(tmp_path / "opencap", lambda number: corner_pixels(number) + 0.5)
+    folder = tmp_path / "kinects"
+    folder.mkdir()
+    plain = {"width": 1280, "height": 720, "intrinsic_matrix": [600, 0, 0, 0, 61, 0, 64, 36, 1]}
+    (folder / "back.json").write_text(json.dumps(plain))
+    (folder / "front.json").write_text(json.dumps(kinect()))
+    rig = read_rig(folder, size=(1280, 720), lenses=True)
+    assert rig.names == ("back", "front")
+    assert rig["back"].matrix[0].tolist() == [600, 0, 64]
+    assert rig["front"].matrix[0, 0] == 0.48 * 1280
+    with pytest.raises(InputError, match="camera back: has a lens and no position"):
+        read_rig(folder, size=(1280, 720))
+
+
 def qualisys(path: Path, models: dict[str, str], root='type="regular"') -> Path:
     camera = (
         '<camera active="1" serial="{}" model="{}"><fov_video left="0" top="0" right="639"'
@@ -392,12 +412,41 @@ def test_qualisys_cameras_that_film_are_read_and_others_are_listed(tmp_path):
     assert read_rig(path).notes == ()
 
 
-def test_theias_file_is_not_taken_for_qualisys(tmp_path):
+def theia(path: Path, last: tuple[int, int], spelling: str, centre: float = 0) -> Path:
+    """A file as Theia's documentation describes it, with a made-up camera that is not in use."""
+    cameras = ['<camera active="0" serial="spare" viewrotation="0"/>']
+    for number, name in enumerate(NAMES):
+        rotation = TURNS[number].as_matrix()
+        moved = -1000 * rotation @ CENTRES[number]
+        turned = " ".join(f'r{i + 1}{j + 1}="{rotation[i, j]}"' for i in range(3) for j in range(3))
+        cameras.append(
+            f'<camera active="1" serial="{name}" viewrotation="90"><transform x="{moved[0]}"'
+            f' y="{moved[1]}" z="{moved[2]}" {turned}/><intrinsic focallength="4" sensorMinU="0"'
+            f' sensorMaxU="{last[0]}" sensorMinV="0" sensorMaxV="{last[1]}" focalLengthU="{FX}"'
+            f' focalLengthV="{FY}" centerPointU="{CX + centre}" centerPointV="{CY}" skew="0"'
+            f' radialDistortion1="{K1}" radialDistortion2="{K2}" radialDistortion3="0"'
+            f' {spelling}Distortion1="{P1}" {spelling}Distortion2="{P2}"/></camera>'
+        )
+    path.write_text(f"<calibration><results/><cameras>{''.join(cameras)}</cameras></calibration>")
+    return path
+
+
+@pytest.mark.parametrize("last", [(639, 479), (640, 480)])
+@pytest.mark.parametrize("spelling", ["tangental", "tengental", "tengential", "tangential"])
+def test_theia_takes_the_world_into_the_camera(tmp_path, last, spelling):
+    path = theia(tmp_path / "calibration.txt", last, spelling)
+    assert_seen(path, lambda number: corner_pixels(number) + 0.5)
+    assert read_rig(path).notes == (f"{path}: left out cameras that are not calibrated: spare",)
+
+
+def test_what_is_neither_theias_nor_qualisys_is_refused(tmp_path):
     path = qualisys(tmp_path / "theia.txt", {"a": "none"}, root="")
-    assert "looks like Theia's" in refusal(path)
+    assert "of neither kind" in refusal(path)
     path = qualisys(path, {"a": "none"})
     path.write_text(path.read_text().replace("fov_video", "fov"))
-    assert "looks like Theia's" in refusal(path)
+    assert "of neither kind" in refusal(path)
+    path = theia(path, (1280 * 64, 960 * 64), "tangental")
+    assert "an image of 81920 x 61440 px is no camera's" in refusal(path)
 
 
 LENSES = """

@@ -94,8 +94,8 @@ class CalibrateConvert:
     """Converts a calibration into another format; lengths become metres.
 
     Formats of IN are recognised by content: TOML of aniposelib, Pose2Sim, Caliscope and FreeMoCap;
-    OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Vicon .xcp; COLMAP's text model;
-    nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4
+    OpenCV FileStorage; EasyMocap's folder; Qualisys .qca.txt; Theia3D's; Vicon .xcp; COLMAP's text
+    model; nerfstudio's transforms.json; Metashape's XML; OpenCap's JSON; JSON of cameras or of 3x4
     matrices. The suffix of OUT selects the format: .toml, .yml, .xml, .json, .txt (Qualisys), none
     (EasyMocap).
 
