@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +11,7 @@ import pytest
 
 from calib.camera import Camera, Rig
 from calib.files import write_rig
+from calib.rotation import matrix_from_rodrigues
 from silhouette_core.estimator import GROUP
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics
@@ -135,6 +136,21 @@ _FEET = (
     (0.12, 0.1, 0.5, 0.09),
     (-0.12, -0.1, 0.5, 0.09),
 )
+
+
+def turned(rig: Rig, name: str, degrees: float) -> Rig:
+    """A rig in which somebody has bumped a camera."""
+    turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.8, 0.6, 0]))
+    return Rig(
+        tuple(
+            (
+                replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation)
+                if c.name == name
+                else c
+            )
+            for c in rig
+        )
+    )
 
 
 def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:

@@ -266,19 +266,21 @@ def verdict_on(check: Check, camera: str) -> str:
     return "agrees" if check.agreement.agrees or check.agreement.culprits else "?"
 
 
-def remedy(check: Check, camera: str) -> str:
-    """Returns what the user can do about a camera that does not agree."""
+def remedy(check: Check, camera: str, repairing: str = "run with --repair") -> str:
+    """Returns what the user can do about a camera that does not agree; `repairing`: how the
+    repaired files are written.
+    """
     repair = next(repair for repair in check.repairs if repair.camera == camera)
     remedies = {
         "swapped": f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}",
-        "out of step": "run with --repair for a timestamps.csv, or `voxelpose calibrate sync`",
-        "scaled": "record as you calibrated (same resolution, no black bars, no crop), or run with"
-        f" --repair; but if {camera}'s picture is whole, heads or feet are missing from its"
-        " silhouettes: look at --png",
+        "out of step": f"{repairing} for a timestamps.csv, or `voxelpose calibrate sync`",
+        "scaled": "record as you calibrated (same resolution, no black bars, no crop), or"
+        f" {repairing}; but if {camera}'s picture is whole, heads or feet are missing from its"
+        " silhouettes: look at the picture of the check",
         "unexplained": f"look at {camera}'s silhouettes first; if they are good, calibrate it"
         " again",
     }
-    return remedies.get(repair.kind, "calibrate it again, or run with --repair")
+    return remedies.get(repair.kind, f"calibrate it again, or {repairing}")
 
 
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:

@@ -10,8 +10,10 @@ from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
 CALIBRATION_SUFFIXES = (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", ".qca.txt", ".xcp")
 """Of a recording's `calibration`; what it is is told by the content."""
+REPLACED = "before_repair"
+"""Folder of a recording that keeps what a repair has replaced."""
 SUBFOLDERS = frozenset(
-    {"background", "masks", "regions", "unknown", "calibration", "boards", "board_walk"}
+    {"background", "masks", "regions", "unknown", "calibration", "boards", "board_walk", REPLACED}
 )
 """Folders of a recording that are no camera's."""
 _RESULT = "summary.json"  # a folder that has it is a result

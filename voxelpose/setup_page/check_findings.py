@@ -1,20 +1,51 @@
-"""The check of the cameras as a job of the page, and what it found."""
+"""The check of the cameras as a job of the page, what it found, and the repair of the folder."""
 
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from calib.atomic import write_whole
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on
+from voxelpose.calibration.check import (
+    Check,
+    check_recording,
+    remedy,
+    verdict_on,
+    write_repair,
+)
 from voxelpose.calibration.pictures import draw_check
+from voxelpose.recording.camera_files import REPLACED
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images.canvas import png
 
 
 def find_disagreement(reporter: Reporter, recording: Recording) -> dict[str, Any]:
     """What a check of a recording with a calibration finds, as `voxelpose calibrate check` prints
-    it, and its `picture`, PNG. InputError where it is not possible.
+    it, its `picture`, PNG, and the `repaired` files by name, text. InputError where it is not
+    possible.
     """
     check = check_recording(recording, None, reporter)
-    return _findings_of(check) | {"picture": png(draw_check(check))}
+    repaired: dict[str, str] = {}
+    if check.repaired is not None:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            out = write_repair(check, recording, Path(folder) / "repaired")
+            repaired = {path.name: path.read_text() for path in out.iterdir()}
+    return _findings_of(check) | {"picture": png(draw_check(check)), "repaired": repaired}
+
+
+def repair_folder(folder: Path, repaired: Mapping[str, str]) -> list[Path]:
+    """Writes repaired files of a recording, and returns them. What they replace is kept in
+    `REPLACED`: of several repairs, the files before the first. InputError where the system refuses.
+    """
+    for name in repaired:
+        old, kept = folder / name, folder / REPLACED / name
+        if old.is_file() and not kept.exists():
+            kept.parent.mkdir(exist_ok=True)
+            write_whole(kept, old.read_bytes())
+    for name, text in repaired.items():
+        write_whole(folder / name, text)
+    return [folder / name for name in repaired]
 
 
 def _findings_of(check: Check) -> dict[str, Any]:
@@ -32,7 +63,10 @@ def _findings_of(check: Check) -> dict[str, Any]:
             for line in check.agreement.table
         ],
         "repairs": [
-            {"summary": repair.summary, "remedy": remedy(check, repair.camera)}
+            {
+                "summary": repair.summary,
+                "remedy": remedy(check, repair.camera, "press Repair"),
+            }
             for repair in check.repairs
         ],
         "after": None if check.after is None else check.after.summary,

@@ -30,6 +30,7 @@ class OpenedFolder:
     recording: Recording  # its pictures; cameras that are not calibrated stand anywhere
     calibrated: bool  # whether the cameras are where the calibration says
     fault: str  # why `fit` would refuse the folder; "" where it would not
+    given: tuple[str | None, float | None, str | None] = (None, None, None)  # see `open`
 
     @classmethod
     def open(
@@ -43,17 +44,18 @@ class OpenedFolder:
         do not state them; InputError where it is none, or there are no pictures, or some that
         cannot be read.
         """
+        given = unit, fps, label
         try:
-            return cls(Recording.open(folder, None, None, unit, fps, label), True, "")
+            return cls(Recording.open(folder, None, None, *given), True, "", given)
         except InputError as error:
             fault = str(error)
-        readers, given, _ = open_readers(folder, None, label)
+        readers, masks_only, _ = open_readers(folder, None, label)
         calibration = calibration_path(folder)
         rig = _calibrated(calibration, readers, unit)
         if rig is not None and len(rig) == len(readers):
             try:  # cameras without pictures are no hindrance
-                found = Recording.open(folder, None, rig.names, unit, fps, label)
-                return cls(found, found.calibration_path is not None, "")
+                found = Recording.open(folder, None, rig.names, *given)
+                return cls(found, found.calibration_path is not None, "", given)
             except InputError as error:
                 fault = str(error)
         cameras = rig or Rig(tuple(default_camera(name, r.size) for name, r in readers.items()))
@@ -69,12 +71,12 @@ class OpenedFolder:
             rate,
             np.arange(count) / rate,
             read_subject(Path(folder) / "subject.toml"),
-            given,
+            masks_only,
             read_up(calibration) if rig is not None and calibration is not None else None,
             cameras.names,
             numbers=np.arange(count),
         )
-        return cls(recording, rig is not None, fault)
+        return cls(recording, rig is not None, fault, given)
 
 
 def _calibrated(

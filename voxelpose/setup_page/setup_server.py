@@ -59,6 +59,8 @@ class SetupPage:
                 return json_content(session.save(parse_request(body, SaveRequest)))
             case ("api", "check", "start"):
                 return json_content(session.start_check())
+            case ("api", "check", "repair"):
+                return json_content(session.repair())
             case ("api", "check", "stop"):
                 return json_content(session.stop_check())
         return None

@@ -20,7 +20,7 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.unknown_places import RECORDING_FILE
 from voxelpose.setup_page import page_requests
-from voxelpose.setup_page.check_findings import find_disagreement
+from voxelpose.setup_page.check_findings import find_disagreement, repair_folder
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
     check_points,
@@ -33,6 +33,7 @@ from voxelpose.setup_page.clicked_points import (
 from voxelpose.setup_page.drawn_places import (
     DrawnRecording,
     PlaceFiles,
+    change_section,
     check_choices,
     save_choices,
 )
@@ -67,16 +68,20 @@ class SetupSession:
         set up alone. InputError where a file of the folder is damaged.
         """
         self._job, self._owns_job, self._studio = job or PageJob(), job is None, studio
-        self._opened, self._settings = opened, settings
+        self._settings = settings
+        self.folder = opened.recording.folder
+        self._staging = threading.Lock()
+        self._saving = threading.Lock()
+        self._open(opened)
+        read_clicked(self.folder / POINTS_FILE)
+
+    def _open(self, opened: OpenedFolder) -> None:
+        self._opened = opened
         self._recording = opened.recording
-        self.folder = self._recording.folder
         self._places = PlaceFiles.read(self._recording)
         self._moments = previews.MomentFrames(self._recording)
         self._backgrounds = previews.BackgroundModels(self._learned)
-        self._staging = threading.Lock()
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
-        self._saving = threading.Lock()
-        read_clicked(self.folder / POINTS_FILE)
 
     def close(self) -> None:
         """Ends what is running, but for the studio's job."""
@@ -246,6 +251,21 @@ class SetupSession:
         if self.check_status()["state"] == "running":
             self._job.stop()
         return self.check_status()
+
+    def repair(self) -> dict[str, Any]:
+        """Writes the files that the check has repaired, keeps those before, and opens the folder
+        again; returns the files. InputError where nothing can be repaired, or another job runs.
+        """
+        repaired = self.check_status().get("repaired")
+        if not repaired:
+            raise InputError("there is nothing to repair: check the cameras first")
+        with self._saving, self._staging:
+            written = repair_folder(self.folder, repaired)
+            change_section(self.folder / SETTINGS_FILE, "fit", {"unit": None})  # stated now
+            _, fps, label = self._opened.given
+            self._open(OpenedFolder.open(self.folder, None, fps, label))
+        self._job.forget()
+        return {"written": [path.name for path in written]}
 
     def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:
         """Writes what is asked for, all of which is checked before; returns the files, what is left

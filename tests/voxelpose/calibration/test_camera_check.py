@@ -12,8 +12,7 @@ from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from calib.moments import even_moments
-from calib.rotation import matrix_from_rodrigues
-from tests.sources import figure_masks, ring, write_figure
+from tests.sources import figure_masks, ring, turned, write_figure
 from voxelpose.calibration.check import CheckSettings, check_recording, exchanged
 from voxelpose.cli import run
 from voxelpose.recording.folder import Recording
@@ -41,20 +40,6 @@ def _raised(camera, metres):
 @pytest.fixture(scope="module")
 def films(rig):
     return {camera.name: figure_masks(camera, range(FRAMES)) for camera in rig}
-
-
-def turned(rig: Rig, name: str, degrees: float) -> Rig:
-    turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.8, 0.6, 0]))
-    return Rig(
-        tuple(
-            (
-                replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation)
-                if c.name == name
-                else c
-            )
-            for c in rig
-        )
-    )
 
 
 def checked(capsys, *words: str) -> tuple[int, str]:

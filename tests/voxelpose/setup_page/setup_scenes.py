@@ -24,23 +24,23 @@ def staged(folder: Path, cameras: int = 3) -> Path:
     return write_staged(folder, waving(8), ring(cameras, SIZE))
 
 
-def opened(folder: Path) -> SetupSession:
+def opened(folder: Path, unit: str | None = None) -> SetupSession:
     """A session as the command opens it."""
 
     def settings() -> SettingValues:
         found = folder_settings("fit", folder)
         return {name: (setting.value, str(setting.file)) for name, setting in found.items()}
 
-    return SetupSession(OpenedFolder.open(folder), settings)
+    return SetupSession(OpenedFolder.open(folder, unit), settings)
 
 
 @contextmanager
 def served(
-    folder: Path, host: str = "127.0.0.1", token: str | None = None
+    folder: Path, host: str = "127.0.0.1", token: str | None = None, unit: str | None = None
 ) -> Iterator[SetupServer]:
     """The page; leaves no thread of its own behind."""
     before = set(threading.enumerate())
-    server = SetupServer(opened(folder), Address(host, 0, token))
+    server = SetupServer(opened(folder, unit), Address(host, 0, token))
     try:
         yield server
     finally:

@@ -7,6 +7,7 @@ import pytest
 
 from calib.points import read_points
 from tests.browsing import new_page
+from tests.sources import figure_masks, ring, turned, write_figure
 from tests.voxelpose.setup_page.setup_scenes import SIZE, served, staged
 from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
@@ -280,6 +281,24 @@ def test_the_check_is_shown_without_blocking_the_page(recorded):
         page.locator("dialog[open] img").wait_for()
         page.get_by_role("button", name="Close").click()
         assert faults == []
+
+
+@pytest.mark.slow
+def test_a_camera_that_was_moved_is_repaired_by_a_button(tmp_path):
+    true = ring(4, (240, 180))
+    films = {camera.name: figure_masks(camera, range(20)) for camera in true}
+    folder = write_figure(tmp_path, turned(true, "cam_3", 2), films)
+    with served(folder) as server, new_page() as (page, faults):
+        page.goto(server.url)
+        page.locator('[data-tool="check"]').click()
+        page.locator("#start_check").click()
+        page.get_by_text("cam_3 was turned by about").wait_for(timeout=60_000)
+        page.locator("#repair").click()
+        page.wait_for_event("load")
+        page.locator('[data-tool="check"]').click()
+        page.locator("#start_check", has_text="Check the cameras").wait_for()
+        assert page.locator("#repair").count() == 0 and faults == []
+    assert (folder / "before_repair" / "calibration.toml").is_file()
 
 
 @pytest.mark.slow

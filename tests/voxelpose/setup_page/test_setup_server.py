@@ -2,16 +2,22 @@
 
 import base64
 import json
+import re
 import socket
 import time
+from dataclasses import replace
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from calib.camera import Rig
 from calib.errors import InputError
-from tests.sources import ring, write_recording
+from calib.extrinsics import pose_difference
+from calib.files import read_rig
+from tests.sources import figure_masks, ring, turned, write_figure, write_recording
 from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, served, staged
+from voxelpose.recording.folder import Recording
 from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest
 from voxelpose.view.serving.page_answers import parse_request
 
@@ -23,6 +29,7 @@ POSTS = (
     "/api/ground",
     "/api/save",
     "/api/check/start",
+    "/api/check/repair",
 )
 
 
@@ -254,6 +261,36 @@ def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
         assert [line["camera"] for line in content["cameras"]] == ["cam_1", "cam_2", "cam_3"]
         assert content["notes"] == list(expected.notes)
         assert base64.b64decode(content["picture"])[:4] == b"\x89PNG"
+
+
+def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
+    rig = Rig(tuple(replace(c, translation=1000 * c.translation) for c in ring(4, (240, 180))))
+    true = ring(4, (240, 180))
+    films = {camera.name: figure_masks(camera, range(20)) for camera in true}
+    folder = write_figure(tmp_path, turned(rig, "cam_3", 2), films)
+    file, kept = folder / "calibration.toml", folder / "voxelpose.toml"
+    file.write_text(re.sub("unit = .*", "", file.read_text()))
+    kept.write_text('[fit]\nunit = "mm"\nvoxel = 0.03\n')
+    before = file.read_bytes()
+    with served(folder, unit="mm") as server:
+        status, content = ask(server, "/api/check/repair", {})
+        assert status == 400 and "check the cameras first" in content["error"]
+        ask(server, "/api/check/start", {})
+        while (found := ask(server, "/api/check")[1])["state"] == "running":
+            time.sleep(0.1)
+        assert "press Repair" in found["repairs"][0]["remedy"] and not found["agrees"]
+        assert ask(server, "/api/check/repair", {}) == (200, {"written": ["calibration.toml"]})
+        assert ask(server, "/api/check")[1] == {"state": "idle"}
+        assert ask(server, "/api/state")[1]["fault"] == ""
+        moved = read_rig(file)["cam_3"]
+        assert pose_difference(moved, true["cam_3"])[1] < 0.6
+        ask(server, "/api/check/start", {})
+        while (found := ask(server, "/api/check")[1])["state"] == "running":
+            time.sleep(0.1)
+        assert found["agrees"] and found["repaired"] == {}
+    assert (folder / "before_repair" / "calibration.toml").read_bytes() == before
+    assert kept.read_text() == "[fit]\nvoxel = 0.03\n"
+    assert not Recording.open(folder).notes
 
 
 def test_a_check_can_be_stopped_and_ends_with_the_session(tmp_path):

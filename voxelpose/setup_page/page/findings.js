@@ -109,6 +109,13 @@ function findings(app, check) {
     body.push(make("p", {}, make("b", {}, repair.summary), make("br"), repair.remedy));
   }
   if (check.after) body.push(make("p", {}, `with that put right: ${check.after}`));
+  const files = Object.keys(check.repaired);
+  if (files.length) {
+    body.push(
+      button("Repair", () => app.repair(), { class: "main", id: "repair", disabled: app.store.dirty }),
+      make("p", { class: "note" }, `Writes ${files.join(" and ")}; what they replace is kept in before_repair/.`
+        + (app.store.dirty ? " Save what is drawn first." : "")));
+  }
   if (!check.agrees && !check.repairs.length) {
     body.push(make("p", {}, "Calibrate again; if the videos were not started together, first"
       + " `voxelpose calibrate sync`."));

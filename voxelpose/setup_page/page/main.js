@@ -354,6 +354,15 @@ class App {
     this.show();
   }
 
+  async repair() {
+    try {
+      await postJson("api/check/repair", {});
+      location.reload();
+    } catch (error) {
+      this.notice(error.message);
+    }
+  }
+
   async stopCheck() {
     try {
       await postJson("api/check/stop", {});

@@ -129,6 +129,13 @@ class PageJob:
         process.terminate()
         threading.Thread(target=_kill_later, args=(process,), daemon=True).start()
 
+    def forget(self) -> None:
+        """Becomes idle where no job is running: what the last one found counts no longer."""
+        with self._lock:
+            if self._state["state"] != "running":
+                self._state = {"state": "idle"}
+                self.version += 1
+
     def close(self) -> None:
         """Ends the job that is running, and waits for that."""
         self.stop()
