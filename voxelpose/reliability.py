@@ -147,7 +147,7 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
             " at beforehand: leave --no-smooth out, or look at the contact sheet"
         )
     share = sum(share or 0.0 for share in shares) / max(len(shares), 1)
-    if share > 0.25:  # walk4 turned grey has 0.31, and 1.9 times the error of its colours
+    if share > 0.25:  # walk4 turned grey had 0.31, and 1.9 times the error of its colours
         yield (
             f"cameras without colour: {100 * share:.0f} % of the person is as dark as a shadow,"
             " from which only its texture tells it: look at the contact sheet; wear what is"

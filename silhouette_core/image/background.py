@@ -98,8 +98,15 @@ class BackgroundModel:
         return self._background.grey
 
     @property
+    def several(self) -> bool:
+        """Whether what is darker counts as the person, see `difference.Background`."""
+        return self._background.several
+
+    @property
     def by_texture(self) -> float | None:
         """See `SceneColours.by_texture`; None where no frame was looked at beforehand."""
+        if self.several:
+            return 0.0
         return None if self._colours is None else round(self._colours.by_texture, 4)
 
     @classmethod

@@ -181,12 +181,13 @@ class Silhouettes:
                 f"{', '.join(self._shaking)}: shakes, or was touched: its frames are registered to"
                 " where it stands in the mean"
             )
-        if grey := self.by_texture:
-            several = "what is darker counts as the person there, shadows too"
-            one = "texture tells clothes from shadows there"
-            reporter.note(
-                f"without colour: {', '.join(grey)}: {several if len(self._sizes) > 1 else one}"
-            )
+        for several, words in (
+            (True, "what is darker counts as the person there, shadows too"),
+            (False, "texture tells clothes from shadows there"),
+        ):
+            grey = [name for name in self.by_texture if self._models[name].several == several]
+            if grey:
+                reporter.note(f"without colour: {', '.join(grey)}: {words}")
 
     def of(
         self,

@@ -79,6 +79,7 @@ def test_where_several_cameras_see_a_shadow_is_the_person(filmed, cameras):
     assert found[SHIRT].mean() > 0.8 and not found[:40].any()
     assert (found[SHADOW].mean() > 0.8) == (cameras > 1)
     assert len(silhouettes.by_texture) == cameras
+    assert all((share == 0) == (cameras > 1) for share in silhouettes.by_texture.values())
 
 
 def test_without_colours_whatever_is_darker_may_belong_to_a_silhouette(filmed):
