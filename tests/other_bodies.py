@@ -1,5 +1,8 @@
-"""Recordings and results of bodies that are no person's, without an estimator."""
+"""Recordings and results of bodies that are no person's, without an estimator; and what is asked
+of a fit.
+"""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,11 +11,13 @@ import numpy as np
 from examples.bodies.example_motions import example_motion
 from silhouette_core.estimator import Estimate, Settings
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.motion_file import write_motion
+from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.sources import ring, write_staged
+from voxelpose.cli import run
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import TRUE_MOTION
+from voxelpose.results import Result
 
 TURNED_DEG = 3.0
 
@@ -44,3 +49,24 @@ def turned(motion: Motion) -> Motion:
     angles = motion.angles_rad.copy()
     angles[:, -1] += np.radians(TURNED_DEG)
     return replace(motion, angles_rad=angles)
+
+
+def assert_found(
+    recording: Path, folder: Path, frames: int, most_deg: float, most_mm: float
+) -> None:
+    """The motion that `film_example` has filmed is found in every frame, shown and exported."""
+    result, truth = Result.open(folder), read_motion(recording / TRUE_MOTION)
+    motion = result.motion
+    assert len(motion) == frames and motion.model.names == truth.model.names
+    turns = np.degrees(np.abs(motion.angles_rad - truth.angles_rad))
+    assert turns.mean() < most_deg
+    mm = 1000 * np.linalg.norm(motion.landmarks() - truth.landmarks(), axis=2)
+    assert mm.mean() < most_mm
+    if truth.model.tree.root_fixed:
+        np.testing.assert_allclose(motion.root_m, motion.root_m[:1].repeat(frames, 0), atol=1e-3)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["body"]["parts"] == len(truth.model.names)
+    assert "joint_error_mm" not in summary["quality"] and summary["verdict"]["level"] == "reliable"
+    exported = folder.with_name("exported")
+    assert run(["report", str(folder)]) == 0
+    assert run(["export", str(folder), "--out", str(exported)]) == 0

@@ -10,6 +10,7 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from tests.other_bodies import assert_found
 from voxelpose import make_recording
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples"
@@ -51,6 +52,7 @@ def test_the_results_are_good(ran):
     assert several.root_mm < 40  # the mannequin has longer legs than people
     assert one.lost == 0
     assert one.root_mm < 150
+    assert_found(ran / "robot_arm", ran / "robot_arm_fit", 4, 2.0, 10.0)
 
 
 def test_the_notebook_holds_no_outputs():
