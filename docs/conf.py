@@ -21,7 +21,6 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
-    "sphinx.ext.viewcode",
 ]
 root_doc = "README"
 include_patterns = [
@@ -36,7 +35,6 @@ include_patterns = [
 html_theme = "furo"
 html_title = f"voxelpose {__version__}"
 html_show_sphinx = False
-viewcode_line_numbers = True
 
 # MathJax from its wheel, so that the pages need no network.
 mathjax_path = "tex-svg.js"
