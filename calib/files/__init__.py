@@ -15,6 +15,7 @@ from calib.camera import Rig
 from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
+from calib.files.camera_folder import read_camera_folder
 from calib.files.colmap import is_colmap, read_colmap
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
@@ -26,7 +27,7 @@ from calib.files.foreign_json import (
     read_opencap,
 )
 from calib.files.metashape import read_metashape
-from calib.files.opencv import read_folder, read_opencv, write_opencv
+from calib.files.opencv import read_opencv, write_opencv
 from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys
 from calib.files.vicon import read_vicon
@@ -140,7 +141,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
     if is_colmap(source.path):
         return read_colmap
     if source.path.is_dir():
-        return read_folder
+        return read_camera_folder
     if not source.path.exists():
         raise source.error("no such calibration file")
     text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)

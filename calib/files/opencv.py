@@ -4,9 +4,7 @@ Layouts that are read:
 
 - one file with all cameras: a map per camera, named after it, beside an optional `unit` (this is
   also what is written);
-- one file with one camera, its keys at the top level;
-- a folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or
-  `cam_1/config.xml` ... (after the folder). They may be OpenCap's or Kinect's JSON, too.
+- one file with one camera, its keys at the top level. A folder may hold several (`camera_folder`).
 
 Keys, whatever their case and underscores: `camera_matrix` (or K, intrinsic_matrix, mtx),
 `distortion_coefficients` (dist_coeffs, dist, D, distortions), `rotation` (R, Rot, rvec,
@@ -16,19 +14,15 @@ the world into the camera.
 """
 
 import re
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.camera import Camera, Rig
-from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files.fields import Source
 from calib.files.file_storage import dump_storage, load_storage
-from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
 
 _ALIASES = {
     "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
@@ -51,7 +45,6 @@ _ALIASES = {
     "name": ("name", "cameraname"),
 }
 _KEY = {alias: key for key, aliases in _ALIASES.items() for alias in aliases}
-_SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
 _REMEDY = "add a top-level entry unit: m"
 
 
@@ -67,7 +60,7 @@ def read_opencv(source: Source) -> Rig:
         for key, value in content.items()
         if isinstance(value, dict) and "matrix" in _named(value)
     }
-    if not maps and "matrix" in _named(content):
+    if not maps and is_opencv_camera(content):
         maps = {source.path.stem: content}
     if not maps:
         return source.rig([])
@@ -75,29 +68,18 @@ def read_opencv(source: Source) -> Rig:
     return source.rig([_camera(source, name, values, metres) for name, values in maps.items()])
 
 
-def read_folder(source: Source) -> Rig:
-    """Reads a folder of one file per camera: OpenCV's, OpenCap's or Kinect's.
+def is_opencv_camera(content: dict[str, Any]) -> bool:
+    """Whether the content of a file is one camera's."""
+    return "matrix" in _named(content)
+
+
+def opencv_camera(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
+    """Camera of a file that is its own and states its unit.
 
     Raises:
-        InputError: No calibration in it, or a camera is incomplete or wrong.
+        InputError: It is incomplete or wrong.
     """
-    cameras: list[Camera | None] = []
-    for entry in visible_entries(source.path):
-        files = [entry] if entry.is_file() else visible_entries(entry)
-        files = [file for file in files if file.suffix.lower() in _SUFFIXES]
-        inner = [replace(source, path=file) for file in files]
-        stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
-        holding = [
-            (one, reader, content) for one, content in stored if (reader := _reader_of_one(content))
-        ]
-        if entry.is_dir() and len(holding) > 1:
-            raise Source(entry).error(
-                f"{len(holding)} calibrations in one camera's folder: keep"
-                f" {holding[0][0].path.name} or the other"
-            )
-        name = entry.stem if entry.is_file() else entry.name
-        cameras += [reader(one, name, content) for one, reader, content in holding]
-    return source.rig(cameras)
+    return _camera(source, name, content, _metres(source, content))
 
 
 def write_opencv(rig: Rig, path: Path) -> None:
@@ -129,17 +111,6 @@ def write_opencv(rig: Rig, path: Path) -> None:
     dump_storage(content, path)
 
 
-def _is_storage(path: Path) -> bool:
-    """Whether a file looks like a FileStorage rather than other YAML, XML or JSON."""
-    with path.open("rb") as file:
-        start = file.read(1000).lstrip()
-    return (
-        start.startswith(b"%YAML")
-        or b"<opencv_storage" in start
-        or (start.startswith(b"{") and path.suffix.lower() == ".json")
-    )
-
-
 def _named(content: dict[str, Any]) -> dict[str, Any]:
     """A camera's entries under this project's names; the first alias takes precedence."""
     named: dict[str, Any] = {}
@@ -159,22 +130,6 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
             f"cameras in different units ({', '.join(stated)[:80]}): write them in one"
         )
     return source.metres_per_unit(units[0] if units else None, _REMEDY)
-
-
-def _reader_of_one(
-    content: dict[str, Any],
-) -> Callable[[Source, str, dict[str, Any]], Camera | None] | None:
-    """What makes a camera of the content of a file that is its own; None for other files."""
-    if is_kinect(content):
-        return kinect_camera
-    if OPENCAP_MATRIX in content:
-        return opencap_camera
-    return _alone if "matrix" in _named(content) else None
-
-
-def _alone(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
-    """Camera of a file that states its unit."""
-    return _camera(source, name, content, _metres(source, content))
 
 
 def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera | None:

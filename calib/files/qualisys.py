@@ -142,13 +142,8 @@ def _camera(
     matrix[:2] /= _SUBPIXELS
     matrix[:2, 2] -= left, top
     rotation, position = fields.transform()
-    values = {
-        "size": size,
-        "matrix": matrix,
-        "distortions": fields.numbers("intrinsic", _DISTORTION, missing="0"),
-        "rotation": _FLIP @ rotation,
-    }
-    return source.camera(name, values | {"translation": -values["rotation"] @ position}, metres)
+    rotation = _FLIP @ rotation
+    return fields.camera(size, matrix, rotation, -rotation @ position, metres)
 
 
 def _theia_camera(
@@ -163,19 +158,11 @@ def _theia_camera(
     size = source.image_size(name, 2 * np.ceil([(last_u - first_u) / 2, (last_v - first_v) / 2]))
     matrix = fields.matrix()
     matrix[:2, 2] -= first_u, first_v
-    rotation, translation = fields.transform()
-    values = {
-        "size": size,
-        "matrix": matrix,
-        "distortions": fields.numbers("intrinsic", _DISTORTION, missing="0"),
-        "rotation": rotation,
-        "translation": translation,
-    }
-    return source.camera(name, values, metres)
+    return fields.camera(size, matrix, *fields.transform(), metres)
 
 
 class _Fields(NamedTuple):
-    """Numbers of a camera's element, as they stand there."""
+    """Numbers of a camera's element, as they stand there, and the camera of what they became."""
 
     source: Source
     name: str
@@ -201,6 +188,24 @@ class _Fields(NamedTuple):
         keys = (f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
         rotation = self.source.rotation(self.name, self.numbers("transform", keys))
         return rotation, self.numbers("transform", "xyz")
+
+    def camera(
+        self,
+        size: tuple[int, int],
+        matrix: FloatArray,
+        rotation: FloatArray,
+        translation: FloatArray,
+        metres: float,
+    ) -> Camera | None:
+        """Camera with the distortion of the element."""
+        values = {
+            "size": size,
+            "matrix": matrix,
+            "distortions": self.numbers("intrinsic", _DISTORTION, missing="0"),
+            "rotation": rotation,
+            "translation": translation,
+        }
+        return self.source.camera(self.name, values, metres)
 
 
 def _text(value: float) -> str:

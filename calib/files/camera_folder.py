@@ -1,0 +1,64 @@
+"""A folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or
+`cam_1/config.xml` ... (after the folder). They are OpenCV's, or OpenCap's or Kinect's JSON.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from calib.camera import Camera, Rig
+from calib.documents import visible_entries
+from calib.files.fields import Source
+from calib.files.file_storage import load_storage
+from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
+from calib.files.opencv import is_opencv_camera, opencv_camera
+
+_SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
+
+
+def read_camera_folder(source: Source) -> Rig:
+    """Reads a folder.
+
+    Raises:
+        InputError: No calibration in it, or a camera is incomplete or wrong.
+    """
+    cameras: list[Camera | None] = []
+    for entry in visible_entries(source.path):
+        files = [entry] if entry.is_file() else visible_entries(entry)
+        files = [file for file in files if file.suffix.lower() in _SUFFIXES]
+        inner = [replace(source, path=file) for file in files]
+        stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
+        holding = [
+            (one, reader, content) for one, content in stored if (reader := _reader_of(content))
+        ]
+        if entry.is_dir() and len(holding) > 1:
+            raise Source(entry).error(
+                f"{len(holding)} calibrations in one camera's folder: keep"
+                f" {holding[0][0].path.name} or the other"
+            )
+        name = entry.stem if entry.is_file() else entry.name
+        cameras += [reader(one, name, content) for one, reader, content in holding]
+    return source.rig(cameras)
+
+
+def _is_storage(path: Path) -> bool:
+    """Whether a file looks like a FileStorage rather than other YAML, XML or JSON."""
+    with path.open("rb") as file:
+        start = file.read(1000).lstrip()
+    return (
+        start.startswith(b"%YAML")
+        or b"<opencv_storage" in start
+        or (start.startswith(b"{") and path.suffix.lower() == ".json")
+    )
+
+
+def _reader_of(
+    content: dict[str, Any],
+) -> Callable[[Source, str, dict[str, Any]], Camera | None] | None:
+    """What makes a camera of the content of a file that is its own; None for other files."""
+    if is_kinect(content):
+        return kinect_camera
+    if OPENCAP_MATRIX in content:
+        return opencap_camera
+    return opencv_camera if is_opencv_camera(content) else None
