@@ -104,7 +104,9 @@ class BackgroundModel:
 
     @property
     def by_texture(self) -> float | None:
-        """See `SceneColours.by_texture`; None where no frame was looked at beforehand."""
+        """See `SceneColours.by_texture`; 0 where what is darker counts as the person; None where no
+        frame was looked at beforehand.
+        """
         if self.several:
             return 0.0
         return None if self._colours is None else round(self._colours.by_texture, 4)

@@ -40,7 +40,7 @@ class SceneColours:
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
         by_texture: share of the person's pixels, in the frames from which they are learned, that
-            texture alone tells from a shadow; 0 of cameras that film in colour, or beside others.
+            texture alone tells from a shadow; 0 of cameras that film in colour.
     """
 
     person: NDArray[np.float32]
@@ -87,7 +87,7 @@ class SceneColours:
             colours = cls(density.log_density, worn, others, reduced)
         return (
             replace(colours, by_texture=colours._share_by_texture(small))
-            if reduced.grey and not reduced.several
+            if reduced.grey
             else colours
         )
 
