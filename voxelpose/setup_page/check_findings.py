@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import write_whole
+from calib.atomic import unwritable, write_whole
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.check import (
     Check,
@@ -17,21 +17,32 @@ from voxelpose.calibration.check import (
 from voxelpose.calibration.pictures import draw_check
 from voxelpose.recording.camera_files import REPLACED
 from voxelpose.recording.folder import Recording
+from voxelpose.recording.input_digests import input_digests
 from voxelpose.view.images.canvas import png
 
 
 def find_disagreement(reporter: Reporter, recording: Recording) -> dict[str, Any]:
     """What a check of a recording with a calibration finds, as `voxelpose calibrate check` prints
-    it, its `picture`, PNG, and the `repaired` files by name, text. InputError where it is not
-    possible.
+    it, its `picture`, PNG, the `repaired` files by name, text, and digests of the `inputs` that
+    they replace. InputError where it is not possible.
     """
+    inputs = replaced_inputs(recording)
     check = check_recording(recording, None, reporter)
     repaired: dict[str, str] = {}
     if check.repaired is not None:
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             out = write_repair(check, recording, Path(folder) / "repaired")
-            repaired = {path.name: path.read_text() for path in out.iterdir()}
-    return _findings_of(check) | {"picture": png(draw_check(check)), "repaired": repaired}
+            repaired = {path.name: path.read_text("utf-8") for path in out.iterdir()}
+    known = {"picture": png(draw_check(check)), "repaired": repaired, "inputs": inputs}
+    return _findings_of(check) | known
+
+
+def replaced_inputs(recording: Recording) -> dict[str, str]:
+    """Digests of the files of a recording that a repair replaces. InputError where one cannot be
+    read.
+    """
+    digests = input_digests(recording, "multiview")
+    return {name: digests[name] for name in ("calibration", "timestamps")}
 
 
 def repair_folder(folder: Path, repaired: Mapping[str, str]) -> list[Path]:
@@ -41,7 +52,10 @@ def repair_folder(folder: Path, repaired: Mapping[str, str]) -> list[Path]:
     for name in repaired:
         old, kept = folder / name, folder / REPLACED / name
         if old.is_file() and not kept.exists():
-            kept.parent.mkdir(exist_ok=True)
+            try:
+                kept.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise unwritable(kept, error) from error
             write_whole(kept, old.read_bytes())
     for name, text in repaired.items():
         write_whole(folder / name, text)

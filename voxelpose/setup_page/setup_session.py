@@ -20,7 +20,7 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.unknown_places import RECORDING_FILE
 from voxelpose.setup_page import page_requests
-from voxelpose.setup_page.check_findings import find_disagreement, repair_folder
+from voxelpose.setup_page.check_findings import find_disagreement, repair_folder, replaced_inputs
 from voxelpose.setup_page.clicked_points import (
     POINTS_FILE,
     check_points,
@@ -254,11 +254,15 @@ class SetupSession:
 
     def repair(self) -> dict[str, Any]:
         """Writes the files that the check has repaired, keeps those before, and opens the folder
-        again; returns the files. InputError where nothing can be repaired, or another job runs.
+        again; returns the files. InputError where nothing can be repaired, files have changed since
+        the check, or the system refuses.
         """
-        repaired = self.check_status().get("repaired")
+        found = self.check_status()
+        repaired = found.get("repaired")
         if not repaired:
             raise InputError("there is nothing to repair: check the cameras first")
+        if found["inputs"] != replaced_inputs(self._recording):
+            raise InputError("calibration or time stamps have changed since: check again")
         with self._saving, self._staging:
             written = repair_folder(self.folder, repaired)
             change_section(self.folder / SETTINGS_FILE, "fit", {"unit": None})  # stated now

@@ -18,6 +18,7 @@ from calib.files import read_rig
 from tests.sources import figure_masks, ring, turned, write_figure, write_recording
 from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, served, staged
 from voxelpose.recording.folder import Recording
+from voxelpose.setup_page.check_findings import repair_folder
 from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest
 from voxelpose.view.serving.page_answers import parse_request
 
@@ -279,6 +280,10 @@ def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
         while (found := ask(server, "/api/check")[1])["state"] == "running":
             time.sleep(0.1)
         assert "press Repair" in found["repairs"][0]["remedy"] and not found["agrees"]
+        file.write_text(file.read_text() + "# by somebody else\n")
+        status, content = ask(server, "/api/check/repair", {})
+        assert status == 400 and "have changed since: check again" in content["error"]
+        file.write_bytes(before)
         assert ask(server, "/api/check/repair", {}) == (200, {"written": ["calibration.toml"]})
         assert ask(server, "/api/check")[1] == {"state": "idle"}
         assert ask(server, "/api/state")[1]["fault"] == ""
@@ -291,6 +296,22 @@ def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
     assert (folder / "before_repair" / "calibration.toml").read_bytes() == before
     assert kept.read_text() == "[fit]\nvoxel = 0.03\n"
     assert not Recording.open(folder).notes
+
+
+def test_of_several_repairs_the_files_before_the_first_are_kept(tmp_path):
+    for text in ("first", "second"):
+        repair_folder(tmp_path, {"calibration.toml": text, "timestamps.csv": text})
+    kept = tmp_path / "before_repair" / "calibration.toml"
+    assert kept.read_text() == "first"  # nothing was there before that
+    repair_folder(tmp_path, {"calibration.toml": "third"})
+    assert kept.read_text() == "first" and (tmp_path / "calibration.toml").read_text() == "third"
+    blocked = tmp_path / "blocked"
+    blocked.mkdir()
+    (blocked / "calibration.toml").write_text("old")
+    (blocked / "before_repair").write_text("a file")
+    with pytest.raises(InputError, match="cannot be written"):
+        repair_folder(blocked, {"calibration.toml": "new"})
+    assert (blocked / "calibration.toml").read_text() == "old"
 
 
 def test_a_check_can_be_stopped_and_ends_with_the_session(tmp_path):
