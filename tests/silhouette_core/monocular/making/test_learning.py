@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from unittest.mock import Mock
 
 import numpy as np
@@ -65,17 +66,25 @@ class Stages(SilentReporter):
         self.notes.append(text)
 
 
+@cache
+def unseen_takes():
+    """Movements that no proposal has learned, three times each, of other people."""
+    model = body()
+    motions, bodies = keypose_motions(model), VirtualBodies(model)
+    unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
+    return [
+        film_take(motion, bodies, np.random.default_rng([1, seed]))
+        for seed, motion in enumerate(unseen * 3)
+    ]
+
+
 def errors_of(proposal):
     """Median errors over movements, statures: of the mean pose, of the likeliest mode (causal or
     not), of the best mode, of the offset.
     """
-    model = body()
-    motions = keypose_motions(model)
-    unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
-    bodies, errors = VirtualBodies(model), {"mean": [], True: [], False: [], "best": []}
+    errors = {"mean": [], True: [], False: [], "best": []}
     offsets: list[float] = []
-    for seed, motion in enumerate(unseen * 3):
-        take = film_take(motion, bodies, np.random.default_rng([1, seed]))
+    for take in unseen_takes():
         codes = replace(
             proposal.encoding.with_inside(
                 proposal.encoding.codes(take.coverage, take.feet),
