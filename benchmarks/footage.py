@@ -1,6 +1,6 @@
 """Silhouettes of real footage against outlines checked by hand.
 
-    python -m benchmarks.footage [FOLDER ...] [--background both|given|none] [--segmenter FILE]
+    python -m benchmarks.footage [FOLDER ...] [--background both|given|none] [--network auto|off]
         [--sheets DIR]
 
 Left out: the shared recordings (../shared/data, or $VOXELPOSE_SHARED/data) of which
@@ -23,6 +23,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -34,10 +35,14 @@ from benchmarks.overlap import overlap
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
-from silhouette_core.estimator import Frame
+from silhouette_core.estimator import Frame, Settings
+from silhouette_core.image.network_files import NetworkUse
+from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
+from silhouette_core.progress import SilentReporter
+from silhouette_core.tuning import PEOPLE
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.frame_reader import VIDEOS
@@ -162,11 +167,12 @@ def variants(recording: Recording, background: str) -> Iterator[tuple[str, Recor
 def measure(
     recording: Recording,
     checked: Mapping[str, Mapping[int, CheckedFrame]],
-    segmenter: str | None = None,
+    network: NetworkUse = "auto",
 ) -> dict[str, Measured]:
     """Silhouettes of the checked frames, or of some, by camera name."""
     started = time.perf_counter()
-    silhouettes = Silhouettes(recording, "auto", LONG_SIDE_PX, segmenter=segmenter)
+    people = people_seen(recording, Settings(network=network), SilentReporter(), PEOPLE.most)
+    silhouettes = Silhouettes(recording, "auto", LONG_SIDE_PX, people=people)
     taken_s = time.perf_counter() - started
     spread = even_moments(recording.frame_count, _FRAMES, margin=0).tolist()
     numbers = {name: list(checked.get(name, spread)) for name in recording.rig.names}
@@ -193,7 +199,7 @@ def _add(
     """Adds what is found in one frame of a camera."""
     frame = frames[camera.name]
     started = time.perf_counter()
-    found = silhouettes.of({camera.name: frame})[camera.name]
+    found = silhouettes.of({camera.name: frame}, step=number)[camera.name]
     measured.ms.append(1e3 * (time.perf_counter() - started))
     picture, people, unknown, words = silhouettes.scaled(camera.name, frame), None, None, ""
     if entry is not None:
@@ -216,10 +222,10 @@ def _follow(
     entries = checked.get(camera.name, {})
     finder = PersonFinder(camera, False)
     lens = UndistortedView.from_camera(camera, LONG_SIDE_PX)
-    for number, _, frames in recording:
+    for step, (number, _, frames) in enumerate(recording):
         if number > max(entries, default=-1):
             return
-        found = silhouettes.of(frames)[camera.name]
+        found = silhouettes.of(frames, step=step)[camera.name]
         person = finder.find(frames[camera.name], found)
         if number in entries:
             mask = np.zeros_like(found) if person is None else person.mask
@@ -236,13 +242,13 @@ def _nearest(
     return max(overlap(found & known, person & known) for person in people)
 
 
-def run(folder: Path, background: str, sheets: Path, segmenter: str | None = None) -> None:
+def run(folder: Path, background: str, sheets: Path, network: NetworkUse = "auto") -> None:
     """Prints the lines of a recording, and writes its sheet."""
     checked, rows = read_checked(FOOTAGE / f"{folder.name}.json"), []
     with tempfile.TemporaryDirectory() as scratch:
         for recording in opened(usual_layout(folder, Path(scratch))):
             for kind, variant in variants(recording, background):
-                for camera, measured in measure(variant, checked, segmenter).items():
+                for camera, measured in measure(variant, checked, network).items():
                     print(measured.line(folder.name, camera, kind), flush=True)
                     rows.append(measured.tiles)
     write_sheet(rows, sheets / f"{folder.name}.png")
@@ -259,7 +265,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
     parser.add_argument("--background", choices=("both", "given", "none"), default="both")
-    parser.add_argument("--segmenter", metavar="FILE")
+    parser.add_argument("--network", choices=get_args(NetworkUse), default="auto")
     parser.add_argument("--sheets", type=Path, default=ROOT / "out" / "footage", metavar="DIR")
     given = parser.parse_args(arguments)
     folders = [folder.absolute() for folder in given.folders] or shared_folders()
@@ -270,7 +276,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed = 0
     for folder in folders:
         try:
-            run(folder, given.background, given.sheets, given.segmenter)
+            run(folder, given.background, given.sheets, given.network)
         except InputError as error:
             failed = 1
             print(f"{folder.name}: {error}", file=sys.stderr)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
+from silhouette_core.image.network_files import NetworkUse
 from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.progress import Reporter
 
@@ -102,8 +103,8 @@ class Settings:
         sex: sex of the person, which decides the proportions.
         background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
             does against shadows and noise.
-        segmenter: network that tells where people are, of cameras without an empty view: see
-            `silhouette_core.image.segmenter.load_segmenter`. None: none does.
+        network: "auto" uses the pose network where it is installed, see
+            `silhouette_core.image.network_files`; "off" does not.
         up: direction of up in the world, three numbers; None: as the calibration states, else
             found from the cameras and the person.
         smooth: use later frames, and filter the finished motion (off-line, without lag).
@@ -118,7 +119,7 @@ class Settings:
     chest_m: float | None = None
     sex: Literal["male", "female", "unknown"] = "unknown"
     background: BackgroundKind = "auto"
-    segmenter: str | None = None
+    network: NetworkUse = "auto"
     up: tuple[float, float, float] | None = None
     smooth: bool = True
     threads: int | None = None

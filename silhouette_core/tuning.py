@@ -212,6 +212,47 @@ class Colours:
 
 
 @dataclass(frozen=True)
+class People:
+    """People looked for and followed by the pose network (`image.person_windows`)."""
+
+    most: int = 4
+    """People followed by each camera."""
+    margin: float = 1.25
+    """1. Side of the square that is looked at, of the person's longer side."""
+    visible: float = 0.5
+    """1. Probability from which a point counts for the square."""
+    maybe: float = 0.3
+    """1. Presence in a first square from which it is looked at again, about the mask."""
+    sure: float = 0.8
+    """1. Presence in the second square from which somebody new is followed."""
+    present: float = 0.5
+    """1. Presence from which somebody who is followed is still there."""
+    patience: int = 5
+    """Frames that somebody is looked for in the same place."""
+    same: float = 0.6
+    """1. Of the smaller box: two that share more are one person."""
+    looks: int = 6
+    """Frames in which the picture is looked at once for others, where somebody is known."""
+    changed: float = 12.0
+    """Grey levels by which a place changes between frames."""
+    moves_s: float = 0.5
+    """s. Time in which somebody moves."""
+    moves: float = 0.05
+    """1. Of the mask's pixels, changed within that time: who moves less may be a thing. The chairs
+    of le2i_c2 have at most 0.02."""
+    still: float = 0.97
+    """1. Median presence from which somebody who does not move is no thing: chairs have at most
+    0.87, people who stand or sit still at least 0.999."""
+    reliance: float = 0.4
+    """1. Factor on the mask's logits: by the checked outlines of datasets/footage and by rendered
+    recordings, a pixel's log odds are 0.4 times what the network says."""
+    most_odds: float = 3.0
+    """Nats. Most that the mask says of a pixel."""
+    shares: tuple[float, ...] = (1.0, 0.7, 0.45)
+    """1. Sides of the squares, of the picture's height; the first, of its longer side."""
+
+
+@dataclass(frozen=True)
 class Plausibility:
     """Whether silhouettes can be a person's (`image.plausibility`). By eye."""
 
@@ -389,6 +430,7 @@ SCENE = EmptyScene()
 BACKDROP = Backdrop()
 CUT = Cut()
 COLOURS = Colours()
+PEOPLE = People()
 PLAUSIBILITY = Plausibility()
 CAMERA_MOTION = CameraMotion()
 MEASURING = Measuring()

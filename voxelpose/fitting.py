@@ -19,7 +19,7 @@ from silhouette_core.estimator import (
     Settings,
     load_estimator,
 )
-from silhouette_core.image.segmenter import load_segmenter
+from silhouette_core.image.network_files import installed_network
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import filter_warning
 from silhouette_core.motion.motion_file import write_motion
@@ -123,8 +123,7 @@ def fit_people(
     check_threads(settings.threads)
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     load_backend(settings.backend)  # refuses an unknown name before the work begins
-    if settings.segmenter is not None:
-        load_segmenter(settings.segmenter)
+    installed_network(settings.network)  # likewise what is no network
     for words in recording.notes:
         reporter.note(words)
     with writer as folder:

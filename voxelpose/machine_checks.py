@@ -54,6 +54,7 @@ def examine() -> list[HealthCheck]:
         "body and pictures": _pictures,
         "estimators": partial(_registered, "estimator", "load_estimator"),
         "backends": partial(_registered, "scoring.backend", "load_backend"),
+        "pose network": _network,
         "open3d": _open3d,
         "disk": _disk,
     }
@@ -180,6 +181,22 @@ def _registered(module: str, load: str) -> _Finding:
     for name in names:
         getattr(known, load)(name)
     return "works", ", ".join(names), ""
+
+
+def _network() -> _Finding:
+    from silhouette_core.image.network_files import installed_network
+    from silhouette_core.image.pose_network import Crop, PoseNetwork
+
+    path = installed_network()
+    if path is None:
+        remedy = "`voxelpose network install` gets one for rooms in which silhouettes are poor"
+        return "limited", "not installed", remedy
+    import numpy as np
+
+    grey = PoseNetwork(path).look(np.full((256, 256, 3), 127, np.uint8), Crop(128, 128, 256))
+    if grey.presence < 0.5:
+        return "works", str(path), ""
+    return "fails", f"{path}: sees somebody in a grey picture", "install another version of OpenCV"
 
 
 def _open3d() -> _Finding:

@@ -20,6 +20,7 @@ from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 from silhouette_core.estimator import BackgroundKind
+from silhouette_core.image.network_files import NetworkUse
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
 from voxelpose.people_marks import person_names
@@ -150,7 +151,7 @@ class _Settings(msgspec.Struct):
     chest_m: _Chest | None = None
     sex: _Sex = "unknown"
     background: BackgroundKind | Literal["refined"] = "auto"  # refined: auto, until 2026-11
-    segmenter: _Name = ""
+    network: NetworkUse = "auto"
     up: _Up | None = None
     smooth: bool = True
     threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None

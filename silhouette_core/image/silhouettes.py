@@ -26,7 +26,7 @@ from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
-from silhouette_core.image.segmenter import load_segmenter, person_odds
+from silhouette_core.image.seen_people import SeenPeople, people_odds
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -57,7 +57,7 @@ class Silhouettes:
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
-        segmenter: str | None = None,
+        people: SeenPeople | None = None,
         bodies: BodyOdds | None = None,
     ) -> None:
         """Builds the background models of a recording.
@@ -70,19 +70,19 @@ class Silhouettes:
             ahead: Whether the recording's own frames may be read beforehand, which tell how dark
                 cast shadows are, and the person's colours. Cameras without frames of the empty
                 scene need them anyway.
-            segmenter: Tells where people are, in frames that are read beforehand and by their
-                colours: see `load_segmenter`. None: nothing does.
+            people: Whom the pose network sees. None: it is not asked.
             bodies: Tells where the person is thought to be: odds (h, w) of `body_odds` by a
                 camera's name, the number of a frame and the size. None: nothing does.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image;
-                the segmenter cannot be used; there is no such kind.
+                there is no such kind.
         """
         if background not in get_args(BackgroundKind):
             kinds = ", ".join(get_args(BackgroundKind))
             raise InputError(f"background = {str(background)[:40]!r} must be one of {kinds}")
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
+        self._widths = {camera.name: camera.size[0] for camera in source.rig}
         method: Method = "paper" if background == "paper" else "refined"
         kind: Kind = "auto" if background == "paper" else background
         self._given, self._refined = source.silhouettes_given, method == "refined"
@@ -90,7 +90,7 @@ class Silhouettes:
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
-        self._segmenter = None if segmenter is None else load_segmenter(segmenter)
+        self._people = people
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
         self.moving: tuple[str, ...] = ()
@@ -212,14 +212,16 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
-    def soft(self, frames: Mapping[str, Frame]) -> dict[str, SoftSilhouette]:
-        """Soft silhouettes of frames (H, W, 3) uint8, BGR, by camera name."""
+    def soft(
+        self, frames: Mapping[str, Frame], step: int | None = None
+    ) -> dict[str, SoftSilhouette]:
+        """Soft silhouettes of frames (H, W, 3) uint8, BGR, by camera name; `step` as of `of`."""
 
         def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
             frame = self._registered(name, frames[name])
-            told = self._evidence(name, frame)
+            told = self._evidence(name, frame, step)
             soft = self._models[name].soft_silhouette(frame, self._regions.get(name), told)
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
@@ -275,13 +277,16 @@ class Silhouettes:
     def _evidence(
         self, name: str, frame: NDArray[np.uint8], step: int | None = None
     ) -> NDArray[np.float32] | None:
-        """What the segmenter, and the body, say of a frame of the silhouettes' size."""
+        """What the pose network, and the body, say of a frame of the silhouettes' size."""
         size = cut_size(self._sizes[name])
-        odds = None if self._segmenter is None else person_odds(self._segmenter, frame, size)
-        if self._bodies is None or step is None:
-            return odds
-        body = self._bodies(name, step, size)
-        return body if odds is None else odds + body
+        terms = []
+        if self._people is not None and step is not None:
+            seen = self._people.of(name, step)
+            terms.append(people_odds(seen, size[0] / self._widths[name], size))
+        if self._bodies is not None and step is not None:
+            terms.append(self._bodies(name, step, size))
+        terms = [term for term in terms if term is not None]
+        return sum(terms) if terms else None
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)

@@ -79,7 +79,10 @@ def some_silhouettes(
     """
     lens, name = UndistortedView.from_camera(camera, long_side_px), source.rig.names[0]
     steps = even_moments(source.frame_count, _MOMENTS).tolist()
-    seen = [find_person(lens.undistort(silhouettes.of(one)[name])) for one in source.at(steps)]
+    seen = [
+        find_person(lens.undistort(silhouettes.of(one, step=step)[name]))
+        for step, one in zip(steps, source.at(steps), strict=True)
+    ]
     masks = [body.mask for body in seen if body is not None]
     if not masks:
         raise InputError(

@@ -23,6 +23,7 @@ from silhouette_core.estimator import (
     read_options,
 )
 from silhouette_core.image.plausibility import check_plausible, telling_frames
+from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
 from silhouette_core.monocular.body_library import (
@@ -58,6 +59,7 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scratch_file import ScratchFile
+from silhouette_core.tuning import PEOPLE
 
 _BLOCK = 150  # frames copied into arrays together
 _COUNT = 5  # hypotheses that are stored of a frame, at most
@@ -162,8 +164,8 @@ class _Tracking:
         self.reporter.stage("people", source.frame_count)
 
         def seen() -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
-            for _, _, frames in source:
-                yield frames[name], self.silhouettes.of(frames)[name]
+            for step, (_, _, frames) in enumerate(source):
+                yield frames[name], self.silhouettes.of(frames, step=step)[name]
                 self.reporter.advance()
 
         coloured = not source.silhouettes_given
@@ -264,7 +266,7 @@ def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) ->
         settings.background,
         LONG_SIDE_PX,
         ahead=settings.smooth,
-        segmenter=settings.segmenter,
+        people=people_seen(source, settings, reporter, PEOPLE.most),
     )
     silhouettes.note(reporter)
     if silhouettes.unknown:
@@ -275,7 +277,10 @@ def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) ->
 def check_person(source: FrameSource, silhouettes: Silhouettes, person: bool) -> None:
     """Refuses silhouettes of the only camera that cannot be a person's, or another body's."""
     steps, name = telling_frames(source.frame_count), source.rig.names[0]
-    masks = [silhouettes.of(frames)[name] for frames in source.at(steps)]
+    masks = [
+        silhouettes.of(frames, step=step)[name]
+        for step, frames in zip(steps, source.at(steps), strict=True)
+    ]
     given = source.silhouettes_given
     check_plausible({name: masks}, least=1, person=person, given=given)
 
@@ -299,9 +304,9 @@ def _people(
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it."""
     name = source.rig.names[0]
-    for number, seconds, frames in source:
+    for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            person = finder.find(frames[name], silhouettes.of(frames)[name])
+            person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
         yield number, seconds, person
 
 

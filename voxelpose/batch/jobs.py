@@ -28,7 +28,7 @@ _SETTINGS = {
     "chest": (float, "chest_m"),
     "sex": (str, "sex"),
     "background": (str, "background"),
-    "segmenter": (str, "segmenter"),
+    "network": (str, "network"),
     "smooth": (bool, "smooth"),
     "filter": (str, "conditioning.filter"),
     "cutoff": (float, "conditioning.cutoff_hz"),

@@ -30,6 +30,7 @@ COMMANDS = {
     "live": "follow a person before running cameras, and send the motion",
     "carve": "carve the visual hull of one frame, as a PLY file",
     "body": "bodies by name and from measurements, for --body",
+    "network": "install a pose network that helps where silhouettes are poor",
     "library": "build or describe a pose library for track",
     "view": "show a result in the browser, in a window, as image or video",
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ",

@@ -21,7 +21,7 @@ GROUPS = {
     "basic": "recording folder out overwrite stature people frames camera source method library"
     " record",
     "person": "chest body sex start outline_only",
-    "camera": "cameras unit fps label up background segmenter loop",
+    "camera": "cameras unit fps label up background network loop",
     "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"
     " record_now private page host port token browser",
 }

@@ -38,7 +38,7 @@ _NOT_IN_FORMS = set(
     "out overwrite verbose intrinsics points source send loop record record_now duration page host"
     " port token browser".split()
 )
-_FILES = {"body", "segmenter", "library"}  # options whose value may name a file
+_FILES = {"body", "library"}  # options whose value may name a file
 _INPUTS = {bool: "checkbox", int: "number", float: "number"}
 
 
@@ -210,10 +210,6 @@ def _is_name(field: str, value: str) -> bool:
     """Whether a value is a name that the program knows, and no file's."""
     if field == "library":
         return False
-    if field == "segmenter":
-        from silhouette_core.image.segmenter import resolved_segmenter
-
-        return Path(value).name == value and resolved_segmenter(value) == value
     from silhouette_core.body.presets import body_preset
 
     return body_preset(value) is not None

@@ -102,9 +102,9 @@ class EstimationArguments(ABC):
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
     in Okada and Stenger 5.1."""
-    segmenter: Annotated[str | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """Network that tells where people are, .onnx or .tflite, or a registered name; for cameras
-    without an empty view. Default: none."""
+    network: Literal["auto", "off"] = "auto"
+    """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
+    one."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
     threads: arguments.Threads = None
@@ -138,7 +138,6 @@ class EstimationArguments(ABC):
         """Estimates the motion and writes the result; returns one for each person."""
         reporter.stage("opening")
         from silhouette_core.estimator import Settings
-        from silhouette_core.image.segmenter import resolved_segmenter
         from silhouette_core.motion.body_source import resolved_body
         from silhouette_core.motion.conditioning import Conditioning
         from voxelpose.fitting import Output, fit_people
@@ -149,7 +148,7 @@ class EstimationArguments(ABC):
             chest_m=self.chest,
             sex=self.sex,
             background=asked.background or self.background,
-            segmenter=self.segmenter and resolved_segmenter(self.segmenter),
+            network=self.network,
             smooth=self.smooth,
             up=arguments.up_direction(self.up),
             threads=self.threads,
@@ -186,7 +185,6 @@ class Fit(EstimationArguments):
       voxelpose fit run --out run_fit --body walk_fit
       voxelpose fit run --out run_fit --body 92A5
       voxelpose fit dance --out dance_fit --people 2
-      voxelpose fit walk --out walk_fit --segmenter selfie_segmentation.tflite
     """
 
     people: arguments.People = "auto"

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
 
-_LOCATED = "body", "segmenter", "source"  # text that may name a file
+_LOCATED = "body", "source"  # text that may name a file
 _WORDS = {
     bool: "true or false",
     int: "a whole number",

@@ -28,7 +28,6 @@ class Track(EstimationArguments):
       voxelpose track talk --camera cam_1 --out talk_track --people 2
       voxelpose track walk --camera cam_1 --library dancers.vplib --start any --out walk_track
       voxelpose track walk --camera cam_1 --out walk_track --cutoff 5 --gap-limit 10
-      voxelpose track walk --camera cam_1 --segmenter selfie_segmentation.tflite --out walk_track
       voxelpose track work --camera cam_1 --body arm.urdf --library arm.vplib --out work_track
       voxelpose track walk --camera cam_1 --method paper --stature 1.75 --out walk_tree
     """

@@ -67,7 +67,7 @@ _SETTINGS = {
     "chest_m": "chest girth as given, metres",
     "sex": "whose average proportions were the start",
     "background": "what backgrounds were taken from",
-    "segmenter": "network that told where people are",
+    "network": "whether a pose network that is installed is used",
     "smooth": "whether later frames were used, and the motion filtered",
     "conditioning": "filter of the finished motion, and which gaps are filled",
     "threads": "processor threads",

@@ -214,9 +214,8 @@ class SetupSession:
         return model.with_places(source)
 
     def _learned(self, kind: BackgroundKind) -> Silhouettes:
-        segmenter, _ = self._settings().get("segmenter", (None, ""))
         source = DrawnRecording(**vars(self._recording))
-        return Silhouettes(source, kind, LONG_SIDE_PX, segmenter=segmenter)
+        return Silhouettes(source, kind, LONG_SIDE_PX)
 
     def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points. InputError where there

@@ -17,10 +17,12 @@ from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
+from silhouette_core.image.seen_people import SeenPeople, people_seen
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.tuning import PEOPLE
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
@@ -68,12 +70,14 @@ class Footage:
         settings: background subtraction.
         lenses: of all cameras.
         late_frames: how many frames later than the others a camera's pictures are, by its name.
+        people: whom the pose network sees; None: it is not asked.
     """
 
     source: FrameSource
     settings: Settings
     lenses: Sequence[UndistortedView]
     late_frames: Mapping[str, int]
+    people: SeenPeople | None = None
 
     @property
     def late(self) -> list[int]:
@@ -87,7 +91,7 @@ class Footage:
             self.source,
             settings.background,
             LONG_SIDE_PX,
-            segmenter=settings.segmenter,
+            people=self.people,
             bodies=bodies,
         )
 
@@ -155,7 +159,8 @@ def prepare_silhouettes(
     sizes = [lens.pinhole.size for lens in lenses]
     with mask_stores(2, sizes, source.frame_count) as stores:
         reporter.stage("masks" if source.silhouettes_given else "background")
-        silhouettes = Footage(source, settings, lenses, {}).silhouettes()
+        people = people_seen(source, settings, reporter, PEOPLE.most)
+        silhouettes = Footage(source, settings, lenses, {}, people).silhouettes()
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
         pairs = zip(source.rig.names, unknown or (), strict=unknown is not None)
@@ -192,7 +197,7 @@ def prepare_silhouettes(
             times_s,
             facts,
             preparation,
-            Footage(source, settings, lenses, checked.late_frames),
+            Footage(source, settings, lenses, checked.late_frames, people),
         )
 
 
@@ -220,7 +225,7 @@ class _Preparation:
         frames: Mapping[str, Frame]
         for t, (number, seconds, frames) in enumerate(source):
             with self.clock("silhouettes"):
-                soft = silhouettes.soft(frames)
+                soft = silhouettes.soft(frames, t)
                 for store, kind in zip(self.stores, ("silhouette", "tint"), strict=True):
                     masks = (getattr(soft[name], kind) for name in source.rig.names)
                     pairs = zip(lenses, masks, strict=True)

@@ -154,8 +154,7 @@ class ResultScenes:
         self.background = settings.get("background", "auto").replace("refined", "auto")
         self.reader = None  # of pictures and silhouettes
         if self.recording:
-            segmenter = settings.get("segmenter")
-            self.reader = CameraFrames(self.recording, self.background, self.lenses, segmenter)
+            self.reader = CameraFrames(self.recording, self.background, self.lenses)
         self._cameras = tuple(view.pinhole for view in self.lenses.values())
         self._fitted = [FittedBody(motion, self.voxel_size_m) for motion in self.motions]
         #: time, s, of every frame in which somebody has a pose

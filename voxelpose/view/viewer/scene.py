@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from calib.errors import InputError
 from silhouette_core.estimator import BackgroundKind
-from silhouette_core.image.segmenter import load_segmenter
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView, scaled_unknown
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -163,14 +161,11 @@ class CameraFrames:
         recording: Recording,
         kind: BackgroundKind,
         views: Mapping[str, UndistortedView],
-        segmenter: str | None = None,
     ) -> None:
-        """Prepares; nothing is read before the first frame. A segmenter told where people are, and
-        is left out where it cannot be used any more; views are those of every camera by name.
-        """
+        """Prepares; nothing is read before the first frame. Views are those of every camera."""
         self._recording = recording
         self._kind: BackgroundKind = kind
-        self._views, self._segmenter = views, segmenter
+        self._views = views
         self._next, self._frames = 0, None
         self._pictures: dict[str, Frame] = {}
 
@@ -181,14 +176,7 @@ class CameraFrames:
 
     def silhouettes_with(self, bodies: BodyOdds | None) -> Silhouettes:
         """Background models learned anew, with what is known of bodies, see `Silhouettes`."""
-        segmenter = self._segmenter
-        try:
-            if segmenter is not None:
-                load_segmenter(segmenter)
-        except InputError:
-            segmenter = None
-        known = {"segmenter": segmenter, "bodies": bodies}
-        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, **known)
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, bodies=bodies)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:

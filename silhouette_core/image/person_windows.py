@@ -1,0 +1,198 @@
+"""Where people are in the pictures of one camera, followed by the pose network.
+
+Everybody is followed by their own mask and points. Who is not known yet is looked for where the
+picture changes, and in squares of it, a few in each frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.estimator import Frame
+from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
+from silhouette_core.tuning import PEOPLE
+
+_TURNS = np.pi / 2, -np.pi / 2
+_SMALL_PX = 160  # shorter side of the pictures by which changes are found
+
+
+@dataclass(eq=False)
+class FollowedWindow:
+    """Somebody who is followed.
+
+    Attributes:
+        number: of the person, as people were found.
+        seen: in the last frame.
+        absent: frames since then.
+    """
+
+    number: int
+    seen: PersonSeen
+    absent: int = 0
+
+
+class PeopleWindows:
+    """Follows the people before one camera from frame to frame.
+
+    Args:
+        network: of this thread alone.
+        most: people to be followed at most.
+    """
+
+    def __init__(self, network: PoseNetwork, most: int = 1) -> None:
+        self._network, self._most = network, most
+        self._people: list[FollowedWindow] = []
+        self._gone: list[FollowedWindow] = []
+        self._squares: Iterator[Crop] = iter(())
+        self._small: NDArray[np.uint8] | None = None
+        self._count = self._frame = 0
+
+    def see(self, picture: Frame) -> dict[int, PersonSeen]:
+        """People in the next frame (H, W, 3) uint8, BGR, by number."""
+        first = self._small is None
+        changed = self._changed(picture)
+        for person in self._people:
+            seen = self._seen(picture, person.seen)
+            person.absent = 0 if seen is not None else person.absent + 1
+            person.seen = seen or person.seen
+        self._leave()
+        if len(self._people) < self._most:
+            self._look_for_others(picture, changed, whole=first)
+        return {person.number: person.seen for person in self._people if not person.absent}
+
+    def _seen(self, picture: Frame, before: PersonSeen) -> PersonSeen | None:
+        """The person who was seen before, if still there."""
+        crop = next_crop(before)
+        if crop is None:
+            return None
+        for turn in (0.0, *_TURNS):  # somebody falls, or turns over
+            seen = self._network.look(picture, replace(crop, turn_rad=crop.turn_rad + turn))
+            if is_there(seen):
+                return seen
+        return None
+
+    def _leave(self) -> None:
+        """Forgets who is away for long, and who has the mask of somebody else."""
+        self._gone += [one for one in self._people if one.absent > PEOPLE.patience]
+        self._people = [one for one in self._people if one.absent <= PEOPLE.patience]
+        kept: list[FollowedWindow] = []
+        for person in sorted(self._people, key=lambda one: (one.absent, one.number)):
+            if not any(same_person(person.seen, other.seen) for other in kept):
+                kept.append(person)
+        self._people = sorted(kept, key=lambda one: one.number)
+
+    def _look_for_others(self, picture: Frame, changed: list[Crop], whole: bool) -> None:
+        """Looks where the picture changes, and in the next squares of it; in all where `whole`."""
+        crops = list(self._unseen(changed, picture.shape[1::-1], whole))
+        found: list[PersonSeen] = []
+        for crop in crops:
+            seen = self._network.look(picture, crop)
+            if seen.presence < PEOPLE.maybe or (near := next_crop(seen)) is None:
+                continue
+            seen = self._network.look(picture, near)
+            known = [*(person.seen for person in self._people), *found]
+            if is_there(seen, PEOPLE.sure) and not any(same_person(seen, one) for one in known):
+                found.append(seen)
+        found.sort(key=lambda seen: -seen.presence * float(seen.visibility.mean()))
+        for seen in found[: self._most - len(self._people)]:
+            self._people.append(self._known_or_new(seen))
+
+    def _known_or_new(self, seen: PersonSeen) -> FollowedWindow:
+        """Somebody who was lost in this place, or somebody new."""
+        for person in self._gone[::-1]:
+            if same_person(person.seen, seen):
+                self._gone.remove(person)
+                return FollowedWindow(person.number, seen)
+        self._count += 1
+        return FollowedWindow(self._count - 1, seen)
+
+    def _unseen(self, changed: list[Crop], size: tuple[int, int], whole: bool) -> Iterator[Crop]:
+        """Squares that are looked at for others in this frame."""
+        if whole:
+            yield from squares(*size)
+            return
+        self._frame += 1
+        for _ in range(1 if not self._people else self._frame % PEOPLE.looks == 0):
+            if changed and (self._frame // PEOPLE.looks) % 2:
+                yield changed[0]
+                continue
+            crop = next(self._squares, None)
+            if crop is None:
+                self._squares = squares(*size)
+                crop = next(self._squares)
+            yield crop
+        if not self._people and changed:
+            turn = self._frame % 3 - 1
+            yield replace(changed[0], turn_rad=turn * np.pi / 2)
+
+    def _changed(self, picture: Frame) -> list[Crop]:
+        """Squares about what changed since the last frame, largest first."""
+        scale = _SMALL_PX / min(picture.shape[:2])
+        small = cv2.cvtColor(
+            cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
+            cv2.COLOR_BGR2GRAY,
+        )
+        before, self._small = self._small, np.asarray(small)
+        if before is None:
+            return []
+        changed = cv2.absdiff(small, before) > PEOPLE.changed
+        grown = cv2.dilate(changed.view(np.uint8), np.ones((9, 9), np.uint8))
+        _, _, boxes, _ = cv2.connectedComponentsWithStats(grown)
+        large = [box for box in boxes[1:] if box[3] > _SMALL_PX / 8]
+        large.sort(key=lambda box: -int(box[cv2.CC_STAT_AREA]))
+        return [
+            Crop.around(np.array([[x, y], [x + w, y + h]]) / scale, PEOPLE.margin)
+            for x, y, w, h, _ in large[: self._most]
+        ]
+
+
+def next_crop(seen: PersonSeen) -> Crop | None:
+    """The square about somebody who is seen, turned as they are; None where there is no mask."""
+    outline = seen.outline_px
+    if outline is None:
+        return None
+    up = seen.circle_px[1] - seen.circle_px[0]
+    turn = float(np.arctan2(up[0], -up[1]))
+    cos, sin = np.cos(turn), np.sin(turn)
+    upright = np.array([[cos, -sin], [sin, cos]])  # picture from upright
+    places = np.concatenate([outline, seen.points_px[seen.visibility > PEOPLE.visible]]) @ upright
+    low, high = places.min(axis=0), places.max(axis=0)
+    x, y = (upright @ ((low + high) / 2)).tolist()
+    return Crop(x, y, max(PEOPLE.margin * float((high - low).max()), 16.0), turn)
+
+
+def is_there(seen: PersonSeen, least: float | None = None) -> bool:
+    """Whether somebody is seen."""
+    return seen.presence >= (PEOPLE.present if least is None else least) and bool(
+        (seen.logits > 0).any()
+    )
+
+
+def same_person(one: PersonSeen, other: PersonSeen) -> bool:
+    """Whether two are seen in the same place: by the overlap of their boxes."""
+    a, b = one.box_px, other.box_px
+    if a is None or b is None:
+        return False
+    common = np.prod(np.maximum(np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]), 0))
+    return bool(common > PEOPLE.same * min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
+
+
+def squares(width: int, height: int) -> Iterator[Crop]:
+    """Squares over a picture, the largest first, so close that a person is whole in one of them."""
+    for share in PEOPLE.shares:
+        side = max(width, height) if share == 1 else share * height
+        x, y = (
+            np.linspace(
+                min(side, length) / 2,
+                max(length - side / 2, length / 2),
+                max(int(np.ceil((length / side - 1) * 2.5)), 0) + 1,
+            )
+            for length in (width, height)
+        )
+        for turn in (0.0, *_TURNS) if share == 1 else (0.0,):
+            yield from (Crop(left, top, side, turn) for top in y.tolist() for left in x.tolist())

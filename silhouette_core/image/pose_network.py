@@ -1,0 +1,152 @@
+"""The pose network that a user installed: what it sees of one person in a square of a picture.
+
+MediaPipe's pose landmark network (BlazePose), run by OpenCV. See `image.network_files` for where it
+comes from.
+
+Source: Bazarevsky et al., BlazePose: On-device real-time body pose tracking (2020).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.estimator import Frame
+
+POINTS = 33
+"""Points of the body that the network gives, MediaPipe's numbers 0 to 32."""
+_SIDE_PX = 256  # of the square that the network takes
+_STEPS = 8  # of a nat, in which logits are kept
+_HEADS = "Identity", "Identity_1", "Identity_2", "Identity_4"
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A square of a picture, turned, which may reach beyond it.
+
+    Attributes:
+        x_px: column of its centre.
+        y_px: row of its centre.
+        side_px: length of a side.
+        turn_rad: by which its upward axis is turned to the right from the picture's.
+    """
+
+    x_px: float
+    y_px: float
+    side_px: float
+    turn_rad: float = 0.0
+
+    @classmethod
+    def around(cls, box_px: NDArray[np.float64], factor: float, turn_rad: float = 0.0) -> Crop:
+        """The square about a box (2, 2) of corners, `factor` times as long as its longer side."""
+        x, y = box_px.mean(axis=0).tolist()
+        return cls(x, y, max(factor * float((box_px[1] - box_px[0]).max()), 16.0), turn_rad)
+
+    @property
+    def from_network(self) -> NDArray[np.float64]:
+        """(2, 3): pixels of the picture from those of the network's square."""
+        scale, half = self.side_px / _SIDE_PX, 0.5 * (_SIDE_PX - 1)
+        cos, sin = scale * np.cos(self.turn_rad), scale * np.sin(self.turn_rad)
+        x, y = self.x_px - half * (cos - sin), self.y_px - half * (sin + cos)
+        return np.array([[cos, -sin, x], [sin, cos, y]])
+
+
+@dataclass(frozen=True, eq=False)
+class PersonSeen:
+    """What the network sees of one person.
+
+    Attributes:
+        crop: where it looked.
+        presence: probability that somebody is there.
+        logits: (256, 256) int8, eighths of a nat: odds of the person in the square's pixels.
+        points_px: (33, 2), in the picture.
+        visibility: (33,), probability that a point is seen.
+        points_m: (33, 3) m from the middle of the hips, axes of the camera.
+        circle_px: (2, 2) centre of the person and a point above it, on the circle that holds the
+            whole body.
+    """
+
+    crop: Crop
+    presence: float
+    logits: NDArray[np.int8]
+    points_px: NDArray[np.float64]
+    visibility: NDArray[np.float64]
+    points_m: NDArray[np.float64]
+    circle_px: NDArray[np.float64]
+
+    @cached_property
+    def outline_px(self) -> NDArray[np.float64] | None:
+        """(N, 2) outline in the picture of the largest piece of the mask; None without a mask."""
+        mask = (self.logits > 0).view(np.uint8)
+        pieces, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        if not pieces:
+            return None
+        largest = max(pieces, key=cv2.contourArea)[:, 0].astype(float)
+        back = self.crop.from_network
+        return largest @ back[:, :2].T + back[:, 2]
+
+    @property
+    def box_px(self) -> NDArray[np.float64] | None:
+        """(2, 2) corners of the box about the outline; None without a mask."""
+        outline = self.outline_px
+        return None if outline is None else np.array([outline.min(0), outline.max(0)])
+
+    def odds(self, size: tuple[int, int], scale: float, outside: float) -> NDArray[np.float32]:
+        """Odds of the person (h, w) float32, nats, in an image of the picture.
+
+        Args:
+            size: width and height of the image.
+            scale: of the image, relative to the picture.
+            outside: odds outside of the square.
+        """
+        matrix = self.crop.from_network * scale
+        matrix[:, 2] += 0.5 * (scale - 1)
+        logits = self.logits.astype(np.float32) / _STEPS
+        return cv2.warpAffine(logits, matrix, size, flags=cv2.INTER_LINEAR, borderValue=outside)  # type: ignore[return-value]
+
+
+class PoseNetwork:
+    """The network, for one thread."""
+
+    def __init__(self, path: Path) -> None:
+        """Reads the network's file."""
+        # OpenCV 5's new engine gives outputs of wrong shapes.
+        engine = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
+        self._net = cv2.dnn.readNetFromTFLite(str(path), *(() if engine is None else (engine,)))
+
+    def look(self, picture: Frame, crop: Crop) -> PersonSeen:
+        """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR."""
+        square = cropped(picture, crop)[..., ::-1].astype(np.float32) / 255
+        self._net.setInput(np.ascontiguousarray(square.transpose(2, 0, 1)[None]))
+        points, presence, mask, metres = self._net.forward(_HEADS)
+        points, back = points.reshape(-1, 5), crop.from_network
+        places_px = points[:, :2] @ back[:, :2].T + back[:, 2]
+        turned = back[:, :2] / (crop.side_px / _SIDE_PX)
+        points_m = metres.reshape(-1, 3)[:POINTS].astype(float)
+        points_m[:, :2] = points_m[:, :2] @ turned.T
+        logits = np.rint(_STEPS * mask[0, 0]).clip(-127, 127).astype(np.int8)
+        return PersonSeen(
+            crop,
+            float(presence.ravel()[0]),
+            logits,
+            places_px[:POINTS],
+            1 / (1 + np.exp(-points[:POINTS, 3].clip(-30, 30).astype(float))),
+            points_m,
+            places_px[POINTS : POINTS + 2],
+        )
+
+
+def cropped(picture: Frame, crop: Crop) -> NDArray[np.uint8]:
+    """A square of a picture in the network's size, black where the picture ends."""
+    finer = max(round(crop.side_px / _SIDE_PX), 1)  # pixels of the picture are averaged
+    matrix, size = crop.from_network, (finer * _SIDE_PX,) * 2
+    matrix[:, 2] -= matrix[:, :2].sum(axis=1) * 0.5 * (1 - 1 / finer)
+    matrix[:, :2] /= finer
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    square = cv2.warpAffine(picture, matrix, size, flags=flags)
+    return cv2.resize(square, (_SIDE_PX,) * 2, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]

@@ -1,0 +1,196 @@
+"""What the pose network sees of the people in a recording, camera by camera and frame by frame."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from silhouette_core.estimator import Frame, FrameSource, Settings
+from silhouette_core.image.network_files import installed_network
+from silhouette_core.image.person_windows import PeopleWindows
+from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
+from silhouette_core.progress import Reporter
+from silhouette_core.scratch_file import ScratchFile
+from silhouette_core.tuning import PEOPLE
+
+_SHAPES = (4,), (1,), (33, 2), (33,), (33, 3), (2, 2)  # of what is stored of a person, float32
+_LONG_SIDE_PX = 160  # of pictures by which movement is judged
+
+
+class SeenPeople:
+    """People seen in T frames of C cameras; what is seen lies on disk.
+
+    Somebody who never moves, and of whom the network is never sure, is a thing, and left out.
+    """
+
+    def __init__(self, names: Sequence[str], fps: float, network: Path, most: int) -> None:
+        """Begins to look.
+
+        Args:
+            names: of the cameras.
+            fps: frames per second that will be looked at.
+            network: the network's file.
+            most: people who are followed at most in each camera.
+        """
+        self._windows = {name: PeopleWindows(PoseNetwork(network), most) for name in names}
+        self._movement = {name: Movement(fps) for name in names}
+        self._file = ScratchFile()
+        self._places: dict[tuple[str, int, int], tuple[int, int]] = {}
+        self._numbers: dict[tuple[str, int], list[int]] = {}
+
+    def look(self, step: int, frames: Mapping[str, Frame]) -> None:
+        """Looks at the frames of a time step, (H, W, 3) uint8, BGR, by camera name; at each once.
+
+        Most is seen where steps follow on each other.
+        """
+
+        def look(name: str) -> None:
+            people = self._windows[name].see(frames[name])
+            self._movement[name].add(frames[name], people)
+            self._numbers[name, step] = []
+            for number, person in people.items():
+                self.put(name, step, number, person)
+
+        names = [name for name in frames if (name, step) not in self._numbers]
+        with ThreadPoolExecutor(max(min(numba.get_num_threads(), len(names)), 1)) as pool:
+            list(pool.map(look, names))
+
+    def leave_things_out(self) -> None:
+        """Forgets what does not move, and is not surely a person."""
+        things = {name: movement.things() for name, movement in self._movement.items()}
+        for (name, step), numbers in self._numbers.items():
+            self._numbers[name, step] = [one for one in numbers if one not in things[name]]
+
+    def put(self, name: str, step: int, number: int, person: PersonSeen) -> None:
+        """Stores what is seen of a person in a frame of a camera."""
+        crop = person.crop
+        arrays = (
+            np.array([crop.x_px, crop.y_px, crop.side_px, crop.turn_rad]),
+            np.array([person.presence]),
+            *(person.points_px, person.visibility, person.points_m, person.circle_px),
+        )
+        head = b"".join(array.astype(np.float32).tobytes() for array in arrays)
+        content = head + zlib.compress(person.logits.tobytes(), 1)
+        self._places[name, step, number] = self._file.append(content), len(content)
+        self._numbers.setdefault((name, step), []).append(number)
+
+    def of(self, name: str, step: int) -> dict[int, PersonSeen]:
+        """People in a frame of a camera, by number."""
+        numbers = self._numbers.get((name, step), [])
+        return {number: self._read(*self._places[name, step, number]) for number in numbers}
+
+    def _read(self, start: int, size: int) -> PersonSeen:
+        content, arrays, first = self._file.read_at(start, size), [], 0
+        for shape in _SHAPES:
+            count = int(np.prod(shape))
+            array = np.frombuffer(content, np.float32, count, first).astype(float)
+            arrays.append(array.reshape(shape))
+            first += 4 * count
+        crop, presence, points_px, visibility, points_m, circle_px = arrays
+        logits = np.frombuffer(zlib.decompress(content[first:]), np.int8).reshape(256, 256)
+        return PersonSeen(
+            Crop(*crop.tolist()),
+            float(presence[0]),
+            logits,
+            points_px,
+            visibility,
+            points_m,
+            circle_px,
+        )
+
+
+class Movement:
+    """How much moves where people are seen by a camera.
+
+    Args:
+        fps: frames per second.
+    """
+
+    def __init__(self, fps: float) -> None:
+        self._interval = max(round(PEOPLE.moves_s * fps), 1)
+        self._before: list[NDArray[np.int16]] = []
+        self._changed: dict[int, list[float]] = {}
+        self._presence: dict[int, list[float]] = {}
+
+    def add(self, frame: Frame, people: dict[int, PersonSeen]) -> None:
+        """Takes in the people of the next frame (H, W, 3) uint8, BGR."""
+        scale = _LONG_SIDE_PX / max(frame.shape[:2])
+        size = tuple(max(round(scale * length), 1) for length in frame.shape[1::-1])
+        small = cv2.cvtColor(
+            cv2.resize(frame, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
+        )
+        self._before = [*self._before[-self._interval :], np.asarray(small).astype(np.int16)]
+        changed = np.abs(self._before[-1] - self._before[0]) > PEOPLE.changed
+        for number, person in people.items():
+            mask = person.odds((size[0], size[1]), scale, -1.0) > 0
+            self._changed.setdefault(number, []).append(
+                float(changed[mask].mean() if mask.any() else 0)
+            )
+            self._presence.setdefault(number, []).append(person.presence)
+
+    def things(self) -> list[int]:
+        """Numbers of what does not move, and is not surely a person."""
+        return [
+            number
+            for number, changed in self._changed.items()
+            if np.mean(changed) < PEOPLE.moves and np.median(self._presence[number]) < PEOPLE.still
+        ]
+
+
+def people_seen(
+    source: FrameSource, settings: Settings, reporter: Reporter, most: int
+) -> SeenPeople | None:
+    """People seen in a recording; None without the network, of given silhouettes, and where frames
+    do not wait for later ones.
+
+    Args:
+        source: the frames.
+        settings: of the estimation.
+        reporter: told the progress, and where a network would help.
+        most: people who are followed at most in each camera.
+
+    Raises:
+        InputError: what is installed is not the network.
+    """
+    network = installed_network(settings.network)
+    if source.silhouettes_given or not settings.smooth or settings.background == "paper":
+        return None
+    if network is None:
+        missing = set(source.rig.names) - set(source.backgrounds())
+        if missing and settings.network == "auto":
+            reporter.note(
+                f"{', '.join(sorted(missing))}: without an empty view, a pose network would find the"
+                " person more surely: `voxelpose network install` (6 MB, Apache-2.0) gets it"
+            )
+        return None
+    people = SeenPeople(source.rig.names, source.fps, network, most)
+    reporter.stage("people", source.frame_count)
+    for step, (_, _, frames) in enumerate(source):
+        people.look(step, frames)
+        reporter.advance()
+    people.leave_things_out()
+    return people
+
+
+def people_odds(
+    people: dict[int, PersonSeen], scale: float, size: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Odds of a person (h, w) float32, nats, in an image: 0 where nobody is seen in the picture.
+
+    Args:
+        people: who is seen in the picture.
+        scale: of the image, relative to the picture.
+        size: width and height of the image.
+    """
+    if not people:
+        return np.zeros(size[::-1], np.float32)
+    odds = [person.odds(size, scale, -PEOPLE.most_odds) for person in people.values()]
+    weighed = PEOPLE.reliance * np.max(odds, axis=0)
+    return weighed.clip(-PEOPLE.most_odds, PEOPLE.most_odds)
