@@ -12,12 +12,13 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Many containers set it; then each of the hundred processes that tests begin compiles all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-fast browser tour check lint docs format bench accuracy trials kills mutants fuzz proposal clean
+.PHONY: help install demo test test-fast browser network tour check lint docs format bench accuracy trials kills mutants fuzz proposal clean
 
 help:
 	@echo "make demo      makes a small recording, fits it and leaves the folder $(OUT)/ worth looking at"
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones), in 2 processes: make WORKERS=8 test"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
+	@echo "make network   gets the pose network for the tests with it, which are skipped without one"
 	@echo "make check     style, types, layers, lines of the packages, and the documentation built without a warning"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
@@ -41,6 +42,9 @@ test: $(VENV)/.ready-dev
 
 test-fast: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+
+network: $(VENV)/.ready-dev
+	$(BIN)/voxelpose network install
 
 tour: browser
 	$(BIN)/python -m pytest -m tour

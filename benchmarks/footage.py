@@ -36,11 +36,11 @@ from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import Frame, Settings
-from silhouette_core.image.network_files import NetworkUse
 from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
+from silhouette_core.network_files import NetworkUse
 from silhouette_core.progress import SilentReporter
 from silhouette_core.tuning import PEOPLE
 from voxelpose.recording.camera_files import pictures_by_camera

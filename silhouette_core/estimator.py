@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
-from silhouette_core.image.network_files import NetworkUse
 from silhouette_core.motion.conditioning import Conditioning
+from silhouette_core.network_files import NetworkUse
 from silhouette_core.progress import Reporter
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Settings:
         background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
             does against shadows and noise.
         network: "auto" uses the pose network where it is installed, see
-            `silhouette_core.image.network_files`; "off" does not.
+            `silhouette_core.network_files`; "off" does not.
         up: direction of up in the world, three numbers; None: as the calibration states, else
             found from the cameras and the person.
         smooth: use later frames, and filter the finished motion (off-line, without lag).

@@ -246,10 +246,22 @@ class People:
     reliance: float = 0.4
     """1. Factor on the mask's logits: by the checked outlines of datasets/footage and by rendered
     recordings, a pixel's log odds are 0.4 times what the network says."""
-    most_odds: float = 3.0
-    """Nats. Most that the mask says of a pixel."""
     shares: tuple[float, ...] = (1.0, 0.7, 0.45)
     """1. Sides of the squares, of the picture's height; the first, of its longer side."""
+
+
+@dataclass(frozen=True)
+class SeenJoints:
+    """Joints that the pose network sees (`image.seen_joints`), seeds 1 to 14 of one camera."""
+
+    independence: float = 0.25
+    """1. Power of their evidence: the points of a frame err together."""
+    freedom: float = 4.0
+    """1. Degrees of freedom of a joint's t distribution, as of the proposal's."""
+    other: float = 0.1
+    """1. Probability that no mode of the proposal is the pose, and the network's own is."""
+    any_pose_m: float = 0.15
+    """m. Deviation of a joint from the network's in that mode."""
 
 
 @dataclass(frozen=True)
@@ -431,6 +443,7 @@ BACKDROP = Backdrop()
 CUT = Cut()
 COLOURS = Colours()
 PEOPLE = People()
+SEEN_JOINTS = SeenJoints()
 PLAUSIBILITY = Plausibility()
 CAMERA_MOTION = CameraMotion()
 MEASURING = Measuring()

@@ -14,6 +14,9 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(os.environ.get("VOXELPOSE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+# Folder of the pose network that is installed on this machine; tests see none unless they ask.
+NETWORK = os.environ.pop("VOXELPOSE_NETWORK", None)
+os.environ["VOXELPOSE_NETWORK"] = str(Path(tempfile.gettempdir()) / "voxelpose-no-network")
 # Name of this worker process of pytest-xdist; None where one process runs all tests.
 WORKER = os.environ.get("PYTEST_XDIST_WORKER")
 # Their session fixtures take long to make: one worker runs them all.
@@ -119,6 +122,20 @@ def shared() -> Path:
     if not (SHARED / "data").is_dir():
         pytest.skip(f"no shared recordings at {SHARED} (set VOXELPOSE_SHARED)")
     return SHARED
+
+
+@pytest.fixture
+def pose_network(monkeypatch) -> Path:
+    """Installs the machine's pose network for a test and returns its file, or skips."""
+    from silhouette_core.network_files import FOLDER_VARIABLE, installed_network
+
+    monkeypatch.delenv(FOLDER_VARIABLE)
+    if NETWORK is not None:
+        monkeypatch.setenv(FOLDER_VARIABLE, NETWORK)
+    path = installed_network()
+    if path is None:
+        pytest.skip("no pose network is installed: make network")
+    return path
 
 
 @pytest.fixture

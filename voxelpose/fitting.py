@@ -19,10 +19,10 @@ from silhouette_core.estimator import (
     Settings,
     load_estimator,
 )
-from silhouette_core.image.network_files import installed_network
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import filter_warning
 from silhouette_core.motion.motion_file import write_motion
+from silhouette_core.network_files import installed_network
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.export.bvh import write_bvh

@@ -184,8 +184,8 @@ def _registered(module: str, load: str) -> _Finding:
 
 
 def _network() -> _Finding:
-    from silhouette_core.image.network_files import installed_network
     from silhouette_core.image.pose_network import Crop, PoseNetwork
+    from silhouette_core.network_files import installed_network
 
     path = installed_network()
     if path is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from calib.atomic import FolderWriter
 from calib.errors import InputError
-from silhouette_core.image.network_files import POSE_NETWORK, NetworkFile, network_folder
+from silhouette_core.network_files import POSE_NETWORK, NetworkFile, network_folder
 
 WHEEL, VERSION = "mediapipe", "0.10.21"
 LICENCE = NetworkFile(

@@ -20,9 +20,9 @@ from calib.errors import InputError
 from calib.files import read_rig
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 from silhouette_core.estimator import BackgroundKind
-from silhouette_core.image.network_files import NetworkUse
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
+from silhouette_core.network_files import NetworkUse
 from voxelpose.people_marks import person_names
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it

@@ -1,6 +1,6 @@
 """The pose network that a user installed: what it sees of one person in a square of a picture.
 
-MediaPipe's pose landmark network (BlazePose), run by OpenCV. See `image.network_files` for where it
+MediaPipe's pose landmark network (BlazePose), run by OpenCV. See `network_files` for where it
 comes from.
 
 Source: Bazarevsky et al., BlazePose: On-device real-time body pose tracking (2020).
@@ -21,7 +21,7 @@ from silhouette_core.estimator import Frame
 POINTS = 33
 """Points of the body that the network gives, MediaPipe's numbers 0 to 32."""
 _SIDE_PX = 256  # of the square that the network takes
-_STEPS = 8  # of a nat, in which logits are kept
+_STEPS, _MOST = 8, 127  # of a nat, in which logits are kept, and the most of them
 _HEADS = "Identity", "Identity_1", "Identity_2", "Identity_4"
 
 
@@ -96,17 +96,17 @@ class PersonSeen:
         outline = self.outline_px
         return None if outline is None else np.array([outline.min(0), outline.max(0)])
 
-    def odds(self, size: tuple[int, int], scale: float, outside: float) -> NDArray[np.float32]:
-        """Odds of the person (h, w) float32, nats, in an image of the picture.
+    def odds(self, size: tuple[int, int], scale: float) -> NDArray[np.float32]:
+        """Odds of the person (h, w) float32, nats, in an image of the picture; outside of the
+        square the lowest.
 
         Args:
             size: width and height of the image.
             scale: of the image, relative to the picture.
-            outside: odds outside of the square.
         """
         matrix = self.crop.from_network * scale
         matrix[:, 2] += 0.5 * (scale - 1)
-        logits = self.logits.astype(np.float32) / _STEPS
+        logits, outside = self.logits.astype(np.float32) / _STEPS, -_MOST / _STEPS
         return cv2.warpAffine(logits, matrix, size, flags=cv2.INTER_LINEAR, borderValue=outside)  # type: ignore[return-value]
 
 
@@ -129,7 +129,7 @@ class PoseNetwork:
         turned = back[:, :2] / (crop.side_px / _SIDE_PX)
         points_m = metres.reshape(-1, 3)[:POINTS].astype(float)
         points_m[:, :2] = points_m[:, :2] @ turned.T
-        logits = np.rint(_STEPS * mask[0, 0]).clip(-127, 127).astype(np.int8)
+        logits = np.rint(_STEPS * mask[0, 0]).clip(-_MOST, _MOST).astype(np.int8)
         return PersonSeen(
             crop,
             float(presence.ravel()[0]),

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.estimator import Frame, FrameSource, Settings
-from silhouette_core.image.network_files import installed_network
 from silhouette_core.image.person_windows import PeopleWindows
 from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
+from silhouette_core.network_files import installed_network
 from silhouette_core.progress import Reporter
 from silhouette_core.scratch_file import ScratchFile
 from silhouette_core.tuning import PEOPLE
@@ -41,6 +41,7 @@ class SeenPeople:
         """
         self._windows = {name: PeopleWindows(PoseNetwork(network), most) for name in names}
         self._movement = {name: Movement(fps) for name in names}
+        self._widths: dict[str, int] = {}
         self._file = ScratchFile()
         self._places: dict[tuple[str, int, int], tuple[int, int]] = {}
         self._numbers: dict[tuple[str, int], list[int]] = {}
@@ -53,6 +54,7 @@ class SeenPeople:
 
         def look(name: str) -> None:
             people = self._windows[name].see(frames[name])
+            self._widths[name] = frames[name].shape[1]
             self._movement[name].add(frames[name], people)
             self._numbers[name, step] = []
             for number, person in people.items():
@@ -85,6 +87,16 @@ class SeenPeople:
         """People in a frame of a camera, by number."""
         numbers = self._numbers.get((name, step), [])
         return {number: self._read(*self._places[name, step, number]) for number in numbers}
+
+    def nearest(self, name: str, step: int, mask: NDArray[np.bool_]) -> PersonSeen | None:
+        """Who shares most with a silhouette (h, w) bool in a frame of a camera; None: nobody."""
+        best, most = None, 0
+        for person in self.of(name, step).values():
+            scale = mask.shape[1] / self._widths[name]
+            shared = int((mask & (person.odds(mask.shape[::-1], scale) > 0)).sum())
+            if shared > most:
+                best, most = person, shared
+        return best
 
     def _read(self, start: int, size: int) -> PersonSeen:
         content, arrays, first = self._file.read_at(start, size), [], 0
@@ -129,7 +141,7 @@ class Movement:
         self._before = [*self._before[-self._interval :], np.asarray(small).astype(np.int16)]
         changed = np.abs(self._before[-1] - self._before[0]) > PEOPLE.changed
         for number, person in people.items():
-            mask = person.odds((size[0], size[1]), scale, -1.0) > 0
+            mask = person.odds((size[0], size[1]), scale) > 0
             self._changed.setdefault(number, []).append(
                 float(changed[mask].mean() if mask.any() else 0)
             )
@@ -166,8 +178,8 @@ def people_seen(
         missing = set(source.rig.names) - set(source.backgrounds())
         if missing and settings.network == "auto":
             reporter.note(
-                f"{', '.join(sorted(missing))}: without an empty view, a pose network would find the"
-                " person more surely: `voxelpose network install` (6 MB, Apache-2.0) gets it"
+                f"{', '.join(sorted(missing))}: without an empty view, a pose network finds the person"
+                " more surely: `voxelpose network install` (6 MB, Apache-2.0) gets it"
             )
         return None
     people = SeenPeople(source.rig.names, source.fps, network, most)
@@ -191,6 +203,5 @@ def people_odds(
     """
     if not people:
         return np.zeros(size[::-1], np.float32)
-    odds = [person.odds(size, scale, -PEOPLE.most_odds) for person in people.values()]
-    weighed = PEOPLE.reliance * np.max(odds, axis=0)
-    return weighed.clip(-PEOPLE.most_odds, PEOPLE.most_odds)
+    odds = [person.odds(size, scale) for person in people.values()]
+    return PEOPLE.reliance * np.max(odds, axis=0)

@@ -46,6 +46,7 @@ class Silhouettes:
         kinds: By camera name, what its background is taken from: `EMPTY_VIEW`, `UNIFORM` or
             `ESTIMATED`; empty where silhouettes are given.
         moving: Cameras that move while they film, as far as that can be seen.
+        people: whom the pose network sees; None: it is not asked.
         unknown: (h, w) bool by camera name, of the silhouettes' size, where nothing is known;
             silhouettes are empty there.
     """
@@ -90,7 +91,7 @@ class Silhouettes:
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
-        self._people = people
+        self.people = people
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
         self.moving: tuple[str, ...] = ()
@@ -280,8 +281,8 @@ class Silhouettes:
         """What the pose network, and the body, say of a frame of the silhouettes' size."""
         size = cut_size(self._sizes[name])
         terms = []
-        if self._people is not None and step is not None:
-            seen = self._people.of(name, step)
+        if self.people is not None and step is not None:
+            seen = self.people.of(name, step)
             terms.append(people_odds(seen, size[0] / self._widths[name], size))
         if self._bodies is not None and step is not None:
             terms.append(self._bodies(name, step, size))

@@ -23,6 +23,7 @@ from silhouette_core.estimator import (
     read_options,
 )
 from silhouette_core.image.plausibility import check_plausible, telling_frames
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
@@ -307,6 +308,10 @@ def _people(
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
             person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
+            if person is not None and silhouettes.people is not None:
+                seen = silhouettes.people.nearest(name, step, person.mask)
+                joints = None if seen is None else SeenJoints.of(seen, finder.camera)
+                person = replace(person, joints=joints)
         yield number, seconds, person
 
 

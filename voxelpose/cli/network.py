@@ -41,7 +41,7 @@ class ListInstalled:
 
     def run(self) -> None:
         """Prints what is installed."""
-        from silhouette_core.image.network_files import POSE_NETWORK, installed_network
+        from silhouette_core.network_files import POSE_NETWORK, installed_network
 
         path = installed_network()
         if path is None:

@@ -51,6 +51,7 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
 )
 from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
+from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
 
@@ -167,10 +168,10 @@ def choose_body(
     reporter.stage("first poses", len(frames) + 1)
     voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
     evidence = StatureEvidence.from_frames(frames, settings)
-    proposals: Mapping[int, FrameProposals] = {}
-    if evidence.is_far_open:
-        told_m = settings.stature_m if known is None else stature_of(known)
-        proposals = proposals_of(observations, [*frames], fps, told_m)
+    told_m = settings.stature_m if known is None else stature_of(known)
+    proposals = triangulated_proposals(observations, [*frames], told_m)
+    if proposals or evidence.is_far_open:
+        proposals = proposals or proposals_of(observations, [*frames], fps, told_m)
         if proposals:
             metres = float(np.median([one.stature_m for one in proposals.values()]))
             evidence = replace(evidence, proposed_m=metres)

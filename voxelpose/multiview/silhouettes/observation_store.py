@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.scratch_file import ScratchFile
@@ -22,6 +23,8 @@ from voxelpose.multiview.carving.observe import (
 )
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
+JointsOf = Callable[[int, int, NDArray[np.bool_]], SeenJoints | None]
+"""Joints of the person with a silhouette, by the number of the camera and of the frame."""
 _NOWHERE = -1
 _TOGETHER = 16  # frames
 _BOX = struct.Struct("3d3q")  # origin and shape of a grid
@@ -34,6 +37,7 @@ def carved_observations(
     clock: StageClock,
     reporter: Reporter,
     other_people: OtherPeople | None = None,
+    seen: JointsOf | None = None,
 ) -> Iterator[ObservationStore]:
     """Observations of all frames, whose hulls are carved, for a `with` block.
 
@@ -43,8 +47,9 @@ def carved_observations(
         clock: told the durations.
         reporter: told the progress.
         other_people: what is known of others beside the body; None: there are none.
+        seen: joints that the pose network sees; None: it is not asked.
     """
-    with closing(ObservationStore(observer, masks, other_people)) as observations:
+    with closing(ObservationStore(observer, masks, other_people, seen)) as observations:
         reporter.stage("hulls", len(masks))
         for first in range(0, len(masks), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(masks)))
@@ -79,11 +84,18 @@ class ObservationStore:
         observer: finds the body in a frame.
         masks: the raw silhouettes.
         others: what is known of other people; None: there are none.
+        seen: joints that the pose network sees; None: it is not asked.
     """
 
-    def __init__(self, observer: HullObserver, masks: MaskStore, others: OtherPeople | None = None):
+    def __init__(
+        self,
+        observer: HullObserver,
+        masks: MaskStore,
+        others: OtherPeople | None = None,
+        seen: JointsOf | None = None,
+    ):
         """Creates the scratch file; `close` or the end of the process removes it."""
-        self.observer = observer
+        self.observer, self._seen = observer, seen
         self._masks, self._others = masks, others
         self._components = np.full((len(masks), 2), _NOWHERE)  # begin and number
         self._hulls = np.full((len(masks), 3), _NOWHERE)  # component, begin and bytes
@@ -112,6 +124,13 @@ class ObservationStore:
     def hidden(self) -> np.ndarray:
         """(T,) float64, share of the person that others may hide."""
         return np.zeros(len(self)) if self._others is None else self._others.hidden
+
+    def joints(self, t: int) -> dict[int, SeenJoints]:
+        """Joints that the pose network sees in a frame, by the camera's number."""
+        if self._seen is None:
+            return {}
+        seen = {c: self._seen(c, t, mask) for c, mask in enumerate(self.masks(t))}
+        return {c: joints for c, joints in seen.items() if joints is not None}
 
     def carve(self, frames: Sequence[int]) -> None:
         """Carves the hulls of the largest bodies of some frames ahead of time, side by side."""

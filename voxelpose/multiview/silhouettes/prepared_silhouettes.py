@@ -9,6 +9,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.checks import FloatArray
@@ -17,6 +18,7 @@ from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.image.seen_people import SeenPeople, people_seen
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
@@ -83,6 +85,14 @@ class Footage:
     def late(self) -> list[int]:
         """`late_frames` of all cameras, in their order."""
         return [self.late_frames.get(name, 0) for name in self.source.rig.names]
+
+    def joints(self, camera: int, t: int, mask: NDArray[np.bool_]) -> SeenJoints | None:
+        """Joints that the network sees of the person with a silhouette, see `JointsOf`."""
+        name = self.source.rig.names[camera]
+        if self.people is None:
+            return None
+        person = self.people.nearest(name, t + self.late_frames.get(name, 0), mask)
+        return None if person is None else SeenJoints.of(person, self.source.rig[name])
 
     def silhouettes(self, bodies: BodyOdds | None = None) -> Silhouettes:
         """The background, with what is known of bodies, see `Silhouettes`."""

@@ -257,7 +257,10 @@ class TrackWork:
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
         work = self.clock, self.reporter
-        return kept.enter_context(carved_observations(prepared.observer, prepared.store, *work))
+        seen = prepared.footage.joints
+        return kept.enter_context(
+            carved_observations(prepared.observer, prepared.store, *work, seen=seen)
+        )
 
     def _follow(
         self, tracker: PoseTracker, poses: dict[int, Pose], errors: dict[int, float]

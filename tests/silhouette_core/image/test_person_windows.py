@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from silhouette_core.image.person_windows import PeopleWindows, next_crop, same_person, squares
+from silhouette_core.image.pose_network import Crop
+from silhouette_core.tuning import PEOPLE
+from tests.silhouette_core.image.drawn_people import BrightPeople, picture
+
+
+def centres(people):
+    return {number: seen.box_px.mean(axis=0) for number, seen in people.items()}
+
+
+def test_somebody_is_followed_across_the_picture():
+    windows = PeopleWindows(BrightPeople())
+    for step in range(12):
+        people = windows.see(picture((20 + 18 * step, 60, 30, 90)))
+        assert list(people) == [0]
+        np.testing.assert_allclose(centres(people)[0], (34.5 + 18 * step, 104.5), atol=3)
+
+
+def test_following_costs_one_look_and_now_and_then_one_for_others():
+    network = BrightPeople()
+    windows = PeopleWindows(network, most=2)
+    windows.see(picture((100, 60, 30, 90)))
+    before = network.looks
+    for _ in range(12):
+        windows.see(picture((100, 60, 30, 90)))
+    assert network.looks - before <= 12 + 2 * 12 / PEOPLE.looks
+
+
+def test_two_people_keep_their_numbers_while_they_move():
+    windows = PeopleWindows(BrightPeople(), most=2)
+    first = centres(windows.see(picture((40, 60, 30, 90), (220, 70, 30, 90))))
+    for step in range(8):
+        people = centres(
+            windows.see(picture((40 + 5 * step, 60, 30, 90), (220 - 5 * step, 70, 30, 90)))
+        )
+    assert set(people) == set(first) == {0, 1}
+    for number, centre in people.items():
+        assert abs(centre[0] - first[number][0]) == pytest.approx(35, abs=4)
+
+
+def test_who_leaves_is_not_seen_and_comes_back_under_the_same_number():
+    windows = PeopleWindows(BrightPeople())
+    windows.see(picture((100, 60, 30, 90)))
+    assert all(windows.see(picture()) == {} for _ in range(2 * PEOPLE.patience))
+    for _ in range(12):
+        people = windows.see(picture((100, 60, 30, 90)))
+    assert list(people) == [0]
+
+
+def test_who_appears_later_is_found():
+    windows = PeopleWindows(BrightPeople())
+    for _ in range(3):
+        assert windows.see(picture()) == {}
+    found = [bool(windows.see(picture((250, 130, 20, 60)))) for _ in range(40)]
+    assert found[-1]
+
+
+def test_two_windows_never_hold_the_same_person():
+    windows = PeopleWindows(BrightPeople(), most=2)
+    windows.see(picture((60, 60, 30, 90), (200, 60, 30, 90)))
+    for left in range(60, 201, 10):
+        people = windows.see(picture((left, 60, 30, 90)))
+    assert len(people) == 1
+
+
+def test_the_next_square_holds_the_person_and_a_margin():
+    seen = BrightPeople().look(picture((100, 60, 30, 90)), Crop(160, 120, 320))
+    crop = next_crop(seen)
+    assert crop.side_px == pytest.approx(PEOPLE.margin * 90, rel=0.05)
+    assert (crop.x_px, crop.y_px) == pytest.approx((114.5, 104.5), abs=2)
+    assert same_person(seen, BrightPeople().look(picture((100, 60, 30, 90)), crop))
+
+
+@pytest.mark.parametrize("size", [(320, 240), (240, 320), (1920, 400), (300, 300)])
+def test_squares_reach_every_person_wholly(size):
+    rng = np.random.default_rng(5)
+    crops = list(squares(*size))
+    for _ in range(50):
+        height = rng.uniform(0.15, 0.3) * size[1]
+        x, y = rng.uniform((height / 2,) * 2, np.array(size) - height / 2)
+        assert any(
+            abs(x - crop.x_px) <= crop.side_px / 2 - 0.25 * height
+            and abs(y - crop.y_px) <= crop.side_px / 2 - 0.49 * height
+            for crop in crops
+        )
