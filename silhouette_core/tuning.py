@@ -256,6 +256,8 @@ class SeenJoints:
 
     independence: float = 0.25
     """1. Power of their evidence: the points of a frame err together."""
+    pull: float = 0.25
+    """1. Weight of what is seen in the modes themselves."""
     freedom: float = 4.0
     """1. Degrees of freedom of a joint's t distribution, as of the proposal's."""
     other: float = 0.1

@@ -50,7 +50,7 @@ class PeopleWindows:
         self._gone: list[FollowedWindow] = []
         self._squares: Iterator[Crop] = iter(())
         self._small: NDArray[np.uint8] | None = None
-        self._count = self._frame = 0
+        self._count = self._frame = self._turn = 0
 
     def see(self, picture: Frame) -> dict[int, PersonSeen]:
         """People in the next frame (H, W, 3) uint8, BGR, by number."""
@@ -112,23 +112,25 @@ class PeopleWindows:
         return FollowedWindow(self._count - 1, seen)
 
     def _unseen(self, changed: list[Crop], size: tuple[int, int], whole: bool) -> Iterator[Crop]:
-        """Squares that are looked at for others in this frame."""
+        """Squares that are looked at for others in this frame: all over the picture where `whole`,
+        else one after the other where the picture changes, where somebody was lost, and anywhere.
+        """
         if whole:
             yield from squares(*size)
             return
         self._frame += 1
-        for _ in range(1 if not self._people else self._frame % PEOPLE.looks == 0):
-            if changed and (self._frame // PEOPLE.looks) % 2:
-                yield changed[0]
-                continue
-            crop = next(self._squares, None)
-            if crop is None:
-                self._squares = squares(*size)
-                crop = next(self._squares)
-            yield crop
-        if not self._people and changed:
-            turn = self._frame % 3 - 1
-            yield replace(changed[0], turn_rad=turn * np.pi / 2)
+        if self._people and self._frame % PEOPLE.looks:
+            return
+        self._turn = (self._turn + 1) % 3
+        turn = (0.0, *_TURNS)[self._turn]
+        lost = [one for person in self._gone[-1:] if (one := next_crop(person.seen)) is not None]
+        for crop in [*lost, *changed[:1]]:
+            yield replace(crop, turn_rad=crop.turn_rad + turn)
+        crop = next(self._squares, None)
+        if crop is None:
+            self._squares = squares(*size)
+            crop = next(self._squares)
+        yield crop
 
     def _changed(self, picture: Frame) -> list[Crop]:
         """Squares about what changed since the last frame, largest first."""

@@ -144,7 +144,7 @@ def evidence(
     freedom = SEEN_JOINTS.freedom
     density = 0.5 * np.log(np.linalg.det(whole)) - 0.5 * (freedom + 3) * np.log1p(square / freedom)
     weight = (freedom + 3) / (freedom + square)
-    added = trust * own[None, 1:] * weight[..., None, None]
+    added = SEEN_JOINTS.pull * own[None, 1:] * weight[..., None, None]
     together = precision.copy()
     together[:, 1:] += added
     means = relative_m.copy()

@@ -27,6 +27,7 @@ from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.image.seen_people import SeenPeople, people_odds
+from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
 
@@ -158,6 +159,11 @@ class Silhouettes:
     def without_background(self) -> tuple[str, ...]:
         """Cameras whose empty scene is estimated from a person's movement: it is less sure."""
         return tuple(name for name, kind in self.kinds.items() if kind == ESTIMATED)
+
+    @property
+    def network(self) -> str | None:
+        """SHA-256 of the pose network that was asked; None: none was."""
+        return None if self.people is None else POSE_NETWORK.sha256
 
     @property
     def by_texture(self) -> dict[str, float | None]:

@@ -212,7 +212,7 @@ class _Tracking:
         facts = _facts(tracked, options, settings, motion, absent)
         silhouettes = self.silhouettes
         facts |= {"colours": self.coloured, "by_texture": silhouettes.by_texture}
-        facts |= {"moving_cameras": silhouettes.moving}
+        facts |= {"moving_cameras": silhouettes.moving, "network": silhouettes.network}
         if isinstance(finder, OneOfPeople):
             facts["frames_merged"] = finder.merged
         return Estimate(

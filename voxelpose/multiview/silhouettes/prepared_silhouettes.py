@@ -192,6 +192,7 @@ def prepare_silhouettes(
         facts: dict[str, object] = {
             "unknown_share": shares,
             "by_texture": silhouettes.by_texture,
+            "network": silhouettes.network,
             "moving_cameras": silhouettes.moving,
             "cameras_found": list(checked.words),
             "late_frames": checked.late_frames,
