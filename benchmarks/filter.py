@@ -43,6 +43,7 @@ from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.scoring.cpu import CpuBackend
 
 _MADE = Path(__file__).resolve().parents[1] / "out" / "benchmarks" / "filter.vplib"
 _SETTINGS = LibrarySettings(poses=60_000)
@@ -133,7 +134,7 @@ def library_file() -> Path:
 @cache
 def _tree() -> TreeFilter:
     library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True))
+    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())
 
 
 @cache
@@ -192,7 +193,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
         windows = [
             look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows
         ]
-        evidence = Evidence(windows, _WEIGHTING)
+        evidence = Evidence(windows, CpuBackend(), _WEIGHTING)
         return tree.update(
             tree.predict(before.posterior),
             DenseEvidence(evidence, score, drawn) if dense else evidence,

@@ -14,7 +14,7 @@ from silhouette_core.image.spans import Spans
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from silhouette_core.scoring.target import Target
 from tests.oracles.reference_backend import ReferenceBackend
@@ -26,7 +26,7 @@ _PLACEMENTS = 2000
 
 def _case(score: Callable[[Backend], object], repeats: int) -> Case:
     return Case(
-        Timed(lambda _: score(CPU), repeats=repeats),
+        Timed(lambda _: score(CpuBackend()), repeats=repeats),
         Timed(lambda _: score(ReferenceBackend())),
         "NumPy",
         lambda a, b: "" if np.allclose(a, b) else "the results differ",

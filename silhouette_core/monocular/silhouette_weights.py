@@ -17,7 +17,6 @@ from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
 
@@ -83,15 +82,10 @@ class SignedWeights:
     matrix: NDArray[np.float64]
     rotation: NDArray[np.float64]
     translation_m: NDArray[np.float64]
-    backend: Backend = CPU
+    backend: Backend
 
     @classmethod
-    def from_window(
-        cls,
-        window: Window,
-        reduction: int = 2,
-        backend: Backend = CPU,
-    ) -> SignedWeights:
+    def from_window(cls, window: Window, backend: Backend, reduction: int) -> SignedWeights:
         """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
         mask, weights = relative_weights(window, "balanced", reduction)
         center = (window.axis_px + 0.5) / reduction - 0.5

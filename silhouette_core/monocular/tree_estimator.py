@@ -181,8 +181,8 @@ class TreeFollower:
                 self._pinhole,
                 upright_distance(self._pinhole, mask, self._library.model.length_m),
                 initial_prior(self._library) if self._facing else even,
+                self._backend,
                 interval_s=self._interval_s,
-                backend=self._backend,
             )
         found = self._filter.step(time_s, mask)
         probability = found.probability.max(axis=1)[:_HYPOTHESES]

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
 from silhouette_core.image.raster import NEAR_M, render_many
-from silhouette_core.image.spans import Spans
-from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.backend import FloatArray, Grid, checked_placements, chosen_spans
+from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
 from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
-from silhouette_core.scoring.target import Target
 
 _FEW = 512  # distances for which starting threads costs more than it brings
 # Preparing so many entries of a table takes as long as what it saves per silhouette.
@@ -22,19 +17,13 @@ _MOVED_PX = 2500
 _TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
-class CpuBackend:
+class CpuBackend(Backend):
     """Scores with numba; see `silhouette_core.scoring.backend.Backend`.
 
     `silhouette_core.jit.set_threads` sets the number of threads; the results are the same for any.
     """
 
-    def span_distances(
-        self,
-        target: Target,
-        spans: Spans,
-        which: NDArray[np.integer] | None = None,
-        parallel: bool = True,
-    ) -> FloatArray:
+    def span_distances(self, target, spans, which=None, parallel=True):
         r"""Weighted disagreement of silhouettes, see `Backend.span_distances`.
 
         .. math::
@@ -67,26 +56,11 @@ class CpuBackend:
         score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 
-    def part_images(
-        self,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        face_part: NDArray[np.integer],
-        matrix: FloatArray,
-        size: tuple[int, int],
-        cull_back: bool = True,
-    ) -> NDArray[np.uint8]:
+    def part_images(self, vertices_cam, faces, face_part, matrix, size, cull_back=True):
         """See `Backend.part_images`."""
         return render_many(vertices_cam, faces, face_part, matrix, size, cull_back)
 
-    def drawn_weights(
-        self,
-        weights: FloatArray,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        matrix: FloatArray,
-        cull_back: bool = False,
-    ) -> FloatArray:
+    def drawn_weights(self, weights, vertices_cam, faces, matrix, cull_back=False):
         """See `Backend.drawn_weights`."""
         labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
         weights, step = np.ascontiguousarray(weights, np.float64), _TOGETHER_PX // weights.size + 1
@@ -96,14 +70,7 @@ class CpuBackend:
             silhouettes.sum_weights(parts, weights, totals[k : k + step])
         return totals
 
-    def silhouette_errors(
-        self,
-        masks: Sequence[NDArray[np.bool_]],
-        matrices: FloatArray,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        unknown: Sequence[NDArray[np.bool_]] | None = None,
-    ) -> FloatArray:
+    def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
         """See `Backend.silhouette_errors`."""
         check_array("vertices_cam", vertices_cam, ("K", len(masks), "V", 3))
         # Pixel positions times depth: all cameras are drawn by the same matrix, each in a window.
@@ -130,14 +97,7 @@ class CpuBackend:
             errors[k] = np.mean(ratios or 1.0)
         return errors
 
-    def pixel_scores(
-        self,
-        views: PinholeViews,
-        images: NDArray[np.int8],
-        points: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> NDArray[np.int64]:
+    def pixel_scores(self, views, images, points, rotations, translations_m):
         """See `Backend.pixel_scores`."""
         placed, scores = (
             checked_placements(points, rotations, translations_m),
@@ -147,15 +107,7 @@ class CpuBackend:
         pixels.pixel_scores(*placed, *cameras, np.ascontiguousarray(images), scores)
         return scores
 
-    def voxel_overlap(
-        self,
-        grid: Grid,
-        occupancy: NDArray[np.bool_],
-        points: FloatArray,
-        weights: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
+    def voxel_overlap(self, grid, occupancy, points, weights, rotations, translations_m):
         """See `Backend.voxel_overlap`."""
         check_array("occupancy", occupancy, ("nx", "ny", "nz"), np.bool_)
         check_array("weights", weights, (len(points),))
@@ -166,15 +118,7 @@ class CpuBackend:
         voxels.voxel_overlap(*cells, *placed, inside, outside)
         return inside, outside
 
-    def voxel_cover(
-        self,
-        grid: Grid,
-        numbers: NDArray[np.int32],
-        words: int,
-        points: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
+    def voxel_cover(self, grid, numbers, words, points, rotations, translations_m):
         """See `Backend.voxel_cover`."""
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
@@ -202,7 +146,3 @@ def _windows(
     high = np.clip(np.ceil(high) + 2, 0, size).astype(np.int64)
     width, height = np.maximum((high - low).max((0, 1), initial=1), 1)
     return low, (int(width), int(height))
-
-
-CPU = CpuBackend()
-"""The backend of whoever is given none."""

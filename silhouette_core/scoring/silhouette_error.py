@@ -12,7 +12,6 @@ from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 
 def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
@@ -37,7 +36,7 @@ def body_masks(model: BodyModel, pose: Pose, views: PinholeViews) -> list[np.nda
 
 
 def silhouette_error(
-    model: BodyModel, pose: Pose, observation: Observation, backend: Backend = CPU
+    model: BodyModel, pose: Pose, observation: Observation, backend: Backend
 ) -> float:
     """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
     the pose's and the observed ones: 0 perfect, 1 apart. What is unknown does not count. See
@@ -51,7 +50,7 @@ def mask_errors(
     poses: Sequence[Pose],
     views: PinholeViews,
     masks: Sequence[np.ndarray],
-    backend: Backend = CPU,
+    backend: Backend,
 ) -> np.ndarray:
     """As `silhouette_error` (K,) float64 of K poses, of the silhouettes (h, w) bool of C views."""
     in_cameras = posed_meshes(model, poses)[:, None] @ views.rotation.transpose(0, 2, 1)

@@ -13,7 +13,6 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.window import Window
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
 _REACH = range(-1, 2)
@@ -64,8 +63,8 @@ class Evidence:
     def __init__(
         self,
         windows: Sequence[Window],
+        backend: Backend,
         weighting: Weighting = "nwxor",
-        backend: Backend = CPU,
         bounds_px: Rectangle | None = None,
     ):
         """Keeps the windows; resolutions are prepared when needed."""

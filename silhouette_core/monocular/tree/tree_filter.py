@@ -13,7 +13,6 @@ from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
 from silhouette_core.monocular.tuning import FILTER, FilterSettings
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,8 @@ class TreeFilter:
         self,
         library: PoseLibrary,
         transitions: csr_matrix,
+        backend: Backend,
         settings: FilterSettings = FILTER,
-        backend: Backend = CPU,
     ):
         self.library, self.transitions = library, transitions
         self.settings, self.backend = settings, backend

@@ -12,8 +12,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
 from silhouette_core.motion.pose import Pose
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.backend import Backend, load_backend
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.limbs import Limb, chains_of, limbs_of
 
@@ -23,7 +22,7 @@ FREE_FROM_BODY, TAKEN = -1, -2
 class VoxelSet:
     """The occupied voxels (nx, ny, nz) of one hull, numbered, so that sets of them are bits."""
 
-    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend = CPU):
+    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend):
         """Numbers the occupied voxels."""
         self.grid, self.backend = grid, backend
         self.occupied = np.argwhere(occupancy)
@@ -74,17 +73,18 @@ class BodyVolume:
         points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
             limb's first part.
         part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
+        backend_name: What scores its placements, by the name that goes with it to other processes.
         limbs: What is placed, the root limb first.
     """
 
     model: BodyModel
     points: dict[str, np.ndarray]
     part_points: list[np.ndarray]
-    backend: Backend
+    backend_name: str
     limbs: tuple[Limb, ...]
 
     @classmethod
-    def from_model(cls, model: BodyModel, spacing_m: float, backend: Backend = CPU) -> BodyVolume:
+    def from_model(cls, model: BodyModel, spacing_m: float, backend_name: str) -> BodyVolume:
         """Fills a body, one point every `spacing_m` along each axis."""
         parts = model.part_points(spacing_m)
         points, limbs = {}, limbs_of(model, parts, spacing_m)
@@ -92,7 +92,12 @@ class BodyVolume:
             own = [model.names.index(name) for name in limb.parts]
             at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in own])
             points[limb.name] = at_rest - model.joints_m[own[0]]
-        return cls(model, points, parts, backend, limbs)
+        return cls(model, points, parts, backend_name, limbs)
+
+    @property
+    def backend(self) -> Backend:
+        """What scores its placements, as loaded in this process."""
+        return load_backend(self.backend_name)
 
     @property
     def root_limb(self) -> Limb:

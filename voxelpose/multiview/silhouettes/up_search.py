@@ -22,7 +22,6 @@ from calib.upright import (
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
-from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
@@ -101,7 +100,7 @@ def _trunk(
     for up in possible:
         frame = UprightFrame.from_up(up)
         observer = observer_of(frame.rig(rig))
-        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
+        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, settings.backend)
         for t in moments.tolist():
             try:
                 observation = observer.observe(masks[t])
