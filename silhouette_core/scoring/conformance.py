@@ -22,9 +22,9 @@ from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
-_MATRIX = np.array([[40, 0.5, 31.5], [0, 42, 23.5], [0, 0, 1]])
+_MATRIX = np.array([[40, 1, 31], [0, 42, 23], [0, 0, 1]], np.float64)
 _FACES = np.arange(30).reshape(10, 3)
-_PIXELS = np.diag([1.0, 1, 1])  # of meshes whose corners are given in pixels, at 1 m
+_PIXELS = np.eye(3)  # of meshes whose corners are given in pixels, at 1 m
 _SIZE = 20, 26
 _SEEDS = 4
 

@@ -1,6 +1,5 @@
 """The kernels of this folder in NumPy, as close to their equations as can be: what tests compare
-with, and what `ReferenceBackend` calls. Each takes the arguments of the kernel of its name and
-fills the same arrays.
+with. Each takes the arguments of the kernel of its name and fills the same arrays.
 """
 
 import numpy as np

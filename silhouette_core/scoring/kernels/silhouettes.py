@@ -1,6 +1,6 @@
 """Drawn silhouettes against an observed one.
 
-Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
+Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `tests.oracles.scoring`.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 The weighted disagreement of P with Q is the sum of d_P over P plus the sum of d_P (1 - 2 P) over Q:
 two look-ups of a prefix sum for every run of Q.
 
-Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
+Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `tests.oracles.scoring`.
 """
 
 import numpy as np
