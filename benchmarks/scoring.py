@@ -72,7 +72,7 @@ def span_distances() -> Case:
     shifts = np.random.default_rng(0).integers(-30, 30, (2000, 2))
     spans = Spans.from_masks([np.roll(mask, tuple(shift), (0, 1)) for shift in shifts])
     target = Target((mask,), (np.ones(mask.shape, np.float32),))
-    return _case(lambda own: own.span_distances(target, spans), 20)
+    return _case(lambda own: own.span_distances(target, spans, np.arange(len(spans))), 20)
 
 
 @case("silhouette error, 4 cameras")

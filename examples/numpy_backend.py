@@ -32,7 +32,7 @@ class NumpyBackend(Backend):
         """Keeps the pixels of every silhouette of a library, as a device would in its memory."""
         self._pixels = ResidentCopies(_pixels_of)
 
-    def span_distances(self, target, spans, which=None, parallel=True):
+    def span_distances(self, target, spans, which):
         """Eq. (7): the weight of P, and over the pixels of each Q what Q adds to it."""
         margin = target.margin_px
         offsets, rows, columns = self._pixels(spans)
@@ -59,16 +59,16 @@ class NumpyBackend(Backend):
             _draw(image, mesh, faces, face_part, matrix, cull_back)
         return images
 
-    def drawn_weights(self, weights, vertices_cam, faces, matrix, cull_back=False):
+    def drawn_weights(self, weights, vertices_cam, faces, matrix):
         """The weights under each drawn mesh."""
-        drawn = self._silhouettes(vertices_cam, faces, matrix, weights.shape, cull_back)
+        drawn = self._silhouettes(vertices_cam, faces, matrix, weights.shape)
         return np.tensordot(drawn.astype(np.float64), weights, 2)
 
     def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
         """Counts of pixels, camera by camera."""
         apart, either = np.zeros((2, len(vertices_cam), len(masks)))
         for c, (mask, matrix) in enumerate(zip(masks, matrices, strict=True)):
-            drawn = self._silhouettes(vertices_cam[:, c], faces, matrix, mask.shape, True)
+            drawn = self._silhouettes(vertices_cam[:, c], faces, matrix, mask.shape)
             if unknown is not None:
                 drawn &= ~unknown[c]
             apart[:, c], either[:, c] = (drawn ^ mask).sum((1, 2)), (drawn | mask).sum((1, 2))
@@ -106,10 +106,10 @@ class NumpyBackend(Backend):
         np.bitwise_or.at(bits, (k, (number >> np.uint64(6)).astype(int)), bit)
         return bits, (result == -1).sum(axis=1), (result == -2).sum(axis=1)
 
-    def _silhouettes(self, vertices_cam, faces, matrix, shape, cull_back):
+    def _silhouettes(self, vertices_cam, faces, matrix, shape):
         """Drawn pixels (K, h, w) bool."""
         parts = np.zeros(len(faces), np.int32)
-        return self.part_images(vertices_cam, faces, parts, matrix, shape[::-1], cull_back) > 0
+        return self.part_images(vertices_cam, faces, parts, matrix, shape[::-1]) > 0
 
 
 def _pixels_of(spans):

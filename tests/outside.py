@@ -10,16 +10,20 @@ METHODS = [name for name in vars(CpuBackend) if not name.startswith("_")]
 _NOTING = """
 import os
 import sys
+import time
 
 from silhouette_core.scoring.cpu import CpuBackend
 
 
 def noted(name, method):
     def call(self, *given, **named):
+        started = time.thread_time()
+        result = method(self, *given, **named)
+        seconds = time.thread_time() - started
         if sys._getframe(1).f_globals["__name__"] != "silhouette_core.monocular.tree.tree":
             with open(os.environ["CALLS"], "a") as calls:
-                calls.write(f"{type(self).__name__} {name} {os.getpid()}\\n")
-        return method(self, *given, **named)
+                calls.write(f"{type(self).__name__} {name} {os.getpid()} {seconds}\\n")
+        return result
 
     return call
 
@@ -49,7 +53,7 @@ def install_backends(folder: Path) -> None:
 
 
 def note_calls(folder: Path) -> None:
-    """Lets all processes that have the folder on their path note every call of a method, as
-    "CLASS METHOD PROCESS", in the file that the variable CALLS names; but for tree building.
+    """Lets all processes that have the folder on their path note every call of a method, but for
+    tree building, in the file that the variable CALLS names: "CLASS METHOD PROCESS SECONDS".
     """
     (folder / "sitecustomize.py").write_text(f"METHODS = {METHODS}\n{_NOTING}")

@@ -109,10 +109,7 @@ class SignedWeights:
     def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
         meshes = self._in_camera(model, poses)
-        drawn = self.backend.drawn_weights(
-            self.signed, meshes, model.faces, self.matrix, cull_back=True
-        )
-        return self.base + drawn
+        return self.base + self.backend.drawn_weights(self.signed, meshes, model.faces, self.matrix)
 
     def part_areas(self, drawn: NDArray[np.uint8], parts: int) -> NDArray[np.float64]:
         """Area of every part (K, parts), A_j of eq. (3), in pixels of the library's full
@@ -120,10 +117,6 @@ class SignedWeights:
         """
         counts = [np.bincount(one.ravel(), minlength=parts + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
-
-    def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:
-        """Pixels (K, h, w) that the body covers in K poses."""
-        return self.part_images(model, poses) > 0
 
     def uncovered(
         self, poses: Sequence[Pose], drawn: NDArray[np.uint8], most_m: float

@@ -76,7 +76,7 @@ class Backend(Protocol):
     - Pixel (column, row) is sampled at these integers. A centre on an edge belongs to the triangle
       of which that is a left edge, or a horizontal one above it; triangles without area draw none.
     - Outward faces run counter-clockwise on the screen, seen from outside: (b - a) x (c - a) < 0, y
-      down. With `cull_back` the others are left out; else both are drawn.
+      down. The others are left out, unless `cull_back` is False.
     - Of several faces in a pixel the nearest is drawn: 1 / z is linear on the screen between the
       rounded corners, and depths are compared as float32; of equal ones, the first face counts.
     - Faces are cut off at z = 0.05 m, those behind are left out, and those with a corner that is
@@ -90,8 +90,7 @@ class Backend(Protocol):
         self,
         target: Target,
         spans: Spans,
-        which: NDArray[np.integer] | None = None,
-        parallel: bool = True,
+        which: NDArray[np.integer],
     ) -> FloatArray:
         """Distance from observed silhouettes to others: nodes of the tree, samples of a library.
 
@@ -101,8 +100,7 @@ class Backend(Protocol):
                 with the weight at its border.
             spans: Silhouettes Q of at most the target's size, rows and columns int16 or int32; not
                 checked, since that would read all of a library.
-            which: (K,) int64, numbers of the silhouettes to be measured; None: all.
-            parallel: False keeps to the calling thread, for callers that are threads themselves.
+            which: (K,) int64, numbers of the silhouettes to be measured.
 
         Returns:
             (K, C) float64.
@@ -146,9 +144,8 @@ class Backend(Protocol):
         vertices_cam: FloatArray,
         faces: NDArray[np.integer],
         matrix: FloatArray,
-        cull_back: bool = False,
     ) -> FloatArray:
-        r"""Sum of pixel weights under each of K drawn meshes: placements of a limb, whole poses.
+        r"""Sum of pixel weights under each of K drawn meshes.
 
         With weights :math:`d_P (1 - 2 P)` the sum over a silhouette Q is what Q adds to eq. (7):
 
@@ -157,9 +154,8 @@ class Backend(Protocol):
         Args:
             weights: (h, w), the weight of each pixel.
             vertices_cam: (K, V, 3) m, camera frame.
-            faces: (F, 3) vertex indices.
+            faces: (F, 3) vertex indices, oriented outwards.
             matrix: (3, 3) pinhole matrix, px.
-            cull_back: Leaves out faces seen from behind.
 
         Returns:
             (K,) float64.
@@ -299,10 +295,8 @@ def load_backend(name: str) -> Backend:
     return load_registered(GROUP, "backend", Backend, name)
 
 
-def chosen_spans(spans: Spans, which: NDArray[np.integer] | None) -> NDArray[np.integer]:
+def chosen_spans(spans: Spans, which: NDArray[np.integer]) -> NDArray[np.integer]:
     """Returns the numbers of the silhouettes to be measured, checked; for backends."""
-    if which is None:
-        return np.arange(len(spans))
     if len(which) and (which.min() < 0 or which.max() >= len(spans)):
         raise ValueError(f"which must be 0 to {len(spans) - 1}, got {which.min()} to {which.max()}")
     return np.ascontiguousarray(which)

@@ -12,8 +12,6 @@ from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
 
 _FEW = 512  # distances for which starting threads costs more than it brings
-# Preparing so many entries of a table takes as long as what it saves per silhouette.
-_MOVED_PX = 2500
 _TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
@@ -23,7 +21,7 @@ class CpuBackend(Backend):
     `silhouette_core.jit.set_threads` sets the number of threads; the results are the same for any.
     """
 
-    def span_distances(self, target, spans, which=None, parallel=True):
+    def span_distances(self, target, spans, which, parallel=True):
         r"""Weighted disagreement of silhouettes, see `Backend.span_distances`.
 
         .. math::
@@ -32,41 +30,41 @@ class CpuBackend(Backend):
             d_{wXOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} d_P(x) \, |P(x) - Q(x)|
 
         1 / |W| is the target's scale. The sum is that of d P over the window, and of d (1 - 2 P)
-        over the runs of pixels of Q, read from sums along rows: exact.
+        over the runs of pixels of Q, read from sums along rows: exact. `parallel` may be False for
+        callers that are threads themselves.
 
         Source: Okada and Stenger, eq. (7).
         """
-        chosen = chosen_spans(spans, which)
-        runs = spans.rows, spans.starts, spans.ends, spans.offsets
-        prefixes, bases = target.prefixes
+        chosen, (prefixes, bases) = chosen_spans(spans, which), target.prefixes
         distances = np.empty((len(chosen), len(bases)))
-        if parallel and len(bases) > 1 and len(chosen) * _MOVED_PX < prefixes[0].size * len(bases):
-            span_kernels.moved_span_distances(
-                *(prefixes, target.shifts_px, target.margin_px, bases, target.scale),
-                *(*runs, chosen, distances),
-            )
-            return distances
-        table, _ = target.sums
-        score = (
-            span_kernels.span_distances_parallel
-            if parallel and distances.size >= _FEW
-            else span_kernels.span_distances
+        few = not parallel or distances.size < _FEW
+        score = span_kernels.span_distances if few else span_kernels.span_distances_parallel
+        score(
+            prefixes,
+            target.shifts_px,
+            target.margin_px,
+            bases,
+            target.scale,
+            spans.rows,
+            spans.starts,
+            spans.ends,
+            spans.offsets,
+            chosen,
+            distances,
         )
-        # eq. (7), rearranged into runs
-        score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 
     def part_images(self, vertices_cam, faces, face_part, matrix, size, cull_back=True):
         """See `Backend.part_images`."""
         return render_many(vertices_cam, faces, face_part, matrix, size, cull_back)
 
-    def drawn_weights(self, weights, vertices_cam, faces, matrix, cull_back=False):
+    def drawn_weights(self, weights, vertices_cam, faces, matrix):
         """See `Backend.drawn_weights`."""
         labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
         weights, step = np.ascontiguousarray(weights, np.float64), _TOGETHER_PX // weights.size + 1
         for k in range(0, len(totals), step):
             meshes, size = vertices_cam[k : k + step], weights.shape[::-1]
-            parts = render_many(meshes, faces, labels, matrix, size, cull_back)
+            parts = render_many(meshes, faces, labels, matrix, size)
             silhouettes.sum_weights(parts, weights, totals[k : k + step])
         return totals
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -25,13 +24,15 @@ def posed_meshes(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
     return np.stack([skin(model, *placed) for placed in zip(rotation, origin, strict=True)])
 
 
-def body_masks(model: BodyModel, pose: Pose, views: PinholeViews) -> list[np.ndarray]:
+def body_masks(
+    model: BodyModel, pose: Pose, views: PinholeViews, backend: Backend
+) -> list[np.ndarray]:
     """Where a body is seen in each of C views, (h, w) bool."""
-    vertices, masks = posed_mesh(model, pose), []
+    vertices, masks = posed_meshes(model, [pose]), []
     for camera in views.rig:
         seen = vertices @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
-        masks.append(parts > 0)
+        mesh = seen, model.faces, model.face_part
+        masks.append(backend.part_images(*mesh, camera.matrix, camera.size)[0] > 0)
     return masks
 
 

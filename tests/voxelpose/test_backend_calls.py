@@ -63,6 +63,6 @@ def test_a_command_scores_with_the_backend_that_is_chosen(desk, request, words, 
     )
     assert done.returncode == 0, done.stderr
     noted = [line.split() for line in calls.read_text().splitlines()]
-    assert {name for name, _, _ in noted} == {"CountedBackend"}
-    assert {method for _, method, _ in noted} == methods
-    assert len({process for _, _, process in noted}) == processes
+    assert {name for name, *_ in noted} == {"CountedBackend"}
+    assert {method for _, method, *_ in noted} == methods
+    assert len({process for _, _, process, _ in noted}) == processes

@@ -56,7 +56,7 @@ def reach_uncovered(
     if not poses:
         return [], []
     joints = landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
-    drawn = observed.weights.covered(model, poses)
+    drawn = observed.weights.part_images(model, poses) > 0
     starts: list[Pose] = []
     held: list[LandmarkPrior] = []
     wanted: list[LandmarkPrior] = []

@@ -17,6 +17,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.limbs import Limb, chains_of, limbs_of
 
 FREE_FROM_BODY, TAKEN = -1, -2
+_FEW = 40  # points by which a limb is searched on the silhouettes
 
 
 class VoxelSet:
@@ -37,17 +38,7 @@ class VoxelSet:
     def cover(
         self, points: np.ndarray, rotations: np.ndarray, translations_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Voxels that placed points cover.
-
-        Args:
-            points: (n, 3) in the frame that is placed, m.
-            rotations: (K, 3, 3), world from that frame.
-            translations_m: (K, 3), world from that frame.
-
-        Returns:
-            Bits (K, words) uint64, a set of free occupied voxels each; (K,) int64, how many points
-            lie in empty space; (K,) int64, how many lie in voxels that were taken.
-        """
+        """Free voxels that placed points cover, see `Backend.voxel_cover`."""
         return self.backend.voxel_cover(
             self.grid, self.ids, self.words, points, rotations, translations_m
         )
@@ -98,6 +89,12 @@ class BodyVolume:
     def backend(self) -> Backend:
         """What scores its placements, as loaded in this process."""
         return load_backend(self.backend_name)
+
+    @cached_property
+    def few_points(self) -> dict[str, tuple[np.ndarray, float]]:
+        """About 40 points of each limb, and how many each stands for."""
+        steps = {name: max(len(points) // _FEW, 1) for name, points in self.points.items()}
+        return {name: (self.points[name][::step], float(step)) for name, step in steps.items()}
 
     @property
     def root_limb(self) -> Limb:

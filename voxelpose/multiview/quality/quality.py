@@ -80,7 +80,7 @@ def frame_evidence(
         - joint_sigma_mm: (15,), standard deviations of the joints by the outlines.
     """
     errors, near = [], []
-    bodies = body_masks(body.model, pose, frame.views)
+    bodies = body_masks(body.model, pose, frame.views, body.body_volume.backend)
     for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
         drawn, unknown = bodies[c], None
         if frame.views.unknown is not None:

@@ -61,9 +61,9 @@ def test_distance_is_the_density_of_weighted_disagreement(library, camera):
     mask, given = seen(library, 7), []
 
     class Listening(CpuBackend):
-        def span_distances(self, target, spans, which, parallel=True):
+        def span_distances(self, target, spans, which):
             given.append((target, spans, which))
-            return super().span_distances(target, spans, which, parallel)
+            return super().span_distances(target, spans, which)
 
     stay = identity(len(library), format="csr")
     _, (frame,) = follow(library, camera, stay, [mask], in_place=True, backend=Listening())

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.evidence import Evidence
+from silhouette_core.monocular.tree.evidence import SHIFTS_PX, UNMOVED, Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
@@ -85,8 +85,8 @@ def test_moving_only_likely_nodes_changes_nothing_that_counts(library, tree, evi
     shares = [filled(one, len(library)) for one in (result, every)]
     assert np.abs(shares[0] - shares[1]).sum() < 0.1
     moved, unmoved = (
-        evidence.distances(library.levels[0].spans, np.arange(9), 4).distance,
-        evidence.unmoved_distances(library.levels[0].spans, np.arange(9), 4)[0],
+        evidence.distances(library.levels[0].spans, np.arange(9), 4, shifts_px).distance
+        for shifts_px in (SHIFTS_PX, UNMOVED)
     )
     assert (moved <= unmoved + 1e-9).all() and (moved < unmoved).any()
 
