@@ -1,17 +1,8 @@
 """Part-number images: the body part that is visible in each pixel.
 
 The posed mesh is projected with hidden surfaces removed and every pixel holds its part's number
-(Okada and Stenger, 3.1). Conventions:
-
-- A pixel is sampled at its centre, and pixel centres are at integer coordinates.
-- A centre that lies exactly on an edge belongs to the triangle that has it as a left or a flat top
-  edge, so that of two triangles with a common edge exactly one draws the centre. Projected
-  corners are first rounded to 1/256 pixel.
-- Triangles that cross the near plane (`NEAR_M` in front of the camera) are clipped there; those
-  behind it, and those with a corner that is not finite, are omitted.
-- Back faces are drawn like front faces unless `cull_back` is set. For a closed mesh, oriented
-  outwards and seen from outside, both give the same image; culling is faster.
-- Of several surfaces in one pixel the nearest is kept, of equally near ones that of the first face.
+(Okada and Stenger, 3.1). The rules are those of `silhouette_core.scoring.backend.Backend`. Of a
+closed mesh, oriented outwards and seen from outside, culling gives the same image, faster.
 """
 
 import numpy as np

@@ -12,7 +12,6 @@ from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
 
 _FEW = 512  # distances for which starting threads costs more than it brings
-_TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
 class CpuBackend(Backend):
@@ -61,11 +60,8 @@ class CpuBackend(Backend):
     def drawn_weights(self, weights, vertices_cam, faces, matrix):
         """See `Backend.drawn_weights`."""
         labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
-        weights, step = np.ascontiguousarray(weights, np.float64), _TOGETHER_PX // weights.size + 1
-        for k in range(0, len(totals), step):
-            meshes, size = vertices_cam[k : k + step], weights.shape[::-1]
-            parts = render_many(meshes, faces, labels, matrix, size)
-            silhouettes.sum_weights(parts, weights, totals[k : k + step])
+        parts = render_many(vertices_cam, faces, labels, matrix, weights.shape[::-1])
+        silhouettes.sum_weights(parts, np.ascontiguousarray(weights, np.float64), totals)
         return totals
 
     def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):

@@ -10,7 +10,7 @@ import numpy as np
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
-from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
+from silhouette_core.motion.kernels.kinematics import place_one_part
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.backend import Backend, load_backend
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -125,38 +125,15 @@ class BodyVolume:
         """
         model = self.model
         chain, parents, dofs, dof_parts = _chain(model.tree, model.names.index(limb.name))
-        angles = np.ascontiguousarray(angles_rad[:, dofs])
-        turn, origin = root.root_rotation, root.root_m
-        # Parts above the first that moves lie where they lie in all placements.
-        moving = dof_parts[(angles != angles[:1]).any(0)] if len(angles) else dof_parts[:0]
-        still = int(moving.min(initial=len(chain) - 1))
-        if still > 1:
-            above = dof_parts < still
-            turns, places = np.empty((still, 3, 3)), np.empty((still, 3))
-            place_parts(
-                parents[:still],
-                model.joints_m[chain[:still]],
-                dof_parts[above],
-                model.tree.dof_axis[dofs[above]],
-                turn,
-                origin,
-                angles[0, above],
-                turns,
-                places,
-            )
-            turn, origin = turns[-1], places[-1]
-            chain, parents = chain[still - 1 :], parents[still - 1 :] - np.int32(still - 1)
-            dofs, angles = dofs[~above], np.ascontiguousarray(angles[:, ~above])
-            dof_parts = dof_parts[~above] - np.int32(still - 1)
         rotations, origins = np.empty((len(angles_rad), 3, 3)), np.empty((len(angles_rad), 3))
         place_one_part(
             parents,
             model.joints_m[chain],
             dof_parts,
             model.tree.dof_axis[dofs],
-            turn,
-            origin,
-            angles,
+            root.root_rotation,
+            root.root_m,
+            np.ascontiguousarray(angles_rad[:, dofs]),
             len(chain) - 1,
             rotations,
             origins,
