@@ -13,16 +13,33 @@ it scores for `voxelpose fit --backend numpy`, slowly. Its tests are those of th
         backend = NumpyBackend()
 """
 
+import weakref
+
 import numpy as np
 
-from silhouette_core.scoring.backend import (
-    Backend,
-    ResidentCopies,
-    checked_placements,
-    chosen_spans,
-)
+from silhouette_core.scoring.backend import Backend, checked_placements, chosen_spans
 
 _NEAR_M = 0.05
+
+
+class ResidentCopies:
+    """What is made of objects that are handed over many times: once each, kept while they live.
+
+    Args:
+        make: makes it, for example by copying an array to a device.
+    """
+
+    def __init__(self, make):
+        """Has made nothing yet."""
+        self._make, self._made = make, {}
+
+    def __call__(self, source):
+        """What was made of an object, which is the same one, not an equal one."""
+        if id(source) not in self._made:
+            self._made[id(source)] = self._make(source)
+            # The number may be another object's later.
+            weakref.finalize(source, self._made.pop, id(source), None).atexit = False
+        return self._made[id(source)]
 
 
 class NumpyBackend(Backend):

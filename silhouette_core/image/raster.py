@@ -68,23 +68,10 @@ def render_many(
     size: tuple[int, int],
     cull_back: bool = True,
 ) -> NDArray[np.uint8]:
-    """Renders the part images of many poses of one mesh, in parallel over the poses.
+    """Renders the part images (N, h, w) uint8 of many poses of one mesh, in parallel over them.
 
-    Args:
-        vertices_cam: (N, V, 3) metres, camera frame.
-        faces: as for `render_parts`.
-        face_part: as for `render_parts`, or (N, F), another for every pose.
-        matrix: as for `render_parts`.
-        size: as for `render_parts`.
-        cull_back: as for `render_parts`, but set by default.
-
-    Returns:
-        (N, h, w) uint8, the part images.
-
-    Raises:
-        ValueError: as for `render_parts`.
-
-    Source: Okada and Stenger, 3.1.
+    Arguments as of `render_parts`, but for vertices_cam (N, V, 3) and face_part, which may be
+    (N, F), another for every pose.
     """
     check_array("vertices_cam", vertices_cam, ("N", "V", 3), np.floating)
     if face_part.ndim == 1:

@@ -13,10 +13,9 @@ backend written by this page, and `silhouette_core.scoring.conformance` tests an
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,21 +51,18 @@ class Backend(Protocol):
 
     All backends give the same numbers, for any number of threads. Weights are dyadic (multiples of
     one power of two, so small that float64 holds every sum of them): sums are exact in any order.
-    Means over cameras agree to 1e-12, and everything else bit for bit, unless a coordinate is
-    within rounding of a pixel's or voxel's border. K, P and F may be 0.
+    Means over cameras agree to 1e-12, all else bit for bit, unless a coordinate is within rounding
+    of a pixel's or voxel's border. K, P and F may be 0.
 
-    **Arrays** have exactly the types below; where none is named, float64. They need not be
-    contiguous, and are never written to, neither by the backend nor by the caller once they were
-    handed over; but `numbers` of `voxel_cover` change between calls. Results are new arrays.
+    **Arrays** are float64 where no type is named, need not be contiguous, and are never written to,
+    neither by the backend nor, once handed over, by the caller; but `numbers` of `voxel_cover`
+    change between calls. Results are new arrays. What stays the same from call to call is the same
+    object: the spans of a library's level, a body's faces, the points of a limb, a frame's masks
+    and voxels. A device may keep a copy beside each as long as a weak reference to it is alive.
 
-    **What stays the same** from call to call is the same object: the spans of a library's level
-    and a frame's target; a body's faces, their parts, and the points of its limbs; a frame's masks
-    and its voxels. `ResidentCopies` keeps what a device made of such an object while that lives.
-
-    **Threads and processes.** There is one object of a backend in each process that scores; it is
-    made there, by name, and never pickled. Its methods are called from any thread, from several
-    at once where images are worked on side by side. Those threads keep to one core each
-    (`numba.get_num_threads()` is 1 there); `silhouette_core.jit.set_threads` sets that number.
+    **Threads and processes.** A process has one object of a backend, made there by name and never
+    pickled. Its methods are called from any thread, and from several at once where things are
+    worked on side by side; those are to keep to one core each, as `numba.get_num_threads()` says.
 
     **Drawing** is the same in all methods:
 
@@ -259,29 +255,6 @@ class Backend(Protocol):
         Source: Iiyama, Kameda and Minoh, section 3, sets of voxels with several candidate parts.
         """
         ...
-
-
-_Made = TypeVar("_Made")
-
-
-class ResidentCopies(Generic[_Made]):
-    """What is made of objects that are handed over many times: once each, kept while they live.
-
-    Args:
-        make: makes it, for example by copying an array to a device.
-    """
-
-    def __init__(self, make: Callable[[Any], _Made]):
-        self._make = make
-        self._made: dict[int, _Made] = {}
-
-    def __call__(self, source: object) -> _Made:
-        """What was made of an object, which is the same one, not an equal one."""
-        if id(source) not in self._made:
-            self._made[id(source)] = self._make(source)
-            # The number may be another object's later.
-            weakref.finalize(source, self._made.pop, id(source), None).atexit = False
-        return self._made[id(source)]
 
 
 @cache

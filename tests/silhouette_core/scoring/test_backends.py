@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from examples.numpy_backend import NumpyBackend
+from examples.numpy_backend import NumpyBackend, ResidentCopies
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.scoring.backend import ResidentCopies, load_backend
+from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.conformance import BackendConformance
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target

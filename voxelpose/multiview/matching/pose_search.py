@@ -98,11 +98,6 @@ class BodyGeometry:
         surface = Surface(model, taken=taken)
         return cls.from_surface(surface, voxel_size_m, backend_name)
 
-    @classmethod
-    def from_sizes(cls, sizes: BodySizes, voxel_size_m: float, backend_name: str) -> BodyGeometry:
-        """Samples a body of these measurements."""
-        return cls.from_model(BodyModel.from_sizes(sizes), voxel_size_m, backend_name)
-
 
 @cache
 def sampled_vertices(sex: str) -> np.ndarray:
