@@ -148,23 +148,15 @@ class BackendConformance:
         """Points before, beside and behind three cameras."""
         for seed in range(_SEEDS):
             rng = np.random.default_rng(seed)
-            rotation, translation_m = _placements(rng, 3)
-            views = SimpleNamespace(
-                intrinsics=rng.uniform(20, 60, (3, 4)),
-                rotation=rotation,
-                translation_m=translation_m + np.array([0, 0, 1]),
-            )
+            views = _views(rng.uniform(20, 60, (3, 4)), *_placements(rng, 3))
+            views.translation_m[:, 2] += 1
             images = rng.integers(-3, 3, (3, 50, 70)).astype(np.int8)
             given = views, images, rng.normal(size=(40, 3)), *_placements(rng, 20 * seed)
             self._same("pixel_scores", *given)
 
     def test_points_are_in_the_nearest_pixel(self) -> None:
         """Halves up, half a pixel beyond the image, and from 0.05 m on."""
-        views = SimpleNamespace(
-            intrinsics=np.array([[1.0, 1, 0, 0]]),
-            rotation=np.eye(3)[None],
-            translation_m=np.zeros((1, 3)),
-        )
+        views = _views(np.array([[1.0, 1, 0, 0]]), np.eye(3)[None], np.zeros((1, 3)))
         images = np.array([[[1, 10], [100, 50]]], np.int8)
         places = np.array([(-0.5, -0.5), (0.5, 0.4), (1.4, 1.4), (1.5, 0), (0, -0.6), (-0.1, 0.5)])
         for depth_m, expected in ((1.0, [1, 10, 50, 0, 0, 100]), (0.049, [0] * 6)):
@@ -272,6 +264,12 @@ def _placements(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     turns = [Rotation.from_rotvec(rng.normal(size=3)).as_matrix() for _ in range(count)]
     return np.reshape(turns, (-1, 3, 3)), rng.normal(size=(count, 3))
+
+
+def _views(*arrays: NDArray[np.float64]) -> SimpleNamespace:
+    """Cameras by their intrinsics, rotations and translations, which are all that counts."""
+    names = "intrinsics", "rotation", "translation_m"
+    return SimpleNamespace(**dict(zip(names, arrays, strict=True)))
 
 
 def _strided(given: Any) -> Any:

@@ -93,11 +93,9 @@ class CpuBackend(Backend):
 
     def pixel_scores(self, views, images, points, rotations, translations_m):
         """See `Backend.pixel_scores`."""
-        placed, scores = (
-            checked_placements(points, rotations, translations_m),
-            np.empty(len(rotations), np.int64),
-        )
+        placed = checked_placements(points, rotations, translations_m)
         cameras = views.intrinsics, views.rotation, views.translation_m
+        scores = np.empty(len(rotations), np.int64)
         pixels.pixel_scores(*placed, *cameras, np.ascontiguousarray(images), scores)
         return scores
 
@@ -128,15 +126,11 @@ def _windows(
     """Upper left corners (K, C, 2) of windows of one size (width, height) within images of a given
     size, that hold meshes (K, C, V, 3) given in pixels times depth.
     """
-    x, y, depth = np.moveaxis(meshes, -1, 0)
-    whole = ~(depth.min(-1) >= NEAR_M)  # a mesh that is clipped may be drawn anywhere
-    inverse = 1.0 / np.where(whole[..., None], 1.0, depth)
-    pixels = x * inverse, y * inverse
-    low = np.stack([np.where(whole, 0, one.min(-1)) for one in pixels], -1)
-    high = np.stack(
-        [np.where(whole, most, one.max(-1)) for one, most in zip(pixels, size, strict=True)], -1
-    )
-    low = np.clip(np.floor(low) - 1, 0, size).astype(np.int64)
-    high = np.clip(np.ceil(high) + 2, 0, size).astype(np.int64)
+    depth = meshes[..., 2:]
+    whole = ~(depth.min(2) >= NEAR_M)  # a mesh that is clipped may be drawn anywhere
+    pixels = meshes[..., :2] / np.where(whole[:, :, None], 1.0, depth)
+    low = np.where(whole, 0, np.floor(pixels.min(2)) - 1)
+    high = np.where(whole, size, np.ceil(pixels.max(2)) + 2)
+    low, high = (np.clip(corner, 0, size).astype(np.int64) for corner in (low, high))
     width, height = np.maximum((high - low).max((0, 1), initial=1), 1)
     return low, (int(width), int(height))
