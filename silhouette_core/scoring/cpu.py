@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.image.raster import NEAR_M, render_many
 from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
-from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
+from silhouette_core.scoring.kernels import pixels, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
 
 _FEW = 512  # distances for which starting threads costs more than it brings
@@ -59,10 +59,9 @@ class CpuBackend(Backend):
 
     def drawn_weights(self, weights, vertices_cam, faces, matrix):
         """See `Backend.drawn_weights`."""
-        labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
-        parts = render_many(vertices_cam, faces, labels, matrix, weights.shape[::-1])
-        silhouettes.sum_weights(parts, np.ascontiguousarray(weights, np.float64), totals)
-        return totals
+        labels, size = np.zeros(len(faces), np.int32), weights.shape[::-1]
+        parts = render_many(vertices_cam, faces, labels, matrix, size)
+        return np.array([weights[image > 0].sum() for image in parts], np.float64)
 
     def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
         """See `Backend.silhouette_errors`."""
@@ -75,19 +74,19 @@ class CpuBackend(Backend):
         labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
         images = render_many(meshes.reshape(-1, *meshes.shape[2:]), faces, labels, np.eye(3), size)
         totals = [np.count_nonzero(mask) for mask in masks]
-        for k, own in enumerate(images.reshape(*corners.shape[:2], *images.shape[1:])):
+        silhouettes = images.view(np.bool_).reshape(*corners.shape[:2], *images.shape[1:])
+        for k, own in enumerate(silhouettes):
             ratios = []
-            for c, (image, mask, (left, top)) in enumerate(
-                zip(own, masks, corners[k], strict=True)
-            ):
+            for c, (mask, (left, top)) in enumerate(zip(masks, corners[k], strict=True)):
                 window = slice(top, top + size[1]), slice(left, left + size[0])
-                seen, total = mask[window], totals[c]
+                seen = mask[window]
+                drawn = own[c, : seen.shape[0], : seen.shape[1]]
                 if unknown is not None:
-                    image[: seen.shape[0], : seen.shape[1]][unknown[c][window]] = 0
-                apart, either = silhouettes.count_disagreement(image, seen)
-                missed = total - np.count_nonzero(seen)
-                if either + missed:
-                    ratios.append((apart + missed) / (either + missed))
+                    drawn = drawn & ~unknown[c][window]
+                both = np.count_nonzero(drawn & seen)
+                either = np.count_nonzero(drawn) + totals[c] - both
+                if either:
+                    ratios.append((either - both) / either)
             errors[k] = np.mean(ratios or 1.0)
         return errors
 

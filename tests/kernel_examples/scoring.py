@@ -27,16 +27,6 @@ def span_distances(rng):
 span_distances_parallel = span_distances
 
 
-def sum_weights(rng):
-    parts = rng.integers(0, 3, (5, *SIZE), dtype=np.uint8)
-    return Example((parts, rng.normal(size=SIZE), np.empty(5)), rtol=1e-9, atol=1e-12)
-
-
-def count_disagreement(rng):
-    parts = rng.integers(0, 3, (SIZE[0] + 2, SIZE[1] + 1), dtype=np.uint8)
-    return Example((parts, observed(rng)[0]))
-
-
 def placements(rng):
     return rng.normal(size=(40, 3)), rotations(rng, 8), rng.normal(size=(8, 3))
 

@@ -30,17 +30,6 @@ def span_distances(
 span_distances_parallel = span_distances
 
 
-def sum_weights(parts, weights, totals):
-    """Sums over the silhouettes of part images."""
-    totals[:] = [weights[image > 0].sum() for image in parts]
-
-
-def count_disagreement(parts, mask):
-    """|P xor Q| and |P or Q|."""
-    drawn = parts[: mask.shape[0], : mask.shape[1]] > 0
-    return np.count_nonzero(drawn ^ mask), np.count_nonzero(drawn | mask)
-
-
 def pixel_scores(
     points, rotations, translations, intrinsics, camera_rotation, camera_translation, images, scores
 ):

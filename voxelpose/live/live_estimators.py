@@ -30,7 +30,7 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
-from silhouette_core.scoring.silhouette_error import body_masks, mask_errors
+from silhouette_core.scoring.silhouette_error import body_masks
 from silhouette_core.tuning import MEASURING
 from silhouette_core.workers import SPAWN
 from voxelpose.live.live_frame import Hypotheses, People, PosedBody
@@ -260,20 +260,16 @@ class TreePoses:
     def __init__(self, camera: Camera, settings: Settings, options: TreeOptions, fps: float):
         self._library = library_of(camera, settings, options, SilentReporter())
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
-        self._views = PinholeViews.from_rig(Rig((pinhole,)))
-        self._backend = load_backend(settings.backend)
-        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, self._backend)
+        backend = load_backend(settings.backend)
+        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, backend)
 
     def step(self, seen: SeenPerson) -> People:
         """The likeliest sample and others."""
         _, time_s, person = seen
-        poses, probability = self._follower.step(time_s, person.mask)
-        model, best = self._library.model, poses.poses()[0]
-        joints = landmarks(model, *place(model, *poses.arrays))
-        (error,) = mask_errors(model, [best], self._views, [person.mask], self._backend)
+        pose, error, probability, joints = self._follower.step(time_s, person.mask)
         hypotheses = tuple(zip(probability.tolist(), joints, strict=True))
         confidence = float(np.clip(1 - error, 0, 1))
-        return (posed_body(model, best, confidence, np.ones(15), hypotheses),)
+        return (posed_body(self._library.model, pose, confidence, np.ones(15), hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
