@@ -74,7 +74,7 @@ class Evidence:
         spans: Spans,
         nodes: NDArray[np.integer],
         reduction: int,
-        shifts_px: NDArray[np.integer] = SHIFTS_PX,
+        shifts_px: NDArray[np.int64] = SHIFTS_PX,
     ) -> Alignment:
         """Best alignment of each node with the silhouette.
 
