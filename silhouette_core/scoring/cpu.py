@@ -38,7 +38,7 @@ class CpuBackend(Backend):
         distances = np.empty((len(chosen), len(bases)))
         few = not parallel or distances.size < _FEW
         score = span_kernels.span_distances if few else span_kernels.span_distances_parallel
-        score(
+        score(  # eq. (7), rearranged into runs
             prefixes,
             target.shifts_px,
             target.margin_px,
