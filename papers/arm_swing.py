@@ -173,7 +173,7 @@ def track_arm(film: SwingFilm, library: PoseLibrary, cases: Sequence[Case]) -> l
     trackers = []
     for case in cases:
         matrix = step_matrix(library, case.method.occlusion_aware, case.model)
-        given = library, matrix, film.camera, distance_m, first, case.method.weighting
+        given = library, matrix, film.camera, distance_m, first, CpuBackend(), case.method.weighting
         trackers.append(_TogetherFilter(*given, case.sigma, 1 / FPS, in_place=True))
         trackers[-1].made = made
     angles, found = sample_angles(library), np.full((len(cases), len(film)), np.nan)
