@@ -127,7 +127,8 @@ class BackendConformance:
             matrices = np.stack([_MATRIX, 1.3 * _MATRIX, 0.8 * _MATRIX])
             matrices[:, 2, 2] = 1
             meshes = _meshes(rng, 4, 3)
-            meshes[3] -= (0, 0, 9)  # behind all cameras
+            meshes[2] += (0, 0, 4)  # before all cameras
+            meshes[3] -= (0, 0, 9)  # behind them
             for where in (None, unknown):
                 given = masks, matrices, meshes, _FACES, where
                 assert_array_equal(self._same("silhouette_errors", *given)[3], 1)

@@ -6,7 +6,6 @@ from collections import defaultdict
 from inspect import signature
 
 import numpy as np
-import pytest
 
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
@@ -18,7 +17,6 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 
 
-@pytest.mark.slow
 def test_a_search_hands_over_the_same_objects(monkeypatch):
     seen = defaultdict(dict)  # what was given to an argument, and a copy of it, by identity
 
