@@ -132,6 +132,7 @@ class BackendConformance:
             for where in (None, unknown):
                 given = masks, matrices, meshes, _FACES, where
                 assert_array_equal(self._same("silhouette_errors", *given)[3], 1)
+            self._same("silhouette_errors", masks, matrices, meshes[2:3], _FACES)
 
     def test_a_camera_without_silhouettes_is_left_out(self) -> None:
         """The error is that of the others, and 1 where there are none."""
