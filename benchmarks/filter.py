@@ -43,6 +43,7 @@ from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.scoring.cpu import CpuBackend
 
 _MADE = Path(__file__).resolve().parents[1] / "out" / "benchmarks" / "filter.vplib"
 _SETTINGS = LibrarySettings(poses=60_000)
@@ -73,19 +74,8 @@ class DenseEvidence(Evidence):
     def __init__(
         self, evidence: Evidence, score: Score, drawn: dict[tuple[int, int], NDArray[np.bool_]]
     ):
-        super().__init__(evidence.windows, evidence.weighting)
+        super().__init__(evidence.windows, CpuBackend(), evidence.weighting)
         self.score, self.drawn = score, drawn
-
-    def unmoved_distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        images, result = self._images(spans, nodes, reduction), []
-        for window in self.windows:
-            picture, weights = relative_weights(window, self.weighting, reduction)
-            result.append(self.score(picture, images, weights.astype(np.float32)) * picture.size)
-        flat = np.stack(result)
-        best = flat.argmin(axis=0)
-        return flat[best, np.arange(len(nodes))], best
 
     def _images(
         self, spans: Spans, nodes: NDArray[np.integer], reduction: int
@@ -97,13 +87,19 @@ class DenseEvidence(Evidence):
             )
         return self.drawn[reduction, len(nodes)]
 
-    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
+    def distances(
+        self,
+        spans: Spans,
+        nodes: NDArray[np.integer],
+        reduction: int,
+        shifts_px: NDArray[np.integer] = SHIFTS_PX,
+    ) -> Alignment:
         images, result = self._images(spans, nodes, reduction), []
         for window in self.windows:
             picture, weights = relative_weights(window, self.weighting, reduction)
             height, width = picture.shape
             wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge").astype(np.float32)
-            for dx, dy in SHIFTS_PX:
+            for dx, dy in shifts_px:
                 part = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
                 own = np.ascontiguousarray(wide[part])
                 outside = float(margins[wide].sum() - margins[part][own].sum())
@@ -113,8 +109,8 @@ class DenseEvidence(Evidence):
                 )
         flat = np.stack(result)
         best = flat.argmin(axis=0)
-        scale, move = np.divmod(best, len(SHIFTS_PX))
-        return Alignment(flat[best, np.arange(len(nodes))], scale, SHIFTS_PX[move] * reduction)
+        scale, move = np.divmod(best, len(shifts_px))
+        return Alignment(flat[best, np.arange(len(nodes))], scale, shifts_px[move] * reduction)
 
 
 def library_file() -> Path:
@@ -133,7 +129,7 @@ def library_file() -> Path:
 @cache
 def _tree() -> TreeFilter:
     library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True))
+    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())
 
 
 @cache
@@ -192,7 +188,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
         windows = [
             look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows
         ]
-        evidence = Evidence(windows, _WEIGHTING)
+        evidence = Evidence(windows, CpuBackend(), _WEIGHTING)
         return tree.update(
             tree.predict(before.posterior),
             DenseEvidence(evidence, score, drawn) if dense else evidence,

@@ -13,13 +13,14 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.window import Window
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
 _REACH = range(-1, 2)
 SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
 """(S, 2): how nodes are moved (right, down), in a level's own pixels: what the centroid's position
 leaves open."""
+UNMOVED = np.zeros((1, 2), np.int64)
+"""The same, not at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +38,12 @@ class Alignment:
     scale: NDArray[np.int64]
     shift_px: NDArray[np.int64]
 
-    def among(
-        self,
-        rows: NDArray[np.integer],
-        distance: NDArray[np.float64],
-        scale: NDArray[np.int64],
-    ) -> Alignment:
-        """Alignment of more nodes, of which these are some `rows` (K,), and the others are not
-        moved: distances (N,) and windows (N,) of all.
-        """
-        shift = np.zeros((len(distance), 2), np.int64)
-        distance[rows], scale[rows], shift[rows] = self.distance, self.scale, self.shift_px
-        return Alignment(distance, scale, shift)
+    def among(self, rows: NDArray[np.integer], others: Alignment) -> Alignment:
+        """Alignment of more nodes, of which these are some `rows` (K,)."""
+        replaced = Alignment(others.distance.copy(), others.scale.copy(), others.shift_px.copy())
+        replaced.distance[rows], replaced.scale[rows] = self.distance, self.scale
+        replaced.shift_px[rows] = self.shift_px
+        return replaced
 
 
 class Evidence:
@@ -64,61 +59,39 @@ class Evidence:
     def __init__(
         self,
         windows: Sequence[Window],
+        backend: Backend,
         weighting: Weighting = "nwxor",
-        backend: Backend = CPU,
         bounds_px: Rectangle | None = None,
     ):
         """Keeps the windows; resolutions are prepared when needed."""
         self.windows = tuple(windows)
         self.weighting: Weighting = weighting
         self.backend, self.bounds_px = backend, bounds_px
-        self._targets: dict[tuple[int, bool], Target] = {}
+        self._weighed: dict[int, list[tuple[NDArray[np.bool_], NDArray[np.float64]]]] = {}
 
-    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
+    def distances(
+        self,
+        spans: Spans,
+        nodes: NDArray[np.integer],
+        reduction: int,
+        shifts_px: NDArray[np.int64] = SHIFTS_PX,
+    ) -> Alignment:
         """Best alignment of each node with the silhouette.
 
         Args:
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
+            shifts_px: (S, 2), see `SHIFTS_PX`; `UNMOVED` is a ninth of the work.
         """
-        target = self._target(reduction, moved=True)
+        if reduction not in self._weighed:
+            self._weighed[reduction] = [
+                relative_weights(window, self.weighting, reduction, self.bounds_px)
+                for window in self.windows
+            ]
+        masks, weights = zip(*self._weighed[reduction], strict=True)
+        target = Target(masks, weights, shifts_px)
         distances = self.backend.span_distances(target, spans, nodes)
         best = distances.argmin(axis=1)
-        scale, shift = np.divmod(best, len(SHIFTS_PX))
-        shift_px = SHIFTS_PX[shift] * reduction
+        scale, shift = np.divmod(best, len(shifts_px))
+        shift_px = shifts_px[shift] * reduction
         return Alignment(distances[np.arange(len(nodes)), best], scale, shift_px)
-
-    def unmoved_distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Distances of nodes that are not moved, a tenth of the work of `distances`.
-
-        Args:
-            nodes: (K,) which of them.
-
-        Returns:
-            Least distances (K,) float64 and the numbers of their windows (K,) int64.
-        """
-        target = self._target(reduction, moved=False)
-        distances = self.backend.span_distances(target, spans, nodes)
-        scale = distances.argmin(axis=1)
-        return distances[np.arange(len(nodes)), scale], scale
-
-    def _target(self, reduction: int, moved: bool) -> Target:
-        """All windows at a resolution, with all shifts or none."""
-        if (reduction, moved) not in self._targets:
-            other = self._targets.get((reduction, not moved))
-            masks, weights = (
-                zip(
-                    *(
-                        relative_weights(window, self.weighting, reduction, self.bounds_px)
-                        for window in self.windows
-                    ),
-                    strict=True,
-                )
-                if other is None
-                else (other.masks, other.weights)
-            )
-            shifts = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
-            self._targets[reduction, moved] = Target(masks, weights, shifts)
-        return self._targets[reduction, moved]

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from silhouette_core.monocular.tree.evidence import Alignment, Evidence
+from silhouette_core.monocular.tree.evidence import UNMOVED, Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
 from silhouette_core.monocular.tuning import FILTER, FilterSettings
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,8 @@ class TreeFilter:
         self,
         library: PoseLibrary,
         transitions: csr_matrix,
+        backend: Backend,
         settings: FilterSettings = FILTER,
-        backend: Backend = CPU,
     ):
         self.library, self.transitions = library, transitions
         self.settings, self.backend = settings, backend
@@ -214,12 +213,11 @@ class TreeFilter:
         if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
-            distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
-            likely = 0.5 * (distance / sigma) ** 2 - log_prior
+            unmoved = evidence.distances(level.spans, nodes, reduction, UNMOVED)
+            likely = 0.5 * (unmoved.distance / sigma) ** 2 - log_prior
             moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
-            alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
-                moved, distance, scale
-            )
+            alignment = evidence.distances(level.spans, nodes[moved], reduction)
+            alignment = alignment.among(moved, unmoved)
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
         log_posterior = log_likelihood + log_prior
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)

@@ -12,7 +12,7 @@ from silhouette_core.image.distance import (
     thin_silhouette,
 )
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 
@@ -33,7 +33,9 @@ def figure(rng, shape=(60, 80)):
 
 def distances_to(mask, masks, weighting="nwxor"):
     """Distances from a silhouette to others, as the library's tree is built with."""
-    return CPU.span_distances(Target.from_mask(mask, weighting), Spans.from_masks(masks))[:, 0]
+    spans = Spans.from_masks(masks)
+    target = Target.from_mask(mask, weighting)
+    return CpuBackend().span_distances(target, spans, np.arange(len(spans)))[:, 0]
 
 
 def to_set(points, shape):
@@ -131,7 +133,7 @@ def test_shifted_silhouettes_are_scored_beyond_the_window():
     masks = np.stack([figure(rng) for _ in range(5)])
     margin, shifts = 30, np.array([[0, 0], [30, -30], [-7, 12], [29, 4]])
     target = Target((masks[0],), (pixel_weights(masks[0]),), shifts, 1 / masks[0].size)
-    distances = CPU.span_distances(target, Spans.from_masks(masks))
+    distances = CpuBackend().span_distances(target, Spans.from_masks(masks), np.arange(len(masks)))
     assert distances.shape == (5, 4)
     weights = np.pad(pixel_weights(masks[0]), margin, mode="edge")
     wide = np.pad(masks, ((0, 0), (margin, margin), (margin, margin)))

@@ -46,10 +46,11 @@ class Watched(PaperFilter):
         return super()._update(prior, window)
 
 
-def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, **options):
+def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, backend=None, **options):
     """The filter after some frames, and its posteriors."""
     first = initial_prior(library)
-    tracker = Watched(library, matrix, camera, DISTANCE_M, first, "nwxor", sigma, **options)
+    scored = first, backend or CpuBackend(), "nwxor", sigma
+    tracker = Watched(library, matrix, camera, DISTANCE_M, *scored, **options)
     numbers = range(len(masks)) if numbers is None else numbers
     frames = [tracker.step(k * INTERVAL_S, mask) for k, mask in zip(numbers, masks, strict=True)]
     return tracker, frames
@@ -60,9 +61,9 @@ def test_distance_is_the_density_of_weighted_disagreement(library, camera):
     mask, given = seen(library, 7), []
 
     class Listening(CpuBackend):
-        def span_distances(self, target, spans, which, parallel=True):
+        def span_distances(self, target, spans, which):
             given.append((target, spans, which))
-            return super().span_distances(target, spans, which, parallel)
+            return super().span_distances(target, spans, which)
 
     stay = identity(len(library), format="csr")
     _, (frame,) = follow(library, camera, stay, [mask], in_place=True, backend=Listening())

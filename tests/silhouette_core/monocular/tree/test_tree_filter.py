@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.evidence import Evidence
+from silhouette_core.monocular.tree.evidence import SHIFTS_PX, UNMOVED, Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.tuning import MOTION_MODEL, FilterSettings
 from silhouette_core.monocular.window import look_at
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
 EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
@@ -22,6 +23,7 @@ def evidence():
     mask = films(performed("wave"), camera, [20])[0]
     return Evidence(
         [look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.8)],
+        CpuBackend(),
         "balanced",
     )
 
@@ -56,7 +58,7 @@ def filled(posterior, count):
 
 
 def test_without_pruning_the_posterior_is_the_dense_one(library, tree, evidence, prior):
-    result = TreeFilter(library, tree.transitions, EVERY_NODE).update(prior, evidence)
+    result = TreeFilter(library, tree.transitions, CpuBackend(), EVERY_NODE).update(prior, evidence)
     expected, distance = dense_posterior(library, prior, evidence, EVERY_NODE.sigma)
     assert result.scored == tuple(len(level) for level in library.levels)
     assert sorted(result.samples) == list(range(len(library)))
@@ -76,24 +78,24 @@ def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prio
 
 
 def test_moving_only_likely_nodes_changes_nothing_that_counts(library, tree, evidence, prior):
-    few = TreeFilter(library, tree.transitions, replace(tree.settings, moved=30))
+    few = TreeFilter(library, tree.transitions, CpuBackend(), replace(tree.settings, moved=30))
     assert len(library.levels[0]) > 2 * few.settings.moved
     result, every = (one.update(prior, evidence) for one in (few, tree))
     assert result.samples[0] == every.samples[0]
     shares = [filled(one, len(library)) for one in (result, every)]
     assert np.abs(shares[0] - shares[1]).sum() < 0.1
     moved, unmoved = (
-        evidence.distances(library.levels[0].spans, np.arange(9), 4).distance,
-        evidence.unmoved_distances(library.levels[0].spans, np.arange(9), 4)[0],
+        evidence.distances(library.levels[0].spans, np.arange(9), 4, shifts_px).distance
+        for shifts_px in (SHIFTS_PX, UNMOVED)
     )
     assert (moved <= unmoved + 1e-9).all() and (moved < unmoved).any()
 
 
 @pytest.mark.parametrize("most", [1, 7])
 def test_not_more_nodes_are_kept_than_allowed(library, tree, evidence, prior, most):
-    result = TreeFilter(library, tree.transitions, replace(EVERY_NODE, most=most)).update(
-        prior, evidence
-    )
+    result = TreeFilter(
+        library, tree.transitions, CpuBackend(), replace(EVERY_NODE, most=most)
+    ).update(prior, evidence)
     assert len(np.unique(leaves(library)[result.samples])) == most
 
 
@@ -133,7 +135,7 @@ def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
 def test_a_node_survives_by_likelihood_and_prior(library, evidence, prior):
     """Eq. (10) and (11), with a sigma that grows with every level above the last."""
     settings = FilterSettings(survivors=0.05, most=10**9, moved=10**9)
-    tree = TreeFilter(library, None, settings)
+    tree = TreeFilter(library, None, CpuBackend(), settings)
     for depth, level in enumerate(library.levels):
         nodes = np.arange(len(level))
         share = np.random.default_rng(depth).dirichlet(np.full(len(level), 0.2))

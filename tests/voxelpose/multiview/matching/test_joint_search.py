@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import FREE_FROM_BODY, TAKEN, VoxelSet
@@ -108,7 +109,7 @@ def test_cover_against_sets_of_indices():
     rng = np.random.default_rng(2)
     grid = VoxelGrid(np.array([-0.5, -0.4, 0.0]), 0.1, (10, 8, 12))
     occupancy = rng.random(grid.shape) < 0.4
-    voxel_set = VoxelSet(grid, occupancy)
+    voxel_set = VoxelSet(grid, occupancy, CpuBackend())
     first = np.zeros(voxel_set.words, np.uint64)
     first[0] = 0b1011
     voxel_set.take(first)

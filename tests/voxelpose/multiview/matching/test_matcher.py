@@ -6,6 +6,7 @@ import pytest
 from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PART_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, quaternions
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
     hull,
@@ -39,7 +40,7 @@ TURNS = {
 
 @pytest.fixture(scope="module")
 def body_volume():
-    return BodyVolume.from_model(fitting_model(), 0.025)
+    return BodyVolume.from_model(fitting_model(), 0.025, "cpu")
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +203,7 @@ def test_explained_share_counts_a_voxel_once(body_volume, scene):
             stance(body_volume.model),
             MatchSettings(interference=interference),
         )
-        voxel_set = VoxelSet(grid, occupancy)
+        voxel_set = VoxelSet(grid, occupancy, CpuBackend())
         union = np.zeros(voxel_set.words, np.uint64)
         for limb in LIMBS:
             placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
