@@ -51,7 +51,11 @@ class SeenJoints:
 
     @classmethod
     def of(cls, person: PersonSeen, camera: Camera) -> SeenJoints | None:
-        """Joints of somebody seen by a camera; None where its lens shows no such place."""
+        """Joints of somebody seen by a camera; None where the network is not sure of the person, or
+        the lens shows no such place.
+        """
+        if person.presence < SEEN_JOINTS.presence:
+            return None
         pixels = camera.undistort(person.points_px)
         if not np.isfinite(pixels).all():
             return None
