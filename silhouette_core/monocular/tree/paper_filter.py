@@ -63,7 +63,60 @@ class PaperFrame:
 
 
 class PaperFilter:
-    """Recursive filter over the frames of one camera.
+    r"""Recursive filter over the frames of one camera, as the paper writes it.
+
+    The posterior of the state :math:`x_t`, a pose and a position, given the silhouettes
+    :math:`z_{1:t}` so far, is
+
+    .. math::
+        :label: okada-1
+
+        p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
+
+    with the normalising constant :math:`c_t`. Its prior is predicted,
+
+    .. math::
+        :label: okada-2
+
+        p(x_t|z_{1:t-1}) = \int p(x_t|x_{t-1})\, p(x_{t-1}|z_{1:t-1})\, dx_{t-1}
+
+    which for sample :math:`n` of leaf :math:`j` at the last level :math:`L` becomes a sum over the
+    :math:`N_R` samples of the library,
+
+    .. math::
+        :label: okada-14
+
+        p(x_t^{njL}|z_{1:t-1}) =
+        \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
+
+    The likelihood follows from the silhouette distance :math:`d_{sil}` between the observation
+    :math:`P_o` and the projection :math:`P_m` of the pose,
+
+    .. math::
+        :label: okada-10
+
+        p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
+
+    A node :math:`\theta_t^{jl}`, number :math:`j` of level :math:`l`, takes that of its
+    representative :math:`\bar{x}_t^{jl}`; the volume of its set :math:`S^{jl}` counts as constant:
+
+    .. math::
+        :label: okada-11
+
+        p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
+
+    The tree is descended level by level; a node is scored if its parent survived. In a surviving
+    leaf all poses look alike: its likelihood counts for each of them, with their own priors:
+
+    .. math::
+        :label: okada-12
+
+        p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
+
+    .. math::
+        :label: okada-13
+
+        p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
 
     Args:
         library: poses and their tree; N samples.
@@ -78,7 +131,8 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, section 6; the grid, and the distance followed beside it, are ours.
+    Source: Okada and Stenger, eq. (1), (2), (10)-(14); the grid, and the distance followed beside
+    it, are ours.
     """
 
     def __init__(
@@ -149,7 +203,7 @@ class PaperFilter:
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
         moved = -0.5 * cdist(last.places_m, places_m, "sqeuclidean") / sigma_m**2
         moved = np.exp(moved - _log_sums(moved)[:, None])
-        prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (14)
+        prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (2), (14)
         for _ in range(steps - 1):
             prior = self._transitions.T @ prior
         return prior
