@@ -1,20 +1,22 @@
 """Paper A's filter has what the paper says; position and distance follow the person."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
+from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tuning import DISTANCES, FILTER
+from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.dynamics import ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
-from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
 
@@ -55,28 +57,6 @@ def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, **options):
     return tracker, frames
 
 
-def test_distance_is_the_density_of_weighted_disagreement(library, camera):
-    """Eq. (7) with (9), in one place, relative to nothing."""
-    mask, given = seen(library, 7), []
-
-    class Listening(CpuBackend):
-        def span_distances(self, target, spans, which, parallel=True):
-            given.append((target, spans, which))
-            return super().span_distances(target, spans, which, parallel)
-
-    stay = identity(len(library), format="csr")
-    _, (frame,) = follow(library, camera, stay, [mask], in_place=True, backend=Listening())
-    assert len(given) == 3
-    for number, (target, _, _) in enumerate(given):
-        reduced, reached = frame.window.mask, frame.window.seen
-        for _ in range(2 - number):
-            reduced, reached = reduce_silhouette(reduced), reduce_silhouette(reached)
-        weights = pixel_weights(reduced, "nwxor", library.bounds_px) * reached
-        np.testing.assert_array_equal(target.masks[0], reduced)
-        np.testing.assert_array_equal(target.weights[0], weights)
-        assert target.scale == 1 / reduced.size and not target.shifts_px.any()
-
-
 def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     prior = initial_prior(library)
     assert prior.sum() == pytest.approx(1)
@@ -91,26 +71,62 @@ def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     np.testing.assert_allclose(np.log(prior / prior.max()), expected, atol=1e-6)
 
 
-def test_posterior_is_likelihood_times_prior(library, camera):
-    """Eq. (1), (10), (12), (13), over the leaves that survive; sigma is that of the first frame."""
+def literal_posterior(library, window, prior, sigma):
+    """Section 6 pixel by pixel: the posterior (N, C) of every sample in every position, by the
+    prior (N, C), and the numbers of nodes that survive. All leaves of equal silhouettes are alike.
+    """
+    steps = (-4, 0, 4) if prior.shape[1] == 9 else (0,)
+    shifts = [(right, down) for down in steps for right in steps]
+    home = np.empty(len(library), int)
+    leaves = np.arange(len(library.levels[-1]))
+    home[library.leaf_samples] = np.repeat(leaves, np.diff(library.leaf_offsets))
+    homes = [home]
+    for level in library.levels[:0:-1]:
+        homes.insert(0, level.parent[homes[0]])
+    masks, reached = silhouette_levels(window.mask), silhouette_levels(window.seen)
+    survivors, numbers = np.ones(1, bool), []
+    for depth, level in enumerate(library.levels):
+        weights = pixel_weights(masks[depth], "nwxor", library.bounds_px) * reached[depth].astype(
+            float
+        )
+        shown = masks_of(level.spans, np.arange(len(level)), level.size_px)
+        # The weight of P, and over Q that of what P lacks less that of what it has: instead of
+        # every Q the weights are moved, the other way.
+        signed = np.where(masks[depth], -weights, weights)
+        moved = [
+            np.roll(signed, -np.array([down, right]) // 2 ** (2 - depth), (0, 1)).ravel()
+            for right, down in shifts
+        ]
+        distance = weights[masks[depth]].sum() + shown.reshape(len(level), -1) @ np.transpose(moved)
+        likelihood = np.exp(-0.5 * (distance / masks[depth].size / sigma) ** 2)  # (7), (9)-(11)
+        posterior = np.zeros(len(level))
+        np.add.at(posterior, homes[depth], (likelihood[homes[depth]] * prior).sum(axis=1))
+        posterior *= survivors[level.parent if depth else np.zeros(len(level), int)]
+        survivors = posterior >= FILTER.survivors * posterior.max()
+        numbers.append((int(survivors.sum()), len(level)))
+    result = likelihood[home] * prior * survivors[home, None]  # (12), (13)
+    return result / result.sum(), numbers  # (1)
+
+
+@pytest.mark.parametrize("in_place", [False, True])
+@pytest.mark.parametrize("sigma", [0.1, 0.6])
+def test_posterior_is_the_literal_one(library, camera, in_place, sigma):
+    """Over the leaves that survive; sigma is that of the first frame."""
     stay = identity(len(library), format="csr")
-    masks = [seen(library, 7), seen(library, 150)]
-    tracker, frames = follow(library, camera, stay, masks, sigma=0.6, in_place=True)
-    weights = [pixel_weights(one.window.mask, "nwxor", library.bounds_px) for one in frames]
-    weights = [np.where(one.window.seen, w, 0.0) for one, w in zip(frames, weights, strict=True)]
-    first = pixel_weights(frames[0].window.mask, "nwxor", library.bounds_px)
-    sigma = 0.6 * first.astype(float)[frames[0].window.mask].sum()
-    leaves = library.levels[-1]
-    leaf_of = np.empty(len(library), int)
-    leaf_of[library.leaf_samples] = np.repeat(np.arange(len(leaves)), np.diff(library.leaf_offsets))
-    for frame, weight, prior in zip(frames, weights, tracker.priors, strict=True):
-        assert len(frame.samples) > 20
-        leaf = leaves.representative[leaf_of[frame.samples]]
-        shown = library.render(leaf).windows > 0
-        apart = np.array([weight[frame.window.mask ^ one].sum() for one in shown])
-        expected = np.exp(-0.5 * (apart / sigma) ** 2) * prior[frame.samples, 0]
-        np.testing.assert_allclose(frame.probability[:, 0], expected / expected.sum(), rtol=1e-5)
+    masks = [seen(library, 7), seen(library, 8), seen(library, 150)]
+    tracker, frames = follow(library, camera, stay, masks, sigma=sigma, in_place=in_place)
+    first = frames[0].window.mask
+    weight = pixel_weights(first, "nwxor", library.bounds_px).astype(float)[first].sum()
+    pruned = 0
+    for frame, prior in zip(frames, tracker.priors, strict=True):
+        given = frame.window, prior, sigma * weight / first.size
+        expected, numbers = literal_posterior(library, *given)
+        result = np.zeros_like(expected)
+        result[frame.samples] = frame.probability
+        np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-9)
         assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
+        pruned += sum(count < most for count, most in numbers)
+    assert pruned > 3 or sigma > 0.2
 
 
 def test_the_position_is_a_random_walk(library, camera):
@@ -186,5 +202,19 @@ def test_a_wrong_distance_is_mended(library, factor):
     there = camera_at((0, -DISTANCE_M * factor, 1.0), size=(320, 240))
     near = replace(there, matrix=there.matrix @ np.diag([factor, factor, 1]))
     matrix = transitions(library, True)
-    _, frames = follow(library, near, matrix, [seen(library, 5)] * 12)
+    masks = [seen(library, 5)] * 12
+    _, frames = follow(library, near, matrix, masks)
     assert abs(frames[-1].window.distance_m / DISTANCE_M / factor - 1) < 0.4 * abs(factor - 1)
+    # Each time by a share of the step after which the likeliest leaf differs least, per pixel.
+    metre_px, steps = STATURE_PX / library.model.length_m, DISTANCES.step * np.arange(-1, 2)
+    for frame, following in pairwise(frames):
+        leaf = int(np.flatnonzero(library.leaf_samples == frame.samples[0])[0])
+        leaf = int(np.searchsorted(library.leaf_offsets, leaf, side="right")) - 1
+        shift = np.array(divmod(int(frame.probability[0].argmax()), 3)) * 4 - 4
+        drawn = np.roll(masks_of(library.levels[-1].spans, [leaf])[0], shift, (0, 1))
+        distances_m = frame.window.distance_m * np.exp(steps)
+        pictures = [look_at(near, masks[0], float(one), metre_px).mask for one in distances_m]
+        apart = [(one ^ drawn).sum() / one.sum() for one in pictures]
+        expected = DISTANCES.gain * steps[int(np.argmin(apart))]
+        moved = np.log(following.window.distance_m / frame.window.distance_m)
+        assert moved == pytest.approx(expected, abs=1e-9)
