@@ -51,7 +51,7 @@ def test_areas_are_those_of_the_full_resolution_in_smaller_pictures():
     assert large.sum() > 8
     for other in areas[1:]:
         np.testing.assert_allclose(other[large], areas[0][large], rtol=0.25)
-        assert other.sum() == pytest.approx(areas[0].sum(), rel=0.02)
+        assert other.sum() == pytest.approx(areas[0].sum(), rel=0.05)
 
 
 def test_a_part_is_occluded_by_its_own_usual_area():

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
@@ -56,9 +56,39 @@ def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
     masks = list(walk[1][:20])
     box = np.zeros_like(masks[0])
     box[150:210, 100:380] = True
-    masks[5] = box
+    masks[5:14] = [box] * 9  # longer than what was seen before
     lost = [filter_frame.lost for filter_frame in follow(ForwardFilter(tree, CAMERA), masks)]
-    assert lost == [k == 5 for k in range(len(masks))]
+    assert lost == [5 <= k < 14 for k in range(len(masks))]
+
+
+def test_a_share_of_the_measured_distance_is_believed_and_all_of_a_first(tree, walk):
+    masks = list(walk[1][:6])
+    masks[3] = np.zeros_like(masks[3])
+    masks[3][150:210, 100:380] = True  # lost
+    forward, last = ForwardFilter(tree, CAMERA), None
+    for k, mask in enumerate(masks):
+        frame = forward.step(k / 30, mask)
+        restarted = last is None or last.lost
+        places = np.array([window.distance_m for window in frame.windows])
+        middle = places[4] if restarted else last.distance_m
+        if last is not None and last.lost:
+            area_m = forward._first_distance(mask)
+            assert middle == pytest.approx(np.sqrt(last.distance_m * area_m))
+        scale, probability = frame.posterior.scale, frame.posterior.probability
+        change = probability @ np.log(places[scale] / middle)
+        expected = middle * np.exp(change * (1.0 if restarted else DISTANCES.gain))
+        assert frame.distance_m == pytest.approx(expected)
+        last = frame
+    assert not frame.lost and not restarted
+
+
+def test_of_a_frame_the_likeliest_and_the_best_samples_are_kept(tree, walk):
+    frame = ForwardFilter(tree, CAMERA).step(0.0, walk[1][0])
+    kept = slim(frame, 5).posterior
+    whole = frame.posterior
+    best = set(whole.samples[np.argsort(whole.distance, kind="stable")[:5]])
+    assert set(kept.samples) == best | set(whole.samples[:5])
+    assert (np.diff(kept.probability) <= 0).all()
 
 
 def test_candidates_stand_where_the_silhouette_is(tree, walk):

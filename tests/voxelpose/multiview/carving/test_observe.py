@@ -143,6 +143,31 @@ def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
         assert np.count_nonzero(kept ^ mask) < 0.02 * np.count_nonzero(mask)
 
 
+@pytest.mark.parametrize("blind", [0, 2])
+def test_limbs_that_one_camera_misses_stay_in_the_others(observer, blind):
+    """That one alone is explained then: the hull lacks the limbs, and not the other cameras."""
+    actor, aside = other_body(), {"left_upper_arm.abduction": 95.0, "left_thigh.abduction": 40.0}
+    whole = photograph(
+        observer.views, actor, stance(actor, aside | {"right_upper_arm.abduction": 95.0})
+    )
+    trunk = photograph(observer.views, actor, stance(actor))
+    masks = [own & trunk[c] if c == blind else own for c, own in enumerate(whole)]
+    observed = observer.observe(masks)
+    for c, (kept, mask) in enumerate(zip(observed.masks, masks, strict=True)):
+        assert c == blind or kept[mask & ~trunk[c]].mean() > 0.8
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 3)])
+def test_what_two_of_four_cameras_show_is_dropped_where_the_others_are_explained(observer, pair):
+    masks = photograph(observer.views, *body_at(0.0))
+    stray = [mask.copy() for mask in masks]
+    for c in pair:
+        stray[c][5:60, 5:60] = True
+        assert not masks[c][5:60, 5:60].any()
+    for kept in observer.observe(stray).masks:
+        assert not kept[5:55, 5:55].any()
+
+
 def test_nothing_and_specks_are_no_body(observer, masks):
     assert observer.observe([np.zeros_like(mask) for mask in masks]) is None
     specks = [np.zeros_like(mask) for mask in masks]

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PART_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
@@ -52,14 +55,25 @@ def scene():
     return body, pose, *hull(views(), body, pose, 0.025)
 
 
-@pytest.mark.parametrize("name", [limb.name for limb in LIMBS if limb.parent])
-def test_samples_stay_within_limits_and_hold_the_present_angles(name):
-    result = sample_angles(LIMB[name], RELAXED_RAD, STEP)
-    np.testing.assert_array_equal(result[0], RELAXED_RAD)
-    assert within_limits(result).all() and len(result) > 5
-    own = {name, LIMB[name].twist_of}
-    strange = [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] not in own]
-    assert (result[:, strange] == RELAXED_RAD[strange]).all()
+def dofs_of(*names):
+    return [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] in names]
+
+
+@given(st.sampled_from([limb for limb in LIMBS if limb.parent]), st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_samples_hold_the_present_angles_and_turn_the_limb_alone(limb, seed):
+    angles = np.random.default_rng(seed).uniform(LOW, HIGH)
+    result = sample_angles(limb, angles, STEP)
+    np.testing.assert_array_equal(result[0], angles)
+    assert within_limits(result).all()
+    own = dofs_of(limb.name, limb.twist_of)
+    np.testing.assert_array_equal(
+        np.delete(result, own, 1), np.delete(result[:1] + 0 * result, own, 1)
+    )
+    if limb.swing:  # over the whole range the present twist means nothing
+        swung = [HUMAN.dof_names.index(name) for name in limb.swing]
+        assert not np.delete(result[1:, own], [own.index(k) for k in swung], 1).any()
+        assert len(result) > 5
 
 
 def test_a_full_search_reaches_both_ends_of_every_swing():
@@ -71,16 +85,26 @@ def test_a_full_search_reaches_both_ends_of_every_swing():
             assert np.diff(angles).max() <= STEP + 1e-9
 
 
-def test_twist_turns_the_bone_about_itself(body_volume):
-    """Whatever bend and twist are tried, the knee stays where the thigh has put it."""
-    turned = RELAXED_RAD.copy()
-    turned[HUMAN.dof_names.index("left_thigh.flexion")] = 0.9
-    turned[HUMAN.dof_names.index("left_thigh.abduction")] = 0.3
-    samples = sample_hinge(LIMB["left_shin"], turned[None], STEP)[0]
-    _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
-    # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3
-    # degrees.
-    assert np.linalg.norm(knees - knees.mean(0), axis=1).max() < 0.06
+@given(st.sampled_from([limb for limb in LIMBS if limb.hinge]), st.integers(0, 10**6))
+@settings(max_examples=40, deadline=None)
+def test_twist_turns_the_bone_about_itself(body_volume, limb, seed):
+    """Up to 100 degrees to either side; the bone above points where it pointed."""
+    angles = np.random.default_rng(seed).uniform(LOW, HIGH)
+    samples = sample_hinge(limb, angles[None], STEP)[0]
+    above, root = LIMB[limb.twist_of], stance(body_volume.model)
+    (own,), _ = body_volume.placements(above, root, angles[None])
+    turned, _ = body_volume.placements(above, root, samples)
+    kinds = ("twist", "rotation")
+    axis = next(
+        dof.axis for p, dof in HUMAN.dofs if PART_NAMES[p] == above.name and dof.name in kinds
+    )
+    np.testing.assert_allclose(turned @ axis, (own @ axis) + np.zeros((len(samples), 3)), atol=1e-9)
+    twists = np.unique(np.round(Rotation.from_matrix(own.T @ turned).as_rotvec() @ axis, 6))
+    np.testing.assert_allclose([twists[0], twists[-1]], np.radians([-100, 100]), atol=1e-5)
+    assert np.diff(twists).max() <= 2 * STEP + 1e-5
+    bends = np.unique(samples[:, HUMAN.dof_names.index(limb.hinge)])
+    np.testing.assert_allclose([bends[0], bends[-1]], HUMAN.dof_limits_rad[dofs_of(limb.name)[0]])
+    assert len(samples) == len(twists) * len(bends) and np.diff(bends).max() <= STEP + 1e-9
 
 
 def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
@@ -192,24 +216,28 @@ def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume
     assert full.placements(0, limb, angles).cost == pytest.approx(0.7 * points)
 
 
-def test_explained_share_counts_a_voxel_once(body_volume, scene):
+@pytest.mark.parametrize("interference", [True, False])
+def test_share_and_score_count_a_voxel_once(body_volume, scene, monkeypatch, interference):
+    """Also one that several groups of a level claim."""
     _, _, grid, occupancy = scene
-    for interference in (True, False):
-        result = match(
-            body_volume,
-            grid,
-            occupancy,
-            stance(body_volume.model),
-            MatchSettings(interference=interference),
-        )
-        voxel_set = VoxelSet(grid, occupancy)
-        union = np.zeros(voxel_set.words, np.uint64)
-        for limb in LIMBS:
-            placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
-            union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
-        assert result.explained == pytest.approx(
-            np.bitwise_count(union).sum() / len(voxel_set), abs=0.01
-        )  # a twist moves the bone above a little
+    costs, decide = [], _Search.decide
+
+    def noted(search, group, choice, *others):
+        costs.extend(float(one.cost[k]) for one, k in zip(group, choice, strict=True))
+        return decide(search, group, choice, *others)
+
+    monkeypatch.setattr(_Search, "decide", noted)
+    start, chosen = stance(body_volume.model), MatchSettings(interference=interference)
+    result = match(body_volume, grid, occupancy, start, chosen)
+    voxel_set = VoxelSet(grid, occupancy, body_volume.backend)
+    union = np.zeros(voxel_set.words, np.uint64)
+    for limb in LIMBS:
+        placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
+        union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
+    share = np.bitwise_count(union).sum() / len(voxel_set)
+    # A twist moves the bone above a little.
+    assert result.explained == pytest.approx(share, abs=0.01)
+    assert result.score == pytest.approx(result.explained * len(voxel_set) - sum(costs))
 
 
 def test_same_answer_for_any_number_of_threads(body_volume, scene):
