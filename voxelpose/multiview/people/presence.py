@@ -118,7 +118,7 @@ class PresenceSearch:
         x, y, _ = grid.axes()
         near = np.hypot(x[:, None] - axis_m[0], y - axis_m[1]) <= PEOPLE.reach_m
         own, pairs = hull & near[:, :, None], zip(self._cameras, seen, strict=True)
-        return [mask & footprint(own, grid, camera) for camera, mask in pairs]
+        return [footprint(own, grid, camera, mask) for camera, mask in pairs]
 
     def _ranked(
         self,

@@ -9,7 +9,7 @@ import pytest
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
-from tests.silhouette_core.monocular.filming import camera_at, films, performed
+from tests.silhouette_core.monocular.filming import camera_at, films, performed, window_pixels
 
 CAMERA = camera_at((0, -4.0, 1.3))
 
@@ -94,7 +94,12 @@ def test_of_a_frame_the_likeliest_and_the_best_samples_are_kept(tree, walk):
 def test_candidates_stand_where_the_silhouette_is(tree, walk):
     places, masks = walk
     filter_frame = follow(ForwardFilter(tree, CAMERA), masks[:1])[0]
-    result = candidates_of(tree, filter_frame, np.arange(5))
+    result, posterior = candidates_of(tree, filter_frame, np.arange(5)), filter_frame.posterior
+    for k, root_m in enumerate(result.root_m):
+        pelvis = tree.library.pelvis_px[posterior.samples[k]] + posterior.shift_px[k]
+        window = filter_frame.windows[posterior.scale[k]]
+        np.testing.assert_allclose(window_pixels(window, root_m)[0], pelvis, atol=1e-3)
+    assert posterior.shift_px[:5].any()
     pixels, _ = CAMERA.project(result.root_m)
     true, _ = CAMERA.project(places[:1])
     assert np.linalg.norm(pixels - true, axis=1).max() < 15

@@ -18,6 +18,9 @@ def test_a_footprint_holds_every_point_of_its_voxels_and_little_more(seed):
     occupancy = rng.random(grid.shape) < 0.02
     occupancy[tuple(rng.integers(0, 5, 3))] = True
     covered = footprint(occupancy, grid, camera)
+    mask = np.zeros((120, 160), bool)
+    mask[rng.integers(0, 120) :, rng.integers(0, 160) :] = rng.random() < 0.9
+    np.testing.assert_array_equal(footprint(occupancy, grid, camera, mask), mask & covered)
     centres = grid.occupied_points(occupancy)
     inside = grid.voxel_size_m * rng.uniform(-0.5, 0.5, (400, 3))
     pixels, _ = camera.project((centres[:, None] + inside).reshape(-1, 3))
