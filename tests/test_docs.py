@@ -52,8 +52,9 @@ def test_rows_of_tables_are_whole(page):
             assert not any(cell.count("`") % 2 for cell in row), row
 
 
-def test_names_in_tables_exist():
+def test_names_in_tables_and_the_papers_map_exist():
     cells = [cell for page in PAGES for table in tables(page) for row in table for cell in row]
+    cells += [(ROOT / "docs" / "papers.md").read_text(encoding="utf-8")]
     others = r"voxelpose\.toml|silhouette_core\.(?:backends|estimators|pose_proposers|segmenters)"
     packages = "calib|silhouette_core|voxelpose|papers|benchmarks"
     names = set(re.findall(rf"`(?!(?:{others})`)((?:{packages})\.[\w.]+)`", " ".join(cells)))

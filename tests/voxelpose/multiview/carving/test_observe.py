@@ -17,7 +17,13 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import COMPONENT, HullObserver, _small_components
+from voxelpose.multiview.carving.observe import (
+    COMPONENT,
+    HullObserver,
+    _label_bodies,
+    _small_components,
+    _without_crumbs,
+)
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
@@ -66,6 +72,43 @@ def test_of_what_only_some_cameras_show_small_pieces_stay():
     mask[20:30, 20:30] = True
     found = _small_components(mask, 20)
     assert found[5:8, 5:8].all() and found.sum() == 9
+
+
+@pytest.mark.parametrize("joined_m", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_pieces_are_one_that_lie_above_one_another_or_near(axis, joined_m):
+    """Up to 0.25 m above one another, up to `joined_m` in any direction."""
+    grid = VoxelGrid(np.zeros(3), 0.02, (40, 40, 40))
+    most_m = max(joined_m, 0.25 if axis == 2 else 0.0)
+    for gap in range(1, 25):
+        occupancy = np.zeros((40, 40, 40), bool)
+        occupancy[5:8, 5:8, 5:8] = True
+        place = [slice(5, 8)] * 3
+        place[axis] = slice(8 + gap, 11 + gap)
+        occupancy[tuple(place)] = True
+        one = len(_label_bodies(occupancy, grid, joined_m).sizes) == 2
+        if abs(gap * 0.02 - most_m) > 0.03:
+            assert one == (gap * 0.02 <= most_m)
+
+
+def test_the_window_reaches_beyond_the_coarse_hull(observer, masks):
+    components = observer.components(masks)
+    body = observer.body(components, None)
+    grid = observer.window(components, body)
+    low, high = components["bounds_m"][body]
+    assert (grid.origin_m <= low - 0.1 + 1e-9).all()
+    assert (grid.origin_m + grid.size_m >= high + 0.1 - 1e-9).all()
+    assert (grid.size_m < high - low + 0.3).all()
+
+
+def test_crumbs_of_a_hull_are_left_out():
+    occupancy = np.zeros((60, 12, 12), bool)
+    occupancy[:10, :10, :10] = True
+    for k, edge in enumerate((1, 2, 3, 4)):  # cubes; 27 of 1000 are a crumb
+        occupancy[20 + 10 * k : 20 + 10 * k + edge, :edge, :edge] = True
+    kept = _without_crumbs(occupancy)
+    assert [int(kept[20 + 10 * k : 30 + 10 * k].sum()) for k in range(4)] == [0, 0, 0, 64]
+    assert kept[:10].sum() == 1000
 
 
 def test_the_hull_holds_the_body(observer, masks):
