@@ -78,17 +78,6 @@ def test_weights_follow_the_equations(seed, weighting, height):
         np.testing.assert_allclose(weights, expected, rtol=2e-5, atol=1e-6)
 
 
-def test_normalised_weights_are_one_on_the_middle_lines_of_thick_and_thin_parts():
-    mask = np.zeros((240, 320), bool)
-    mask[60:180, 100:151] = mask[100:109, 150:300] = True
-    weights = pixel_weights(mask, "nwxor")
-    middle = thin_silhouette(mask)
-    assert (weights[middle] == 1).all()
-    assert middle[100:109, 200:280].any() and middle[80:160, 110:140].any()
-    assert weights[104, 220] == 1 and weights[100, 220] < 0.3
-    assert weights[~mask].max() == pytest.approx(1.0)
-
-
 def test_bounds_hold_all_silhouettes():
     masks = np.zeros((3, 20, 30), bool)
     masks[0, 3:7, 10:25] = masks[1, 5:16, 4:6] = True
@@ -104,34 +93,6 @@ def test_resolutions_agree():
         fine, coarse = (distances_to(m[0], m[1:], weighting) for m in (large, small))
         # A pixel at a contour lies one whole pixel inside, of whatever size.
         np.testing.assert_allclose(coarse, fine, rtol=0.05 if weighting == "xor" else 0.3)
-
-
-@pytest.mark.parametrize("weighting", WEIGHTINGS)
-def test_the_distance_is_the_weighted_disagreement_per_pixel(weighting):
-    rng = np.random.default_rng(2)
-    masks = np.stack([figure(rng) for _ in range(600)])  # enough for the parallel loop
-    distances = distances_to(masks[0], masks, weighting)
-    weights = pixel_weights(masks[0], weighting)
-    expected = [weights[masks[0] ^ mask].sum(dtype=np.float64) / mask.size for mask in masks]
-    np.testing.assert_allclose(distances, expected, rtol=1e-9, atol=1e-10)
-    assert distances[0] == pytest.approx(0, abs=1e-10) and distances[1:].min() > 0
-
-
-def test_shifted_silhouettes_are_scored_beyond_the_window():
-    rng = np.random.default_rng(3)
-    masks = np.stack([figure(rng) for _ in range(5)])
-    margin, shifts = 30, np.array([[0, 0], [30, -30], [-7, 12], [29, 4]])
-    target = Target((masks[0],), (pixel_weights(masks[0]),), shifts, 1 / masks[0].size)
-    distances = CPU.span_distances(target, Spans.from_masks(masks))
-    assert distances.shape == (5, 4)
-    weights = np.pad(pixel_weights(masks[0]), margin, mode="edge")
-    wide = np.pad(masks, ((0, 0), (margin, margin), (margin, margin)))
-    for column, (right, down) in zip(distances.T, shifts, strict=True):
-        # The rim is wide enough that nothing comes round.
-        moved = np.roll(wide, (down, right), (1, 2))
-        expected = [weights[wide[0] ^ other].sum(dtype=float) / masks[0].size for other in moved]
-        np.testing.assert_allclose(column, expected, rtol=1e-9)
-    np.testing.assert_allclose(distances[:, 0], distances_to(masks[0], masks), rtol=1e-12)
 
 
 def test_thinning_is_that_of_scikit_image():

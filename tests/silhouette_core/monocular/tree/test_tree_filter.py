@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from silhouette_core.monocular.tree.evidence import Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
-from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.monocular.window import look_at
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
@@ -132,17 +130,3 @@ def test_the_prior_is_the_dense_sum(library, tree, evidence, prior, steps):
     floor = tree.settings.floor
     expected = (1 - floor) * belief / belief.sum() + floor / len(library)
     np.testing.assert_allclose(tree.predict(posterior, steps), expected, rtol=1e-5, atol=1e-12)
-
-
-def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
-    dm1, dm2 = (
-        transitions(library, aware, 4 * MOTION_MODEL.sigma_scale) for aware in (False, True)
-    )
-    moving = np.unique(library.model.tree.dof_part[library.base_angles.std(0) > np.radians(3)])
-    some, none = library.occluded[:, moving].any(1), ~library.occluded.any(1)
-    assert some.any() and none.any()
-    differs = np.array([abs(dm1[[n]] - dm2[[n]]).max() > 1e-6 for n in range(len(library))])
-    assert not differs[none].any()
-    assert differs[some].mean() > 0.98
-    # (5): the source stays less likely where it hides something.
-    assert dm2.diagonal()[some].mean() < dm1.diagonal()[some].mean()

@@ -100,63 +100,6 @@ def test_the_number_of_threads_does_not_matter():
     np.testing.assert_array_equal(*results)
 
 
-def test_a_bad_camera_is_tolerated():
-    rig = ring(6)
-    masks = silhouettes(rig)
-    good = carve(rig, masks, PERSON)
-    masks["cam_2"] = np.zeros_like(masks["cam_2"])
-    assert not carve(rig, masks, PERSON).any()
-    tolerant = carve(rig, masks, PERSON, CarveRule(tolerance=1))
-    assert tolerant[good].all()
-    assert tolerant.sum() < 2 * good.sum()
-
-
-def test_what_no_camera_sees_is_kept_only_if_asked():
-    rig = ring(2)
-    masks = {name: np.ones((120, 160), bool) for name in rig.names}
-    above = VoxelGrid(np.array([0, 0, 50.0]), 0.1, (4, 4, 4))
-    assert not carve(rig, masks, above).any()
-    assert carve(rig, masks, above, CarveRule(least_agreeing=0)).all()
-    assert not carve(rig, masks, above, CarveRule(outside="carve", least_agreeing=0)).any()
-
-
-def test_what_stands_in_front_of_one_camera_only_is_no_body():
-    rig = ring(4)
-    masks = {name: np.ones((120, 160), bool) for name in rig.names}
-    centre, forward = rig["cam_0"].center_m, rig["cam_0"].rotation[2]
-    behind = VoxelGrid(centre + 7.0 * forward - 0.3, 0.1, (6, 6, 6))  # behind the others' backs
-    assert not carve(rig, masks, behind).any()
-    assert carve(rig, masks, behind, CarveRule(least_agreeing=1)).any()
-    middle = VoxelGrid(np.array([-0.3, -0.3, 0.6]), 0.1, (6, 6, 6))
-    away = Rig((*ring(4), look_at("away", (0, -9, 1), (0, -20, 1))))
-    assert carve(away, [*masks.values(), masks["cam_0"]], middle).all()
-    assert not carve(
-        away, [*masks.values(), masks["cam_0"]], middle, CarveRule(outside="carve")
-    ).any()
-
-
-@pytest.mark.parametrize(
-    ("seeing", "others", "tolerance", "kept"),
-    [
-        (3, 1, 0, True),
-        (2, 2, 0, False),
-        (2, 2, 1, True),
-        (1, 3, 1, False),
-        (3, 3, 0, False),
-        (3, 3, 1, True),
-        (1, 1, 0, True),
-        (0, 1, 3, False),
-    ],
-)
-def test_three_quarters_of_the_cameras_agree_less_the_tolerance(seeing, others, tolerance, kept):
-    """The others look away, and see nothing of the volume."""
-    away = [look_at(f"away_{k}", (0, -9, 1 + k), (0, -20, 1)) for k in range(others)]
-    rig = Rig((*(ring(seeing) if seeing else ()), *away))
-    masks = {name: np.ones((120, 160), bool) for name in rig.names}
-    middle = VoxelGrid(np.array([-0.2, -0.2, 0.7]), 0.1, (4, 4, 4))
-    assert carve(rig, masks, middle, CarveRule(tolerance)).all() == kept
-
-
 def test_masks_that_do_not_fit_are_refused():
     rig = ring(2)
     masks = silhouettes(rig)
