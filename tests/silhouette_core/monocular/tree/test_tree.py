@@ -83,24 +83,10 @@ def test_the_tree_is_the_literal_one(made):
     for level, nodes in zip(made.levels, literal, strict=True):
         assert level.parent.tolist() == [parent for parent, _, _ in nodes]
         assert level.representative.tolist() == [representative for _, representative, _ in nodes]
+    for below, offsets in zip(made.levels[1:], made.child_offsets, strict=False):
+        assert (np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)) == below.parent).all()
     leaves = np.split(made.leaf_samples, made.leaf_offsets[1:-1])
     assert [leaf.tolist() for leaf in leaves] == [samples for _, _, samples in literal[-1]]
-
-
-def test_the_tree_holds_every_sample_once_and_in_order(made):
-    assert sorted(made.leaf_samples) == list(range(len(made)))
-    for level, below, offsets in zip(
-        made.levels[:-1], made.levels[1:], made.child_offsets, strict=False
-    ):
-        assert (np.diff(below.parent) >= 0).all()
-        for node in range(len(level)):
-            assert (below.parent[offsets[node] : offsets[node + 1]] == node).all()
-            assert offsets[node + 1] > offsets[node]
-    for node, representative in enumerate(made.levels[-1].representative):
-        assert (
-            representative
-            in made.leaf_samples[made.leaf_offsets[node] : made.leaf_offsets[node + 1]]
-        )
 
 
 def test_the_silhouettes_are_those_of_the_representatives(made):

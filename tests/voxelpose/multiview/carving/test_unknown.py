@@ -45,13 +45,6 @@ def test_carving_is_the_references(seed, rule):
     np.testing.assert_array_equal(carve(RIG, MASKS, PERSON, rule, unknown), expected)
 
 
-def test_nothing_unknown_changes_nothing():
-    nowhere = [np.zeros_like(mask) for mask in MASKS]
-    np.testing.assert_array_equal(
-        carve(RIG, MASKS, PERSON, None, nowhere), carve(RIG, MASKS, PERSON)
-    )
-
-
 @pytest.mark.parametrize("outside", ["keep", "carve"])
 def test_what_is_hidden_from_one_camera_is_not_carved_by_it(outside):
     unknown = lower_part(0)

@@ -198,6 +198,10 @@ def test_a_twist_leaves_the_bone_above_where_it_points():
         rotation[:, :, 2], rotation[:1, :, 2].repeat(len(samples), 0), atol=1e-9
     )
     assert np.ptp(volume.placements(fore, swung, samples)[0][:, :, 2], axis=0).max() > 0.5
+    # Over its whole range, whatever it was.
+    twisted = sample_angles(fore, posed(arm, {"upper.twist": 50.0}).angles_rad, 0.5, arm.tree)
+    twists = np.unique(np.degrees(twisted[1:, 2]).round(6))
+    np.testing.assert_allclose([twists[0], twists[-1]], [-120, 120])
 
 
 def test_an_arm_in_a_ball_joint_is_matched():
