@@ -82,6 +82,4 @@ def test_variances_grow_in_proportion_to_the_frame_interval(made):
 def test_parts_that_show_little_are_hidden(made):
     share = made.areas / np.percentile(made.areas, 99, axis=0)
     assert (made.occluded == (share < 0.15)).all()
-    # In profile, of two hands of a body standing still one is behind the trunk more often than from
-    # the front.
     assert made.areas.dtype == np.uint16

@@ -53,21 +53,6 @@ def test_search_is_as_good_as_trying_everything(group):
     assert score_of(bits, costs, choice) == pytest.approx(score)
 
 
-def test_thousands_of_placements_of_three_parts():
-    """Enumeration would need 8 thousand million unions."""
-    rng = np.random.default_rng(5)
-    bits = [
-        np.packbits(rng.random((2000, 512)) < 0.05, axis=1, bitorder="little").view(np.uint64)
-        for _ in range(3)
-    ]
-    choice, score, exact = best_together(bits, [np.full(2000, 1.5)] * 3)
-    assert exact and score_of(bits, [np.full(2000, 1.5)] * 3, choice) == score
-    # No single exchange is better.
-    for part in range(3):
-        others = np.bitwise_or.reduce([bits[i][choice[i]] for i in range(3) if i != part])
-        assert np.bitwise_count(bits[part] | others).sum(1).max() - 4.5 <= score
-
-
 @pytest.mark.parametrize("bits", [[], [np.zeros((0, 1), np.uint64)]])
 def test_nothing_to_choose_from_is_refused(bits):
     with pytest.raises(ValueError, match="at least one placement"):
