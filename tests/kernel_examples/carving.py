@@ -38,7 +38,7 @@ def carve_blocks(rng):
 
 def mark_voxels(rng):
     axes = (np.sort(rng.uniform(-1, 1, count)) for count in (6, 7, 8))
-    projection = np.array([[6.0, 0.4, 4, 8], [0.2, 6, 3, 6], [0.1, 0.2, 1, 0.8]])
+    projection = np.array([[6.0, 0.4, 3, 4], [0.2, 5, 2, 3], [0.1, 0.2, 1, 0.8]])
     projection += 0.1 * rng.normal(size=(3, 4))
     # So few pixels that every border is met.
     return Example(
