@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import BodyVolume
@@ -38,11 +39,12 @@ class _Overlap:
             self.grid,
             self.occupancy,
             self.points,
-            np.full(len(self.points), 1 / len(self.points)),
+            np.ones(len(self.points)),  # counts, whose sums are exact
             rotations,
             positions - rotations @ self.middle,
         )
-        scores = inside - outside - MATCHING.lying_cost * (1 - rotations[:, 2, 2])
+        share = (inside - outside) / len(self.points)
+        scores = rounded(share - MATCHING.lying_cost * (1 - rotations[:, 2, 2]))
         order = np.argsort(-scores, kind="stable")
         return positions[order], rotations[order], scores[order]
 
