@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import summable
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.joint_search import best_together, interference_groups
@@ -74,15 +75,20 @@ class LimbPlacements:
         .. math::
             :label: iiyama-2
 
-            M_p = \bigcup_{\theta \in \Theta_p} V_p(\theta)
+            M_p = \bigcup_{\theta \in \Theta_p, \, s_p(\theta) > 0} V_p(\theta)
 
-        where :math:`\Theta_p` are the sampled angles of part :math:`p` within its range, and
-        :math:`V_p(\theta)` the free voxels that it covers at angles :math:`\theta`.
+        where :math:`\Theta_p` are the sampled angles of part :math:`p` within its range,
+        :math:`V_p(\theta)` the free voxels that it covers at angles :math:`\theta`, and
+        :math:`s_p(\theta)` these less its cost (:eq:`iiyama-5`): where a part would lie mostly in
+        empty space or in another part, no voxel is its. Its best placement always counts.
 
         Source: Iiyama, Kameda and Minoh, step (2): section 3. The area as a set of the hull's
-        voxels is ours; the paper does not say how it is represented.
+        voxels, and that a part must lie mostly in them, are ours; the paper does not say how it is
+        represented.
         """
-        return np.bitwise_or.reduce(self.bits, axis=0)  # step (2)
+        scores = np.bitwise_count(self.bits).sum(axis=1) - self.cost
+        possible = (scores > 0) | (scores == scores.max())
+        return np.bitwise_or.reduce(self.bits[possible], axis=0)  # step (2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +254,7 @@ class _Search:
         volume = self.volumes[body]
         placed = volume.placements(limb, self.poses[body], angles_rad)
         bits, empty, inside = self.voxel_set.cover(volume.points[limb.name], *placed)
-        cost = empty + MATCHING.taken_cost * inside
+        cost = summable(empty + MATCHING.taken_cost * inside)
         return LimbPlacements(limb, angles_rad, bits, cost, body)
 
     def decide(
