@@ -71,15 +71,13 @@ def adapted_body(
             _WEIGHTS,
             priors,
         )
-        error = np.mean(
-            [
-                silhouette_error(surface.model, pose, observation, backend)
-                for pose, observation in zip(poses, observations, strict=True)
-            ]
-        )
+        errors = [
+            silhouette_error(surface.model, pose, observation, backend)
+            for pose, observation in zip(poses, observations, strict=True)
+        ]
         posed = surface.posed_many(PoseArrays.from_poses(poses)).points
         scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
-        found.append((float(rounded(error)), surface.model, scale))
+        found.append((float(rounded(np.mean(errors))), surface.model, scale))
     _, body, scale = min(found, key=lambda one: one[0])
     return _grown(body, scale)
 

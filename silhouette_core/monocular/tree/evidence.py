@@ -108,17 +108,11 @@ class Evidence:
         """All windows at a resolution, with all shifts or none."""
         if (reduction, moved) not in self._targets:
             other = self._targets.get((reduction, not moved))
-            masks, weights = (
-                zip(
-                    *(
-                        relative_weights(window, self.weighting, reduction, self.bounds_px)
-                        for window in self.windows
-                    ),
-                    strict=True,
-                )
-                if other is None
-                else (other.masks, other.weights)
+            pairs = (
+                relative_weights(window, self.weighting, reduction, self.bounds_px)
+                for window in self.windows
             )
+            masks, weights = (other.masks, other.weights) if other else zip(*pairs, strict=True)
             shifts = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
             self._targets[reduction, moved] = Target(masks, weights, shifts)
         return self._targets[reduction, moved]

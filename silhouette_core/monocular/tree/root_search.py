@@ -172,21 +172,16 @@ def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
     ) ** 2
 
 
+def _costs(frame: _Frame, root: Pose) -> NDArray[np.float64]:
+    """Costs (K,) of a frame's poses with a root, in squared standard deviations."""
+    errors = (frame.errors / ROOT_SEARCH.sigma_error) ** 2
+    return np.minimum(_gaps(frame.poses, root), 50.0) + errors
+
+
 def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
     """Roots to which all frames have a good pose near, the likeliest first, no two alike."""
     roots = [pose for frame in frames for pose in frame.poses]
-    costs = rounded(
-        [
-            sum(
-                (
-                    np.minimum(_gaps(frame.poses, root), 50.0)
-                    + (frame.errors / ROOT_SEARCH.sigma_error) ** 2
-                ).min()
-                for frame in frames
-            )
-            for root in roots
-        ]
-    )
+    costs = rounded([sum(_costs(frame, root).min() for frame in frames) for root in roots])
     chosen: list[Pose] = []
     for k in np.argsort(costs, kind="stable"):
         if len(chosen) < _ROOTS and (not chosen or _gaps(chosen, roots[k]).min() > 2.0):
@@ -196,10 +191,7 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
 
 def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
     """The likeliest poses of a frame, refined with a root that is held."""
-    likely = rounded(
-        0.5 * np.minimum(_gaps(frame.poses, root), 50.0)
-        + 0.5 * (frame.errors / ROOT_SEARCH.sigma_error) ** 2
-    )
+    likely = rounded(_costs(frame, root))
     poses = [
         Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
         for k in np.argsort(likely, kind="stable")[:_LIKELY]

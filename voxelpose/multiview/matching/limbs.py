@@ -63,45 +63,27 @@ def _limbs() -> tuple[Limb, ...]:
         TORSO,
         Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
     ]
-    for s in ("left", "right"):
+    for side in ("left", "right"):
+        arm, thigh, forearm, shin = (
+            f"{side}_{part}" for part in ("upper_arm", "thigh", "forearm", "shin")
+        )
+        hand, foot = (
+            tuple(f"{side}_{part}" for part in parts)
+            for parts in (("hand", "thumb", "fingers"), ("foot", "toes"))
+        )
         limbs += [
-            Limb(
-                f"{s}_upper_arm",
-                (f"{s}_upper_arm",),
-                "pelvis",
-                swing=(f"{s}_upper_arm.abduction", f"{s}_upper_arm.forward"),
-            ),
-            Limb(
-                f"{s}_thigh",
-                (f"{s}_thigh",),
-                "pelvis",
-                swing=(f"{s}_thigh.flexion", f"{s}_thigh.abduction"),
-            ),
-            Limb(
-                f"{s}_forearm",
-                tuple(f"{s}_{part}" for part in ("forearm", "hand", "thumb", "fingers")),
-                f"{s}_upper_arm",
-                hinge=f"{s}_forearm.flexion",
-                twist_of=f"{s}_upper_arm",
-            ),
-            Limb(
-                f"{s}_shin",
-                tuple(f"{s}_{part}" for part in ("shin", "foot", "toes")),
-                f"{s}_thigh",
-                hinge=f"{s}_shin.flexion",
-                twist_of=f"{s}_thigh",
-            ),
+            Limb(arm, (arm,), "pelvis", swing=(f"{arm}.abduction", f"{arm}.forward")),
+            Limb(thigh, (thigh,), "pelvis", swing=(f"{thigh}.flexion", f"{thigh}.abduction")),
+            Limb(forearm, (forearm, *hand), arm, hinge=f"{forearm}.flexion", twist_of=arm),
+            Limb(shin, (shin, *foot), thigh, hinge=f"{shin}.flexion", twist_of=thigh),
         ]
     return tuple(limbs)
 
 
 LIMBS = _limbs()
 CHAINS = tuple(
-    (
-        next(limb for limb in LIMBS if limb.name == f"{side}_{upper}"),
-        next(limb for limb in LIMBS if limb.name == f"{side}_{lower}"),
-    )
-    for upper, lower in (("upper_arm", "forearm"), ("thigh", "shin"))
+    tuple(next(limb for limb in LIMBS if limb.name == f"{side}_{part}") for part in chain)
+    for chain in (("upper_arm", "forearm"), ("thigh", "shin"))
     for side in ("left", "right")
 )
 """The arms and the legs, each from its upper to its lower part."""

@@ -128,25 +128,10 @@ def _upright_turns() -> np.ndarray:
 
 
 def _orientations() -> np.ndarray:
-    turns = [
-        Rotation.from_euler("zxy", [yaw, pitch, roll], degrees=True)
-        for yaw in range(0, 360, 30)
-        for pitch, roll in (
-            (0, 0),
-            (30, 0),
-            (60, 0),
-            (90, 0),
-            (-30, 0),
-            (0, 30),
-            (0, -30),
-            (30, 30),
-            (30, -30),
-            (0, 70),
-            (0, -70),
-            (180, 0),
-        )
-    ]
-    return Rotation.concatenate(turns).as_matrix()
+    leans_deg = [(0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30),
+                 (30, -30), (0, 70), (0, -70), (180, 0)]  # fmt: skip
+    turns_deg = [(yaw, *lean) for yaw in range(0, 360, 30) for lean in leans_deg]
+    return Rotation.from_euler("zxy", turns_deg, degrees=True).as_matrix()
 
 
 def _polish(
