@@ -1,7 +1,5 @@
-"""Numbers from which one of several candidates is chosen, free of the order of sums.
-
-Floating-point sums differ in the last digits with their order, and so with backend, processor and
-number of threads; where two candidates are equal, those digits would choose.
+"""Numbers by which candidates are ranked, free of the order of sums: the last digits, which differ
+with backend, processor and threads, would choose between equal ones.
 """
 
 from __future__ import annotations
@@ -14,9 +12,8 @@ _BITS = 45  # of 53: sums over runs of pixels reach many times that of all weigh
 
 
 def rounded(costs: ArrayLike) -> NDArray[np.float64]:
-    """Costs, nats or shares, of any shape, to six decimals: less means nothing, and is a tie.
-
-    Of equal candidates the first is taken: sorts are stable.
+    """Costs, nats or shares, of any shape, to six decimals: less means nothing. Of equal candidates
+    the first is taken.
     """
     return np.round(np.asarray(costs, np.float64), _DECIMALS)
 

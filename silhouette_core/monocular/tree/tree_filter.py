@@ -153,8 +153,7 @@ class TreeFilter:
             )
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
-        with np.errstate(divide="ignore"):
-            # eq. (12), (13)
+        with np.errstate(divide="ignore"):  # eq. (12), (13)
             log_posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))
         probability = np.exp(log_posterior - log_posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
@@ -216,12 +215,11 @@ class TreeFilter:
         if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
-            distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
-            likely = rounded(0.5 * (distance / sigma) ** 2 - log_prior)
+            still = evidence.distances(level.spans, nodes, reduction, moved=False)
+            likely = rounded(0.5 * (still.distance / sigma) ** 2 - log_prior)
             moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
-            alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
-                moved, distance, scale
-            )
+            best = evidence.distances(level.spans, nodes[moved], reduction)
+            alignment = best.among(moved, still)
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
         log_posterior = rounded(log_likelihood + log_prior)
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)

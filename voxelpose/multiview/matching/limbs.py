@@ -64,13 +64,10 @@ def _limbs() -> tuple[Limb, ...]:
         Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
     ]
     for side in ("left", "right"):
-        arm, thigh, forearm, shin = (
-            f"{side}_{part}" for part in ("upper_arm", "thigh", "forearm", "shin")
-        )
-        hand, foot = (
-            tuple(f"{side}_{part}" for part in parts)
-            for parts in (("hand", "thumb", "fingers"), ("foot", "toes"))
-        )
+        arm, forearm = f"{side}_upper_arm", f"{side}_forearm"
+        thigh, shin = f"{side}_thigh", f"{side}_shin"
+        hand = tuple(f"{side}_{part}" for part in ("hand", "thumb", "fingers"))
+        foot = f"{side}_foot", f"{side}_toes"
         limbs += [
             Limb(arm, (arm,), "pelvis", swing=(f"{arm}.abduction", f"{arm}.forward")),
             Limb(thigh, (thigh,), "pelvis", swing=(f"{thigh}.flexion", f"{thigh}.abduction")),
@@ -265,12 +262,7 @@ def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
         if part not in home:
             home[part] = home[model.names[parent]]
             parts[home[part]].append(part)
-    return tuple(
-        limb
-        if len(limb.parts) == len(parts[limb.name])
-        else replace(limb, parts=(*parts[limb.name],))
-        for limb in LIMBS
-    )
+    return tuple(replace(limb, parts=tuple(parts[limb.name])) for limb in LIMBS)
 
 
 class _Builder:

@@ -396,7 +396,8 @@ class _Search:
         return [None, chest_from_hull(usual, volume_m3)]
 
     def _body(self, candidate: Candidate) -> BodyGeometry:
-        return BodyGeometry.from_sizes(candidate.sizes, self.voxel_size_m, self.backend)
+        model = BodyModel.from_sizes(candidate.sizes)
+        return BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
 
 
 def _prior(candidate: Candidate, body: BodyGeometry, evidence: StatureEvidence) -> ShapePrior:

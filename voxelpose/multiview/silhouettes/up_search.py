@@ -19,6 +19,7 @@ from calib.upright import (
     is_cameras_own,
     up_candidates,
 )
+from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
@@ -97,12 +98,13 @@ def _trunk(
     """
     sex = "male" if settings.sex == "unknown" else settings.sex
     sizes = BodySizes(settings.stature_m or MEASURING.usual_m, settings.chest_m, sex)
+    model, backend = BodyModel.from_sizes(sizes), load_backend(settings.backend)
     moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:
         frame = UprightFrame.from_up(up)
         observer = observer_of(frame.rig(rig))
-        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
+        body = BodyGeometry.from_model(model, observer.voxel_size_m, backend)
         for t in moments.tolist():
             try:
                 observation = observer.observe(masks[t])
