@@ -255,7 +255,9 @@ class _Search:
                 for limb in volume.limbs
                 if limb.name not in decided and limb.parent in decided
             ]
-        spare = spare_score([c.bits for c in found], [c.cost for c in found]) if found else 0.0
+        if not found or not self.settings.interference:
+            return found
+        spare = spare_score([one.bits for one in found], [one.cost for one in found])
         return [replace(one, spare=spare) for one in found]
 
     def placements(self, body: int, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
