@@ -4,6 +4,8 @@ with backend, processor and threads, would choose between equal ones.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,7 +20,7 @@ def rounded(costs: ArrayLike) -> NDArray[np.float64]:
     return np.round(np.asarray(costs, np.float64), _DECIMALS)
 
 
-def summable(weights: NDArray[np.floating]) -> NDArray[np.floating]:
+def summable(weights: NDArray[np.floating]) -> NDArray[Any]:
     """Weights of any shape, whose sums are exact in any order: multiples of one power of two, a
     2^45th of what the sum of all can be.
     """

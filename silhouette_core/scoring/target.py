@@ -30,7 +30,7 @@ class Target:
 
     masks: tuple[NDArray[np.bool_], ...]
     weights: tuple[NDArray[np.floating], ...]
-    shifts_px: NDArray[np.integer] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
+    shifts_px: NDArray[np.int64] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
     scale: float = 1.0
 
     def __post_init__(self) -> None:

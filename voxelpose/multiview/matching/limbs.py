@@ -121,9 +121,7 @@ def sample_angles(
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
         # Over the whole range the present twist has no meaning at other placements.
-        for k, name in enumerate(names):
-            if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
-                samples[:, k] = 0.0
+        samples[:, np.isin(names, (f"{limb.name}.twist", f"{limb.name}.rotation"))] = 0.0
     else:
         samples = sample_hinge(limb, angles_rad[None], step_rad, tree)[0]
     return np.concatenate([angles_rad[None], samples[within_limits(samples, tree)]])

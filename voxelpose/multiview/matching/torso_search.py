@@ -81,7 +81,7 @@ def find_torso(
     )
     inner = None if body_volume.is_person else _inner_radius(body_volume, middle)
     positions = _deep_positions(grid, depth, inner)
-    rotations = _upright_turns() if model.tree.root_fixed else _orientations()
+    rotations = _orientations(model.tree.root_fixed)
     # Every position with every orientation on few points, then the best again turned in steps;
     # only the best of those in smaller steps on more points.
     ranked = coarse.ranked(
@@ -123,11 +123,9 @@ def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -
     return grid.centres(kept if len(kept) else deep[:1])
 
 
-def _upright_turns() -> np.ndarray:
-    return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
-
-
-def _orientations() -> np.ndarray:
+def _orientations(upright: bool) -> np.ndarray:
+    if upright:
+        return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
     leans_deg = [(0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30),
                  (30, -30), (0, 70), (0, -70), (180, 0)]  # fmt: skip
     turns_deg = [(yaw, *lean) for yaw in range(0, 360, 30) for lean in leans_deg]
