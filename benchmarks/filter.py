@@ -76,17 +76,6 @@ class DenseEvidence(Evidence):
         super().__init__(evidence.windows, evidence.weighting)
         self.score, self.drawn = score, drawn
 
-    def unmoved_distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        images, result = self._images(spans, nodes, reduction), []
-        for window in self.windows:
-            picture, weights = relative_weights(window, self.weighting, reduction)
-            result.append(self.score(picture, images, weights.astype(np.float32)) * picture.size)
-        flat = np.stack(result)
-        best = flat.argmin(axis=0)
-        return flat[best, np.arange(len(nodes))], best
-
     def _images(
         self, spans: Spans, nodes: NDArray[np.integer], reduction: int
     ) -> NDArray[np.bool_]:
@@ -97,13 +86,16 @@ class DenseEvidence(Evidence):
             )
         return self.drawn[reduction, len(nodes)]
 
-    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
+    def distances(
+        self, spans: Spans, nodes: NDArray[np.integer], reduction: int, moved: bool = True
+    ) -> Alignment:
+        shifts_px = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
         images, result = self._images(spans, nodes, reduction), []
         for window in self.windows:
             picture, weights = relative_weights(window, self.weighting, reduction)
             height, width = picture.shape
             wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge").astype(np.float32)
-            for dx, dy in SHIFTS_PX:
+            for dx, dy in shifts_px:
                 part = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
                 own = np.ascontiguousarray(wide[part])
                 outside = float(margins[wide].sum() - margins[part][own].sum())
@@ -113,8 +105,8 @@ class DenseEvidence(Evidence):
                 )
         flat = np.stack(result)
         best = flat.argmin(axis=0)
-        scale, move = np.divmod(best, len(SHIFTS_PX))
-        return Alignment(flat[best, np.arange(len(nodes))], scale, SHIFTS_PX[move] * reduction)
+        scale, move = np.divmod(best, len(shifts_px))
+        return Alignment(flat[best, np.arange(len(nodes))], scale, shifts_px[move] * reduction)
 
 
 def library_file() -> Path:

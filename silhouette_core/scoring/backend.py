@@ -47,10 +47,10 @@ class Grid(Protocol):
 class Backend(Protocol):
     """Scores of many candidates against one observation.
 
-    All backends give the same numbers, for any number of threads: sums whose order is not defined
-    agree to 1e-9. Wherever K placements of a rigid part are scored, `points` (P, 3) m fill the
-    part, in its own frame, and `rotations` (K, 3, 3) and `translations_m` (K, 3) are world from
-    part.
+    All backends give the same numbers, for any number of threads: weights are handed over
+    `summable`, so that sums are exact; means over cameras agree to 1e-9. Wherever K placements of a
+    rigid part are scored, `points` (P, 3) m fill the part, in its own frame, and `rotations` (K, 3,
+    3) and `translations_m` (K, 3) are world from part.
     """
 
     def span_distances(

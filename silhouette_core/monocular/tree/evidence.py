@@ -37,18 +37,11 @@ class Alignment:
     scale: NDArray[np.int64]
     shift_px: NDArray[np.int64]
 
-    def among(
-        self,
-        rows: NDArray[np.integer],
-        distance: NDArray[np.float64],
-        scale: NDArray[np.int64],
-    ) -> Alignment:
-        """Alignment of more nodes, of which these are some `rows` (K,), and the others are not
-        moved: distances (N,) and windows (N,) of all.
-        """
-        shift = np.zeros((len(distance), 2), np.int64)
-        distance[rows], scale[rows], shift[rows] = self.distance, self.scale, self.shift_px
-        return Alignment(distance, scale, shift)
+    def among(self, rows: NDArray[np.integer], others: Alignment) -> Alignment:
+        """Alignment of more nodes, of which these are some `rows` (K,), and the others as given."""
+        for name in ("distance", "scale", "shift_px"):
+            getattr(others, name)[rows] = getattr(self, name)
+        return others
 
 
 class Evidence:
@@ -74,51 +67,32 @@ class Evidence:
         self.backend, self.bounds_px = backend, bounds_px
         self._targets: dict[tuple[int, bool], Target] = {}
 
-    def distances(self, spans: Spans, nodes: NDArray[np.integer], reduction: int) -> Alignment:
+    def distances(
+        self, spans: Spans, nodes: NDArray[np.integer], reduction: int, moved: bool = True
+    ) -> Alignment:
         """Best alignment of each node with the silhouette.
 
         Args:
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
+            moved: False leaves nodes where they are, a tenth of the work.
         """
-        target = self._target(reduction, moved=True)
+        target = self._target(reduction, moved)
         distances = self.backend.span_distances(target, spans, nodes)
         best = distances.argmin(axis=1)
-        scale, shift = np.divmod(best, len(SHIFTS_PX))
-        shift_px = SHIFTS_PX[shift] * reduction
+        scale, shift = np.divmod(best, len(target.shifts_px))
+        shift_px = target.shifts_px[shift] * reduction
         return Alignment(distances[np.arange(len(nodes)), best], scale, shift_px)
-
-    def unmoved_distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Distances of nodes that are not moved, a tenth of the work of `distances`.
-
-        Args:
-            nodes: (K,) which of them.
-
-        Returns:
-            Least distances (K,) float64 and the numbers of their windows (K,) int64.
-        """
-        target = self._target(reduction, moved=False)
-        distances = self.backend.span_distances(target, spans, nodes)
-        scale = distances.argmin(axis=1)
-        return distances[np.arange(len(nodes)), scale], scale
 
     def _target(self, reduction: int, moved: bool) -> Target:
         """All windows at a resolution, with all shifts or none."""
         if (reduction, moved) not in self._targets:
             other = self._targets.get((reduction, not moved))
-            masks, weights = (
-                zip(
-                    *(
-                        relative_weights(window, self.weighting, reduction, self.bounds_px)
-                        for window in self.windows
-                    ),
-                    strict=True,
-                )
-                if other is None
-                else (other.masks, other.weights)
+            pairs = (
+                relative_weights(window, self.weighting, reduction, self.bounds_px)
+                for window in self.windows
             )
+            masks, weights = (other.masks, other.weights) if other else zip(*pairs, strict=True)
             shifts = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
             self._targets[reduction, moved] = Target(masks, weights, shifts)
         return self._targets[reduction, moved]

@@ -35,6 +35,7 @@ from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
@@ -226,15 +227,15 @@ class PaperFilter:
             distance = self._backend.span_distances(target, level.spans, nodes)
             log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
             with np.errstate(divide="ignore"):
-                each = _log_sums(log_likelihood + np.log(of_nodes[depth][nodes]))
+                each = rounded(_log_sums(log_likelihood + np.log(of_nodes[depth][nodes])))
             kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
         with np.errstate(divide="ignore"):
-            posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+            posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))  # eq. (12), (13)
         probability = np.exp(posterior - posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
-        order = np.argsort(-probability.max(axis=1), kind="stable")
+        order = np.argsort(-posterior.max(axis=1), kind="stable")
         return int(nodes[of_leaf[order[0]]]), samples[order], probability[order]
 
     def _target(self, window: Window, reduction: int) -> Target:

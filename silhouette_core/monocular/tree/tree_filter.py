@@ -12,6 +12,7 @@ from silhouette_core.monocular.tree.evidence import Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
 from silhouette_core.monocular.tuning import FILTER, FilterSettings
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CPU
 
@@ -112,11 +113,11 @@ class TreeFilter:
             )
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
-        with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+        with np.errstate(divide="ignore"):  # eq. (12), (13)
+            log_posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))
         probability = np.exp(log_posterior - log_posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
-        order = np.argsort(-probability, kind="stable")
+        order = np.argsort(-log_posterior, kind="stable")
         of_leaf = of_leaf[order]
         return Posterior(
             samples[order].astype(np.int64),
@@ -159,14 +160,13 @@ class TreeFilter:
         if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
-            distance, scale = evidence.unmoved_distances(level.spans, nodes, reduction)
-            likely = 0.5 * (distance / sigma) ** 2 - log_prior
+            still = evidence.distances(level.spans, nodes, reduction, moved=False)
+            likely = rounded(0.5 * (still.distance / sigma) ** 2 - log_prior)
             moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
-            alignment = evidence.distances(level.spans, nodes[moved], reduction).among(
-                moved, distance, scale
-            )
+            best = evidence.distances(level.spans, nodes[moved], reduction)
+            alignment = best.among(moved, still)
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
-        log_posterior = log_likelihood + log_prior
+        log_posterior = rounded(log_likelihood + log_prior)
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)
         if len(kept) > settings.most:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])

@@ -41,16 +41,16 @@ class ArrayBackend:
             depth = np.where(near, 1.0, depth)
             pixels = np.stack([fy * y / depth + cy, fx * x / depth + cx], -1)
             pixels = np.where(near[..., None], -1, np.floor(pixels + 0.5)).astype(int)
-            scores += _entries(image, pixels, 0).sum(1, dtype=np.int64)
+            scores += entries(image, pixels, 0).sum(1, dtype=np.int64)
         return scores
 
     def voxel_overlap(self, grid, occupancy, points, weights, rotations, translations_m):
-        occupied = _entries(occupancy, _voxels(grid, points, rotations, translations_m), False)
+        occupied = entries(occupancy, voxels(grid, points, rotations, translations_m), False)
         inside = occupied @ weights
         return inside, weights.sum() - inside
 
     def voxel_cover(self, grid, numbers, words, points, rotations, translations_m):
-        result = _entries(numbers, _voxels(grid, points, rotations, translations_m), -1)
+        result = entries(numbers, voxels(grid, points, rotations, translations_m), -1)
         bits = np.zeros((len(rotations), words), np.uint64)
         k, p = np.nonzero(result >= 0)
         number = result[k, p].astype(np.uint64)
@@ -64,12 +64,12 @@ def _drawn(vertices_cam, faces, matrix, shape, cull_back):
     return render_many(vertices_cam, faces, labels, matrix, shape[::-1], cull_back) > 0
 
 
-def _voxels(grid, points, rotations, translations_m):
+def voxels(grid, points, rotations, translations_m):
     world = points @ rotations.transpose(0, 2, 1) + translations_m[:, None]
     return np.floor((world - grid.origin_m) / grid.voxel_size_m).astype(int)
 
 
-def _entries(array, index, beyond):
+def entries(array, index, beyond):
     """Entries (K, P) of an array at indices (K, P, n), or `beyond` outside of it."""
     within = ((index >= 0) & (index < array.shape)).all(-1)
     clipped = np.where(within[..., None], index, 0)

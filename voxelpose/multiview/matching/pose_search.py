@@ -102,11 +102,6 @@ class BodyGeometry:
         surface = Surface(model, taken=taken)
         return cls.from_surface(surface, voxel_size_m, backend)
 
-    @classmethod
-    def from_sizes(cls, sizes: BodySizes, voxel_size_m: float, backend: Backend) -> BodyGeometry:
-        """Samples a body of these measurements."""
-        return cls.from_model(BodyModel.from_sizes(sizes), voxel_size_m, backend)
-
 
 @cache
 def sampled_vertices(sex: str) -> np.ndarray:

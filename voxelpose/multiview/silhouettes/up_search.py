@@ -19,9 +19,11 @@ from calib.upright import (
     is_cameras_own,
     up_candidates,
 )
+from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
@@ -72,7 +74,7 @@ def choose_upright(
         # A body is found in a wrong world, too, if only with some luck: its trunk may tell what was
         # not searched.
         others = possible if own else [*possible, *AXES.values()]
-        up = max(others, key=lambda up: float(up @ trunk))
+        up = max(others, key=lambda up: float(rounded(up @ trunk)))
         if up @ trunk < possible[0] @ trunk + UP_SEARCH.clearly:
             up = possible[0]
         reason = "by how the cameras and the person stand"
@@ -96,12 +98,13 @@ def _trunk(
     """
     sex = "male" if settings.sex == "unknown" else settings.sex
     sizes = BodySizes(settings.stature_m or MEASURING.usual_m, settings.chest_m, sex)
+    model, backend = BodyModel.from_sizes(sizes), load_backend(settings.backend)
     moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:
         frame = UprightFrame.from_up(up)
         observer = observer_of(frame.rig(rig))
-        body = BodyGeometry.from_sizes(sizes, observer.voxel_size_m, load_backend(settings.backend))
+        body = BodyGeometry.from_model(model, observer.voxel_size_m, backend)
         for t in moments.tolist():
             try:
                 observation = observer.observe(masks[t])

@@ -17,8 +17,10 @@ from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.dynamics import ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's
 INTERVAL_S = 1 / 30
@@ -127,6 +129,17 @@ def test_posterior_is_the_literal_one(library, camera, in_place, sigma):
         assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
         pruned += sum(count < most for count, most in numbers)
     assert pruned > 3 or sigma > 0.2
+
+
+def test_posterior_does_not_depend_on_the_order_of_sums(library, camera):
+    stay = identity(len(library), format="csr")
+    masks = [seen(library, 7), seen(library, 150)]
+    (_, one), (_, other) = (
+        follow(library, camera, stay, masks, backend=own()) for own in (CpuBackend, BackwardBackend)
+    )
+    for mine, theirs in zip(one, other, strict=True):
+        np.testing.assert_array_equal(mine.samples, theirs.samples)
+        np.testing.assert_array_equal(mine.probability, theirs.probability)
 
 
 def test_the_position_is_a_random_walk(library, camera):

@@ -11,6 +11,7 @@ from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, quaternions
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
+    groups_apart,
     hull,
     joint_errors_m,
     other_body,
@@ -121,15 +122,28 @@ def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
         np.testing.assert_allclose(origins, origin[:, PART_NAMES.index(limb.name)], atol=1e-12)
 
 
-def candidates_of(bits, limb="neck"):
+def candidates_of(bits, limb="neck", cost=0, **more):
     words = np.packbits(np.asarray(bits, bool), axis=1, bitorder="little")
     words = np.pad(words, ((0, 0), (0, -words.shape[1] % 8))).view(np.uint64)
-    return LimbPlacements(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
+    angles = np.zeros((len(words), len(LOW)))
+    return LimbPlacements(LIMB[limb], angles, words, np.broadcast_to(cost, len(words)), **more)
 
 
 def test_movable_area_is_what_some_placement_covers():
     area = candidates_of([[1, 0, 0, 0], [0, 0, 1, 0]]).movable_area
     assert area[0] == 0b101
+
+
+@pytest.mark.parametrize(
+    ("cost", "spare", "area"),
+    [((0, 1, 3), 0, 0b0111), ((2, 4, 3), 0, 0b1101), ((2, 4, 3), 1, 0b1111)],
+)
+def test_no_voxel_is_a_limbs_where_it_would_lie_mostly_elsewhere(cost, spare, area):
+    """Placements that cost more than they explain do not count, unless the best combination may
+    need them.
+    """
+    bits = [[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 1, 1]]
+    assert candidates_of(bits, cost=cost, spare=spare).movable_area[0] == area
 
 
 def test_interference_is_passed_on_from_part_to_part():
@@ -142,18 +156,46 @@ def test_interference_is_passed_on_from_part_to_part():
     assert count_common(areas[0], areas[1]) == 1
 
 
-def test_forearms_apart_are_matched_singly_and_shins_together(body_volume, scene):
-    _, _, grid, occupancy = scene
-    start = stance(body_volume.model, TURNS)
-    result = match(body_volume, grid, occupancy, start)
-    groups = [set(group) for group in result.groups]
-    assert {"left_forearm"} in groups and {"right_forearm"} in groups
-    assert {"left_shin", "right_shin"} in groups
-    assert sorted(name for group in result.groups for name in group) == sorted(
-        limb.name for limb in LIMBS
+CROSSED = {
+    f"{side}_{name}": angle
+    for side, angles in (("left", (20.0, -14.0, 14.0)), ("right", (-5.0, -12.0, 14.0)))
+    for name, angle in zip(
+        ("thigh.flexion", "thigh.abduction", "shin.flexion"), angles, strict=True
     )
-    plain = match(body_volume, grid, occupancy, start, MatchSettings(interference=False))
+}
+RAISED = {f"{side}_upper_arm.abduction": 150.0 for side in ("left", "right")}
+
+
+@pytest.mark.parametrize(
+    ("turns", "together"),
+    [
+        ({}, [{"left_thigh", "right_thigh"}]),
+        (TURNS, [{"left_thigh", "right_thigh"}]),
+        (CROSSED, [{"left_thigh", "right_thigh"}, {"left_shin", "right_shin"}]),
+        (RAISED, [{"neck", "left_upper_arm", "right_upper_arm"}, {"left_thigh", "right_thigh"}]),
+    ],
+    ids=["upright", "raised leg", "crossed legs", "raised arms"],
+)
+def test_only_limbs_that_could_lie_in_each_others_voxels_are_matched_at_once(
+    body_volume, turns, together
+):
+    body, start = other_body(1), stance(body_volume.model)
+    scene = hull(views(), body, stance(body, turns), 0.025)
+    result = match(body_volume, *scene, start)
+    groups = [set(group) for group in result.groups]
+    assert all(group in groups for group in together)
+    assert {"left_forearm"} in groups or turns is RAISED
+    assert sorted(name for group in groups for name in group) == sorted(limb.name for limb in LIMBS)
+    plain = match(body_volume, *scene, start, MatchSettings(interference=False))
     assert all(len(group) == 1 for group in plain.groups)
+    assert result.score >= plain.score
+
+
+@pytest.mark.parametrize("turns", [{}, TURNS, CROSSED, RAISED])
+def test_limbs_matched_apart_score_as_all_of_a_level_at_once(body_volume, turns):
+    body, start = other_body(2), stance(body_volume.model)
+    scene = hull(views(), body, stance(body, turns), 0.025)
+    assert 1 < groups_apart(body_volume, start, *scene) < 5
 
 
 @pytest.mark.parametrize("interference", [True, False])
@@ -300,7 +342,7 @@ def test_movable_areas_of_a_posed_body(body_volume, scene):
     theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
     assert (
         len(theirs & set(map(tuple, result["left_forearm"].voxels.tolist())))
-        > 0.9 * len(theirs)
+        > 0.8 * len(theirs)
         > 0
     )
     assert not theirs & set(map(tuple, result["right_shin"].voxels.tolist()))
