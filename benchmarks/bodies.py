@@ -44,7 +44,6 @@ from silhouette_core.motion.motion_file import read_motion, write_motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.demo.room import demo_rig
 from voxelpose.fitting import Output, fit, track
@@ -171,7 +170,7 @@ def single_frames(cameras: tuple[str, ...]) -> list[dict[str, object]]:
         ) as prepared,
         closing(ObservationStore(prepared.observer, prepared.store)) as observations,
     ):
-        body = BodyGeometry.from_model(truth.model, CARVING.voxel_m, load_backend("cpu"))
+        body = BodyGeometry.from_model(truth.model, CARVING.voxel_m, "cpu")
         for interference in (True, False):
             settings = replace(MatchSettings(), interference=interference)
             matched_mm, refined_mm, sizes, stopped = [], [], [], 0
@@ -203,7 +202,7 @@ def single_frames(cameras: tuple[str, ...]) -> list[dict[str, object]]:
 def stances(cameras: tuple[int, ...]) -> list[dict[str, object]]:
     """Random stances of the spider, each searched by itself with and without interference."""
     model, views = spider(), PinholeViews.from_rig(_pinholes(cameras))
-    body = BodyGeometry.from_model(model, CARVING.voxel_m, load_backend("cpu"))
+    body = BodyGeometry.from_model(model, CARVING.voxel_m, "cpu")
     rows = []
     for interference in (True, False):
         settings = replace(MatchSettings(), interference=interference)

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.weights_file import write_weights
 from calib.errors import InputError
-from silhouette_core.fitted_weights import write_weights
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview.quality.quality import (
     ADDED_MM,

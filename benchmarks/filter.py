@@ -43,6 +43,7 @@ from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
+from silhouette_core.scoring.cpu import CpuBackend
 
 _MADE = Path(__file__).resolve().parents[1] / "out" / "benchmarks" / "filter.vplib"
 _SETTINGS = LibrarySettings(poses=60_000)
@@ -73,7 +74,7 @@ class DenseEvidence(Evidence):
     def __init__(
         self, evidence: Evidence, score: Score, drawn: dict[tuple[int, int], NDArray[np.bool_]]
     ):
-        super().__init__(evidence.windows, evidence.weighting)
+        super().__init__(evidence.windows, CpuBackend(), evidence.weighting)
         self.score, self.drawn = score, drawn
 
     def _images(
@@ -87,9 +88,12 @@ class DenseEvidence(Evidence):
         return self.drawn[reduction, len(nodes)]
 
     def distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int, moved: bool = True
+        self,
+        spans: Spans,
+        nodes: NDArray[np.integer],
+        reduction: int,
+        shifts_px: NDArray[np.integer] = SHIFTS_PX,
     ) -> Alignment:
-        shifts_px = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
         images, result = self._images(spans, nodes, reduction), []
         for window in self.windows:
             picture, weights = relative_weights(window, self.weighting, reduction)
@@ -125,7 +129,7 @@ def library_file() -> Path:
 @cache
 def _tree() -> TreeFilter:
     library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True))
+    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())
 
 
 @cache
@@ -184,7 +188,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
         windows = [
             look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows
         ]
-        evidence = Evidence(windows, _WEIGHTING)
+        evidence = Evidence(windows, CpuBackend(), _WEIGHTING)
         return tree.update(
             tree.predict(before.posterior),
             DenseEvidence(evidence, score, drawn) if dense else evidence,

@@ -78,7 +78,7 @@ def against_one_carve() -> Case:
     )
     surface = Surface(BodyModel.from_sizes(BodySizes(1.75)))
     track = PoseTracker(
-        BodyGeometry.from_surface(surface, VOXEL_M),
+        BodyGeometry.from_surface(surface, VOXEL_M, "cpu"),
         ObservationStore(observer, store),
         30.0,
         MatchSettings(),

@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.expected_error import recordings_used, reliability
 from benchmarks.unseen import track
+from benchmarks.weights_file import write_weights
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.fitted_weights import write_weights
 from silhouette_core.monocular.tracking.joint_error import (
     ADDED_MM,
     FILE,

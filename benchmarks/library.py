@@ -16,7 +16,7 @@ from silhouette_core.monocular.tree.rendering import (
     spans_of,
 )
 from silhouette_core.monocular.tree.tree import PoseSpace, Scorer, Split
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 _POSES, _VIEWS = 84, 24
@@ -63,7 +63,8 @@ def _masks() -> tuple[np.ndarray, ...]:
 def _score(level: int, dense: Timed, name: str, goal: str = "") -> Case:
     masks = _masks()[level]
     target, spans = Target.from_mask(masks[0]), spans_of(masks)
-    ours = Timed(lambda _: CPU.span_distances(target, spans)[:, 0], repeats=20)
+    every = np.arange(len(spans))
+    ours = Timed(lambda _: CpuBackend().span_distances(target, spans, every)[:, 0], repeats=20)
     return Case(
         ours,
         dense,

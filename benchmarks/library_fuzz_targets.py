@@ -17,6 +17,7 @@ from silhouette_core.motion.keyposes.notation import movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.scoring.cpu import CpuBackend
 
 
 def make_library(path: Path, model: BodyModel, *, learned: bool) -> None:
@@ -89,7 +90,7 @@ def _evidence():
     mask = np.zeros((240, 320), bool)
     mask[40:200, 140:180] = True
     window = look_at(camera, mask, 4.0, 90.0)
-    return Evidence([window])
+    return Evidence([window], CpuBackend())
 
 
 def use_library(path: Path) -> None:
@@ -105,7 +106,7 @@ def use_library(path: Path) -> None:
     library.render(np.arange(min(len(library), 2)))
     even = np.full(len(library), 1 / len(library))
     for aware in (False, True):
-        tree = TreeFilter(library, transitions(library, aware))
+        tree = TreeFilter(library, transitions(library, aware), CpuBackend())
         posterior = tree.update(even, _evidence())
         tree.update(tree.predict(posterior), _evidence())
     if library.proposal is not None:

@@ -59,7 +59,7 @@ def main() -> None:
     given = words.parse_args()
     rng, seen_by = np.random.default_rng(given.seed), views(given.cameras)
     model = fitting_model()
-    volume = BodyVolume.from_model(model, CARVING.voxel_m)
+    volume = BodyVolume.from_model(model, CARVING.voxel_m, "cpu")
     bodies, motions = (other_body(3), other_body(4, "male")), [*keypose_motions(model).values()]
     grid = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.3), CARVING.voxel_m)
     observer = HullObserver(seen_by, grid, CARVING.voxel_m, body_rule(given.cameras, 0))

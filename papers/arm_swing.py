@@ -21,7 +21,7 @@ from silhouette_core.monocular.tree.rendering import STATURE_PX, silhouette_leve
 from silhouette_core.monocular.tree.transitions import step_precisions, transitions
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.kinematics import forward, landmarks
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 MotionModel = Literal["density", "normalised", "kernel"]
@@ -128,7 +128,7 @@ def sample_costs(
     """
     nodes, mask = library.levels[level], silhouette_levels(mask)[level]
     target = Target.from_mask(mask, library.settings.weighting, library.bounds_px)
-    cost = CPU.span_distances(target, nodes.spans, np.arange(len(nodes)))[:, 0]
+    cost = CpuBackend().span_distances(target, nodes.spans, np.arange(len(nodes)))[:, 0]
     for offsets in library.child_offsets[level:]:
         cost = np.repeat(cost, np.diff(offsets))
     of_samples = np.empty(len(library))
@@ -173,7 +173,7 @@ def track_arm(film: SwingFilm, library: PoseLibrary, cases: Sequence[Case]) -> l
     trackers = []
     for case in cases:
         matrix = step_matrix(library, case.method.occlusion_aware, case.model)
-        given = library, matrix, film.camera, distance_m, first, case.method.weighting
+        given = library, matrix, film.camera, distance_m, first, CpuBackend(), case.method.weighting
         trackers.append(_TogetherFilter(*given, case.sigma, 1 / FPS, in_place=True))
         trackers[-1].made = made
     angles, found = sample_angles(library), np.full((len(cases), len(film)), np.nan)

@@ -97,7 +97,7 @@ def make_example() -> Example:
         grid,
         carve(rig, masks, grid),
         true,
-        BodyVolume.from_model(model, VOXEL_M),
+        BodyVolume.from_model(model, VOXEL_M, "cpu"),
         Pose(root, np.eye(3), RELAXED_RAD.copy()),
     )
 

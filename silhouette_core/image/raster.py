@@ -1,17 +1,8 @@
 """Part-number images: the body part that is visible in each pixel.
 
 The posed mesh is projected with hidden surfaces removed and every pixel holds its part's number
-(Okada and Stenger, 3.1). Conventions:
-
-- A pixel is sampled at its centre, and pixel centres are at integer coordinates.
-- A centre that lies exactly on an edge belongs to the triangle that has it as a left or a flat top
-  edge, so that of two triangles with a common edge exactly one draws the centre. Projected
-  corners are first rounded to 1/256 pixel.
-- Triangles that cross the near plane (`NEAR_M` in front of the camera) are clipped there; those
-  behind it, and those with a corner that is not finite, are omitted.
-- Back faces are drawn like front faces unless `cull_back` is set. For a closed mesh, oriented
-  outwards and seen from outside, both give the same image; culling is faster.
-- Of several surfaces in one pixel the nearest is kept, of equally near ones that of the first face.
+(Okada and Stenger, 3.1). The rules are those of `silhouette_core.scoring.backend.Backend`. Of a
+closed mesh, oriented outwards and seen from outside, culling gives the same image, faster.
 """
 
 import numpy as np
@@ -77,23 +68,10 @@ def render_many(
     size: tuple[int, int],
     cull_back: bool = True,
 ) -> NDArray[np.uint8]:
-    """Renders the part images of many poses of one mesh, in parallel over the poses.
+    """Renders the part images (N, h, w) uint8 of many poses of one mesh, in parallel over them.
 
-    Args:
-        vertices_cam: (N, V, 3) metres, camera frame.
-        faces: as for `render_parts`.
-        face_part: as for `render_parts`, or (N, F), another for every pose.
-        matrix: as for `render_parts`.
-        size: as for `render_parts`.
-        cull_back: as for `render_parts`, but set by default.
-
-    Returns:
-        (N, h, w) uint8, the part images.
-
-    Raises:
-        ValueError: as for `render_parts`.
-
-    Source: Okada and Stenger, 3.1.
+    Arguments as of `render_parts`, but for vertices_cam (N, V, 3) and face_part, which may be
+    (N, F), another for every pose.
     """
     check_array("vertices_cam", vertices_cam, ("N", "V", 3), np.floating)
     if face_part.ndim == 1:

@@ -120,7 +120,7 @@ def library_of_body(
     if not model.tree.root_fixed:
         return library, None
     reporter.stage("root")
-    tree = TreeFilter(library, transitions(library, False), backend=backend)
+    tree = TreeFilter(library, transitions(library, False), backend)
     root = find_root(tree, camera, masks)
     reporter.stage("pose library")
     return _from_one_side(library, recorded is None, camera, root), root

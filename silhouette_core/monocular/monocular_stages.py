@@ -117,7 +117,7 @@ class PoseStages:
             areas = usual_areas(tracked.areas)
             away = None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m))
             steps = transitions(tracked, True, interval_s=interval_s)
-            tree = TreeFilter(tracked, steps, backend=backend)
+            tree = TreeFilter(tracked, steps, backend)
             forward = ForwardFilter(tree, pinhole, "balanced", away, interval_s)
             self.proposer = SampleProposer(forward, root, tracking.different_m)
         tracker = HypothesisTracker(model, pinhole, areas, tracking, backend)

@@ -18,7 +18,6 @@ from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import summable
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
 
@@ -84,15 +83,10 @@ class SignedWeights:
     matrix: NDArray[np.float64]
     rotation: NDArray[np.float64]
     translation_m: NDArray[np.float64]
-    backend: Backend = CPU
+    backend: Backend
 
     @classmethod
-    def from_window(
-        cls,
-        window: Window,
-        reduction: int = 2,
-        backend: Backend = CPU,
-    ) -> SignedWeights:
+    def from_window(cls, window: Window, backend: Backend, reduction: int) -> SignedWeights:
         """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
         mask, weights = relative_weights(window, "balanced", reduction)
         center = (window.axis_px + 0.5) / reduction - 0.5
@@ -117,10 +111,7 @@ class SignedWeights:
     def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
         meshes = self._in_camera(model, poses)
-        drawn = self.backend.drawn_weights(
-            self.signed, meshes, model.faces, self.matrix, cull_back=True
-        )
-        return self.base + drawn
+        return self.base + self.backend.drawn_weights(self.signed, meshes, model.faces, self.matrix)
 
     def part_areas(self, drawn: NDArray[np.uint8], parts: int) -> NDArray[np.float64]:
         """Area of every part (K, parts), A_j of eq. (3), in pixels of the library's full
@@ -128,10 +119,6 @@ class SignedWeights:
         """
         counts = [np.bincount(one.ravel(), minlength=parts + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
-
-    def covered(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.bool_]:
-        """Pixels (K, h, w) that the body covers in K poses."""
-        return self.part_images(model, poses) > 0
 
     def uncovered(
         self, poses: Sequence[Pose], drawn: NDArray[np.uint8], most_m: float

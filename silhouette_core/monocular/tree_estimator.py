@@ -39,9 +39,9 @@ from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.conditioning import conditioned
 from silhouette_core.motion.keyposes import keypose_motions
-from silhouette_core.motion.kinematics import landmarks, place, quaternions
+from silhouette_core.motion.kinematics import joints_of, quaternions
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
@@ -104,8 +104,8 @@ class TreeEstimator:
         pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
         library = _library(options, model, float(np.median(pitches)), reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)
-        views, backend = PinholeViews.from_rig(Rig((pinhole,))), load_backend(settings.backend)
         reporter.stage("motion model")
+        backend = load_backend(settings.backend)
         follower = TreeFollower(library, pinhole, options.start, 1 / source.fps, backend)
         finder, poses, noted = PersonFinder(camera, False), [], []
         reporter.stage("tracking", source.frame_count)
@@ -115,12 +115,10 @@ class TreeEstimator:
                 person = finder.find(frames[name], mask)
             if person is not None:
                 with clock("filter"):
-                    likeliest, probability = follower.step(time_s, person.mask)
-                joints = landmarks(library.model, *place(library.model, *likeliest.arrays))
+                    pose, error, probability, joints = follower.step(time_s, person.mask)
                 hypotheses.put(number, probability, joints)
-                poses.append(likeliest.poses()[0])
-                errors = mask_errors(library.model, poses[-1:], views, [person.mask], backend)
-                noted.append((number, time_s, 1 - float(errors[0])))
+                poses.append(pose)
+                noted.append((number, time_s, 1 - error))
             reporter.advance()
         stacked, (numbers, times, agreement) = PoseArrays.from_poses(poses), np.array(noted).T
         motion = Motion(
@@ -165,13 +163,14 @@ class TreeFollower:
         self._library, self._pinhole, self._facing = library, pinhole, start == "facing"
         self._transitions = transitions(library, True, interval_s=interval_s)
         self._interval_s, self._backend = interval_s, backend
+        self._views = PinholeViews.from_rig(Rig((pinhole,)))
         self._filter: PaperFilter | None = None
 
     def step(
         self, time_s: float, mask: NDArray[np.bool_]
-    ) -> tuple[PoseArrays, NDArray[np.float64]]:
-        """The likeliest poses in the next frame, of which the mask (h, w), not empty, is the
-        silhouette, and their probabilities (n,), likeliest first.
+    ) -> tuple[Pose, float, NDArray[np.float64], NDArray[np.float64]]:
+        """The likeliest pose in the next frame, of which the mask (h, w), not empty, is the
+        silhouette, and its error; probabilities (n,) and joints (n, 15, 3) of poses, it first.
         """
         if self._filter is None:
             even = np.full(len(self._library), 1 / len(self._library))
@@ -181,13 +180,15 @@ class TreeFollower:
                 self._pinhole,
                 upright_distance(self._pinhole, mask, self._library.model.length_m),
                 initial_prior(self._library) if self._facing else even,
+                self._backend,
                 interval_s=self._interval_s,
-                backend=self._backend,
             )
         found = self._filter.step(time_s, mask)
         probability = found.probability.max(axis=1)[:_HYPOTHESES]
-        likeliest = self._filter.poses(found, range(len(probability)))
-        return likeliest, probability / probability.sum()
+        poses = self._filter.poses(found, range(len(probability))).poses()
+        model, likeliest = self._library.model, poses[:1]
+        (error,) = mask_errors(model, likeliest, self._views, [mask], self._backend).tolist()
+        return poses[0], error, probability / probability.sum(), joints_of(model, poses)
 
 
 def library_of(

@@ -7,12 +7,14 @@ arguments, registered under the entry point group `silhouette_core.backends`:
     cpu = "silhouette_core.scoring.cpu:CpuBackend"
 
 Both estimators score candidates through it alone, and draw them through it; `Settings.backend`
-chooses it by name. docs/architecture.md says what it does not cover, and why.
+chooses it by name. docs/architecture.md says what it does not cover, and why; examples/ has a
+backend written by this page, and `silhouette_core.scoring.conformance` tests any.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -47,28 +49,55 @@ class Grid(Protocol):
 class Backend(Protocol):
     """Scores of many candidates against one observation.
 
-    All backends give the same numbers, for any number of threads: weights are handed over
-    `summable`, so that sums are exact; means over cameras agree to 1e-9. Wherever K placements of a
-    rigid part are scored, `points` (P, 3) m fill the part, in its own frame, and `rotations` (K, 3,
-    3) and `translations_m` (K, 3) are world from part.
+    All backends give the same numbers, for any number of threads. Weights are `summable`
+    (`silhouette_core.ranking`): multiples of one power of two, so small that float64 holds every
+    sum of them. So sums are exact in any order.
+    Means over cameras agree to 1e-12, all else bit for bit, unless a coordinate is within rounding
+    of a pixel's or voxel's border. K, P and F may be 0.
+
+    **Arrays** are float64 where no type is named, need not be contiguous, and are never written to,
+    neither by the backend nor, once handed over, by the caller; but `numbers` of `voxel_cover`
+    change between calls. Results are new arrays. What stays the same from call to call is the same
+    object: the spans of a library's level, a body's faces, the points of a limb, a frame's masks
+    and voxels. A device may keep a copy beside each as long as a weak reference to it is alive.
+
+    **Threads and processes.** A process has one object of a backend, made there by name and never
+    pickled. Its methods are called from any thread, and from several at once where things are
+    worked on side by side; those are to keep to one core each, as `numba.get_num_threads()` says.
+
+    **Drawing** is the same in all methods:
+
+    - Of a matrix ((f, s, c), (0, g, d), (0, 0, 1)), a vertex (x, y, z) is at column (f x + s y) / z
+      + c and row g y / z + d, computed in float64. Both are rounded to 1/256 pixel, halves up:
+      floor(256 v + 1/2). All that follows is exact in integers.
+    - Pixel (column, row) is sampled at these integers. A centre on an edge belongs to the triangle
+      of which that is a left edge, or a horizontal one above it; triangles without area draw none.
+    - Outward faces run counter-clockwise on the screen, seen from outside: (b - a) x (c - a) < 0, y
+      down. The others are left out, unless `cull_back` is False.
+    - Of several faces in a pixel the nearest is drawn: 1 / z is linear on the screen between the
+      rounded corners, and depths are compared as float32; of equal ones, the first face counts.
+    - Faces are cut off at z = 0.05 m, those behind are left out, and those with a corner that is
+      not finite. A corner where an edge is cut is at z = 0.05 m exactly, and rounded likewise.
+
+    **Placements.** Wherever K placements of a rigid part are scored, `points` (P, 3) m fill the
+    part, in its frame, and `rotations` (K, 3, 3) and `translations_m` (K, 3) are world from part.
     """
 
     def span_distances(
         self,
         target: Target,
         spans: Spans,
-        which: NDArray[np.integer] | None = None,
-        parallel: bool = True,
+        which: NDArray[np.integer],
     ) -> FloatArray:
         """Distance from observed silhouettes to others: nodes of the tree, samples of a library.
 
         Args:
             target: The observed silhouettes P with their pixel weights d_P, and how Q is moved:
-                C combinations of window and shift.
-            spans: Silhouettes Q of at most the target's size; not checked, since that would read
-                all of a library.
-            which: (K,) numbers of the silhouettes to be measured; None: all.
-            parallel: False keeps to the calling thread, for callers that are threads themselves.
+                C combinations of window and shift. Pixels of Q that leave the window still count,
+                with the weight at its border.
+            spans: Silhouettes Q of at most the target's size, rows and columns int16 or int32; not
+                checked, since that would read all of a library.
+            which: (K,) int64, numbers of the silhouettes to be measured.
 
         Returns:
             (K, C) float64.
@@ -89,12 +118,12 @@ class Backend(Protocol):
         size: tuple[int, int],
         cull_back: bool = True,
     ) -> NDArray[np.uint8]:
-        """Part images of K poses of a mesh, drawn as `silhouette_core.image.raster` says.
+        """Part images of K poses of a mesh.
 
         Args:
             vertices_cam: (K, V, 3) m, camera frame.
-            faces: (F, 3) vertex indices.
-            face_part: (F,) part index of each face, 0 to 254.
+            faces: (F, 3) int32 or int64, vertex indices.
+            face_part: (F,) int32 or int64, part index of each face, 0 to 254.
             matrix: (3, 3) pinhole matrix, px.
             size: Width and height, px.
             cull_back: Leaves out faces seen from behind.
@@ -112,9 +141,8 @@ class Backend(Protocol):
         vertices_cam: FloatArray,
         faces: NDArray[np.integer],
         matrix: FloatArray,
-        cull_back: bool = False,
     ) -> FloatArray:
-        r"""Sum of pixel weights under each of K drawn meshes: placements of a limb, whole poses.
+        r"""Sum of pixel weights under each of K drawn meshes.
 
         With weights :math:`d_P (1 - 2 P)` the sum over a silhouette Q is what Q adds to eq. (7):
 
@@ -123,9 +151,8 @@ class Backend(Protocol):
         Args:
             weights: (h, w), the weight of each pixel.
             vertices_cam: (K, V, 3) m, camera frame.
-            faces: (F, 3) vertex indices.
+            faces: (F, 3) vertex indices, oriented outwards.
             matrix: (3, 3) pinhole matrix, px.
-            cull_back: Leaves out faces seen from behind.
 
         Returns:
             (K,) float64.
@@ -171,9 +198,11 @@ class Backend(Protocol):
     ) -> NDArray[np.int64]:
         """Sum of the pixels to which the points of each placement project, over all cameras.
 
-        A point less than 0.05 m before a camera, or outside its image, counts nothing there.
+        A point is looked up in the pixel at floor(v + 1/2) of its column and row. One less than
+        0.05 m before a camera, or outside its image, counts nothing there.
 
         Args:
+            views: C cameras; `intrinsics`, `rotation` and `translation_m` are all that counts.
             images: (C, h, w) int8, the score of each pixel.
 
         Returns:
@@ -190,7 +219,8 @@ class Backend(Protocol):
         rotations: FloatArray,
         translations_m: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Weight of each placement's points in occupied and in empty voxels.
+        """Weight of each placement's points in occupied and in empty voxels: a point is in voxel
+        floor((world - origin) / size).
 
         Args:
             occupancy: (nx, ny, nz) bool; what lies outside of it is empty.
@@ -228,8 +258,9 @@ class Backend(Protocol):
         ...
 
 
-def load_backend(name: str = "cpu") -> Backend:
-    """Returns a new backend.
+@cache
+def load_backend(name: str) -> Backend:
+    """Returns this process's backend of that name, the same one every time.
 
     Raises:
         InputError: None is registered under this name.
@@ -238,10 +269,8 @@ def load_backend(name: str = "cpu") -> Backend:
     return load_registered(GROUP, "backend", Backend, name)
 
 
-def chosen_spans(spans: Spans, which: NDArray[np.integer] | None) -> NDArray[np.integer]:
+def chosen_spans(spans: Spans, which: NDArray[np.integer]) -> NDArray[np.integer]:
     """Returns the numbers of the silhouettes to be measured, checked; for backends."""
-    if which is None:
-        return np.arange(len(spans))
     if len(which) and (which.min() < 0 or which.max() >= len(spans)):
         raise ValueError(f"which must be 0 to {len(spans) - 1}, got {which.min()} to {which.max()}")
     return np.ascontiguousarray(which)

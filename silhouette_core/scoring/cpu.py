@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
 from silhouette_core.image.raster import NEAR_M, render_many
-from silhouette_core.image.spans import Spans
-from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.backend import FloatArray, Grid, checked_placements, chosen_spans
-from silhouette_core.scoring.kernels import pixels, silhouettes, voxels
+from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
+from silhouette_core.scoring.kernels import pixels, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
-from silhouette_core.scoring.target import Target
 
 _FEW = 512  # distances for which starting threads costs more than it brings
-# Preparing so many entries of a table takes as long as what it saves per silhouette.
-_MOVED_PX = 2500
-_TOGETHER_PX = 1 << 24  # pixels of the images that are drawn together
 
 
-class CpuBackend:
+class CpuBackend(Backend):
     """Scores with numba; see `silhouette_core.scoring.backend.Backend`.
 
     `silhouette_core.jit.set_threads` sets the number of threads; the results are the same for any.
     """
 
-    def span_distances(
-        self,
-        target: Target,
-        spans: Spans,
-        which: NDArray[np.integer] | None = None,
-        parallel: bool = True,
-    ) -> FloatArray:
+    def span_distances(self, target, spans, which, parallel=True):
         r"""Weighted disagreement of silhouettes, see `Backend.span_distances`.
 
         .. math::
@@ -43,67 +29,41 @@ class CpuBackend:
             d_{wXOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} d_P(x) \, |P(x) - Q(x)|
 
         1 / |W| is the target's scale. The sum is that of d P over the window, and of d (1 - 2 P)
-        over the runs of pixels of Q, read from sums along rows: exact.
+        over the runs of pixels of Q, read from sums along rows: exact. `parallel` may be False for
+        callers that are threads themselves.
 
         Source: Okada and Stenger, eq. (7).
         """
-        chosen = chosen_spans(spans, which)
-        runs = spans.rows, spans.starts, spans.ends, spans.offsets
-        prefixes, bases = target.prefixes
+        chosen, (prefixes, bases) = chosen_spans(spans, which), target.prefixes
         distances = np.empty((len(chosen), len(bases)))
-        if parallel and len(bases) > 1 and len(chosen) * _MOVED_PX < prefixes[0].size * len(bases):
-            span_kernels.moved_span_distances(
-                *(prefixes, target.shifts_px, target.margin_px, bases, target.scale),
-                *(*runs, chosen, distances),
-            )
-            return distances
-        table, _ = target.sums
-        score = (
-            span_kernels.span_distances_parallel
-            if parallel and distances.size >= _FEW
-            else span_kernels.span_distances
+        few = not parallel or distances.size < _FEW
+        score = span_kernels.span_distances if few else span_kernels.span_distances_parallel
+        score(  # eq. (7), rearranged into runs
+            prefixes,
+            target.shifts_px,
+            target.margin_px,
+            bases,
+            target.scale,
+            spans.rows,
+            spans.starts,
+            spans.ends,
+            spans.offsets,
+            chosen,
+            distances,
         )
-        # eq. (7), rearranged into runs
-        score(table.reshape(-1), table.shape[1], bases, target.scale, *runs, chosen, distances)
         return distances
 
-    def part_images(
-        self,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        face_part: NDArray[np.integer],
-        matrix: FloatArray,
-        size: tuple[int, int],
-        cull_back: bool = True,
-    ) -> NDArray[np.uint8]:
+    def part_images(self, vertices_cam, faces, face_part, matrix, size, cull_back=True):
         """See `Backend.part_images`."""
         return render_many(vertices_cam, faces, face_part, matrix, size, cull_back)
 
-    def drawn_weights(
-        self,
-        weights: FloatArray,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        matrix: FloatArray,
-        cull_back: bool = False,
-    ) -> FloatArray:
+    def drawn_weights(self, weights, vertices_cam, faces, matrix):
         """See `Backend.drawn_weights`."""
-        labels, totals = np.zeros(len(faces), np.int32), np.empty(len(vertices_cam))
-        weights, step = np.ascontiguousarray(weights, np.float64), _TOGETHER_PX // weights.size + 1
-        for k in range(0, len(totals), step):
-            meshes, size = vertices_cam[k : k + step], weights.shape[::-1]
-            parts = render_many(meshes, faces, labels, matrix, size, cull_back)
-            silhouettes.sum_weights(parts, weights, totals[k : k + step])
-        return totals
+        labels, size = np.zeros(len(faces), np.int32), weights.shape[::-1]
+        parts = render_many(vertices_cam, faces, labels, matrix, size)
+        return np.array([weights[image > 0].sum() for image in parts], np.float64)
 
-    def silhouette_errors(
-        self,
-        masks: Sequence[NDArray[np.bool_]],
-        matrices: FloatArray,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        unknown: Sequence[NDArray[np.bool_]] | None = None,
-    ) -> FloatArray:
+    def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
         """See `Backend.silhouette_errors`."""
         check_array("vertices_cam", vertices_cam, ("K", len(masks), "V", 3))
         # Pixel positions times depth: all cameras are drawn by the same matrix, each in a window.
@@ -114,48 +74,31 @@ class CpuBackend:
         labels, errors = np.zeros(len(faces), np.int32), np.ones(len(vertices_cam))
         images = render_many(meshes.reshape(-1, *meshes.shape[2:]), faces, labels, np.eye(3), size)
         totals = [np.count_nonzero(mask) for mask in masks]
-        for k, own in enumerate(images.reshape(*corners.shape[:2], *images.shape[1:])):
+        silhouettes = images.view(np.bool_).reshape(*corners.shape[:2], *images.shape[1:])
+        for k, own in enumerate(silhouettes):
             ratios = []
-            for c, (image, mask, (left, top)) in enumerate(
-                zip(own, masks, corners[k], strict=True)
-            ):
+            for c, (mask, (left, top)) in enumerate(zip(masks, corners[k], strict=True)):
                 window = slice(top, top + size[1]), slice(left, left + size[0])
-                seen, total = mask[window], totals[c]
+                seen = mask[window]
+                drawn = own[c, : seen.shape[0], : seen.shape[1]]
                 if unknown is not None:
-                    image[: seen.shape[0], : seen.shape[1]][unknown[c][window]] = 0
-                apart, either = silhouettes.count_disagreement(image, seen)
-                missed = total - np.count_nonzero(seen)
-                if either + missed:
-                    ratios.append((apart + missed) / (either + missed))
+                    drawn = drawn & ~unknown[c][window]
+                both = np.count_nonzero(drawn & seen)
+                either = np.count_nonzero(drawn) + totals[c] - both
+                if either:
+                    ratios.append((either - both) / either)
             errors[k] = np.mean(ratios or 1.0)
         return errors
 
-    def pixel_scores(
-        self,
-        views: PinholeViews,
-        images: NDArray[np.int8],
-        points: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> NDArray[np.int64]:
+    def pixel_scores(self, views, images, points, rotations, translations_m):
         """See `Backend.pixel_scores`."""
-        placed, scores = (
-            checked_placements(points, rotations, translations_m),
-            np.empty(len(rotations), np.int64),
-        )
+        placed = checked_placements(points, rotations, translations_m)
         cameras = views.intrinsics, views.rotation, views.translation_m
+        scores = np.empty(len(rotations), np.int64)
         pixels.pixel_scores(*placed, *cameras, np.ascontiguousarray(images), scores)
         return scores
 
-    def voxel_overlap(
-        self,
-        grid: Grid,
-        occupancy: NDArray[np.bool_],
-        points: FloatArray,
-        weights: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
+    def voxel_overlap(self, grid, occupancy, points, weights, rotations, translations_m):
         """See `Backend.voxel_overlap`."""
         check_array("occupancy", occupancy, ("nx", "ny", "nz"), np.bool_)
         check_array("weights", weights, (len(points),))
@@ -166,15 +109,7 @@ class CpuBackend:
         voxels.voxel_overlap(*cells, *placed, inside, outside)
         return inside, outside
 
-    def voxel_cover(
-        self,
-        grid: Grid,
-        numbers: NDArray[np.int32],
-        words: int,
-        points: FloatArray,
-        rotations: FloatArray,
-        translations_m: FloatArray,
-    ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
+    def voxel_cover(self, grid, numbers, words, points, rotations, translations_m):
         """See `Backend.voxel_cover`."""
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
@@ -190,19 +125,11 @@ def _windows(
     """Upper left corners (K, C, 2) of windows of one size (width, height) within images of a given
     size, that hold meshes (K, C, V, 3) given in pixels times depth.
     """
-    x, y, depth = np.moveaxis(meshes, -1, 0)
-    whole = ~(depth.min(-1) >= NEAR_M)  # a mesh that is clipped may be drawn anywhere
-    inverse = 1.0 / np.where(whole[..., None], 1.0, depth)
-    pixels = x * inverse, y * inverse
-    low = np.stack([np.where(whole, 0, one.min(-1)) for one in pixels], -1)
-    high = np.stack(
-        [np.where(whole, most, one.max(-1)) for one, most in zip(pixels, size, strict=True)], -1
-    )
-    low = np.clip(np.floor(low) - 1, 0, size).astype(np.int64)
-    high = np.clip(np.ceil(high) + 2, 0, size).astype(np.int64)
+    depth = meshes[..., 2:]
+    whole = ~(depth.min(2) >= NEAR_M)  # a mesh that is clipped may be drawn anywhere
+    pixels = meshes[..., :2] / np.where(whole[:, :, None], 1.0, depth)
+    low = np.where(whole, 0, np.floor(pixels.min(2)) - 1)
+    high = np.where(whole, size, np.ceil(pixels.max(2)) + 2)
+    low, high = (np.clip(corner, 0, size).astype(np.int64) for corner in (low, high))
     width, height = np.maximum((high - low).max((0, 1), initial=1), 1)
     return low, (int(width), int(height))
-
-
-CPU = CpuBackend()
-"""The backend of whoever is given none."""

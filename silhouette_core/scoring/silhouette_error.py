@@ -7,13 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 
 def posed_mesh(model: BodyModel, pose: Pose) -> np.ndarray:
@@ -27,18 +25,20 @@ def posed_meshes(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
     return np.stack([skin(model, *placed) for placed in zip(rotation, origin, strict=True)])
 
 
-def body_masks(model: BodyModel, pose: Pose, views: PinholeViews) -> list[np.ndarray]:
+def body_masks(
+    model: BodyModel, pose: Pose, views: PinholeViews, backend: Backend
+) -> list[np.ndarray]:
     """Where a body is seen in each of C views, (h, w) bool."""
-    vertices, masks = posed_mesh(model, pose), []
+    vertices, masks = posed_meshes(model, [pose]), []
     for camera in views.rig:
         seen = vertices @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(seen, model.faces, model.face_part, camera.matrix, camera.size)
-        masks.append(parts > 0)
+        mesh = seen, model.faces, model.face_part
+        masks.append(backend.part_images(*mesh, camera.matrix, camera.size)[0] > 0)
     return masks
 
 
 def silhouette_error(
-    model: BodyModel, pose: Pose, observation: Observation, backend: Backend = CPU
+    model: BodyModel, pose: Pose, observation: Observation, backend: Backend
 ) -> float:
     """Unexplained fraction of the silhouettes, the mean over the cameras of |XOR| / |OR| between
     the pose's and the observed ones: 0 perfect, 1 apart. What is unknown does not count. See
@@ -52,7 +52,7 @@ def mask_errors(
     poses: Sequence[Pose],
     views: PinholeViews,
     masks: Sequence[np.ndarray],
-    backend: Backend = CPU,
+    backend: Backend,
 ) -> np.ndarray:
     """As `silhouette_error` (K,) float64 of K poses, of the silhouettes (h, w) bool of C views;
     `rounded`, since poses are ranked by it.

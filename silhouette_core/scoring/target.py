@@ -56,24 +56,9 @@ class Target:
         return int(np.abs(self.shifts_px).max(initial=0))
 
     @cached_property
-    def sums(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Sums of the signed weights d_P (1 - 2 P) along rows, (h, w + 1, C) float64: the first x
-        pixels of row y in combination c; and the weight of each silhouette P, (C,) float64.
-
-        The combinations lie next to each other: one run is looked up for all of them at once.
-        """
-        (prefixes, bases), margin = self.prefixes, self.margin_px
-        height, width = self.masks[0].shape
-        if len(bases) == 1 and not margin:
-            return prefixes.reshape(height, width + 1, 1), bases
-        table = np.empty((height, width + 1, len(bases)))
-        kernels.interleave(prefixes, self.shifts_px, margin, table)
-        return table, bases
-
-    @cached_property
     def prefixes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same sums of every window, beyond it by the margin m, before they are moved: (P,
-        h + 2 m, w + 2 m + 1) float64; and the weight of each silhouette P, (C,) float64.
+        """Sums of the signed weights d_P (1 - 2 P) along rows, of every window and a margin m about
+        it, (P, h + 2 m, w + 2 m + 1) float64; and the weight of each silhouette P, (C,) float64.
         """
         (height, width), margin = self.masks[0].shape, self.margin_px
         prefixes = np.empty((len(self.masks), height + 2 * margin, width + 2 * margin + 1))

@@ -15,41 +15,16 @@ def padded_prefix(rng):
     return Example((*observed(rng), 2, np.empty((SIZE[0] + 4, SIZE[1] + 5))), rtol=1e-12)
 
 
-def interleave(rng):
-    prefixes = rng.normal(size=(2, SIZE[0] + 4, SIZE[1] + 5))
-    return Example((prefixes, rng.integers(-2, 3, (3, 2)), 2, np.empty((SIZE[0], SIZE[1] + 1, 6))))
-
-
 def span_distances(rng):
-    count = rng.choice([1, 6])
-    flat, bases = rng.normal(size=SIZE[0] * (SIZE[1] + 1) * count), rng.normal(size=count)
     spans = Spans.from_masks([rng.random(SIZE) > 0.6 for _ in range(9)])
     runs = (one.astype(np.int16) for one in (spans.rows, spans.starts, spans.ends))
-    which = rng.integers(0, 9, 7)
-    filled = np.empty((7, count))
-    return Example(
-        (flat, SIZE[1] + 1, bases, 0.3, *runs, spans.offsets, which, filled), rtol=1e-9, atol=1e-12
-    )
+    prefixes = rng.normal(size=(2, SIZE[0] + 4, SIZE[1] + 5))
+    moved = prefixes, rng.integers(-2, 3, (3, 2)), 2, rng.normal(size=6), 0.3
+    which, filled = rng.integers(0, 9, 7), np.empty((7, 6))
+    return Example((*moved, *runs, spans.offsets, which, filled), rtol=1e-9, atol=1e-12)
 
 
 span_distances_parallel = span_distances
-
-
-def moved_span_distances(rng):
-    _, _, _, scale, *runs, which, _ = span_distances(rng).arguments
-    prefixes = rng.normal(size=(2, SIZE[0] + 4, SIZE[1] + 5))
-    moved = prefixes, rng.integers(-2, 3, (3, 2)), 2, rng.normal(size=6), scale
-    return Example((*moved, *runs, which, np.empty((7, 6))), rtol=1e-9, atol=1e-12)
-
-
-def sum_weights(rng):
-    parts = rng.integers(0, 3, (5, *SIZE), dtype=np.uint8)
-    return Example((parts, rng.normal(size=SIZE), np.empty(5)), rtol=1e-9, atol=1e-12)
-
-
-def count_disagreement(rng):
-    parts = rng.integers(0, 3, (SIZE[0] + 2, SIZE[1] + 1), dtype=np.uint8)
-    return Example((parts, observed(rng)[0]))
 
 
 def placements(rng):

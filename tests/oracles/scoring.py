@@ -1,6 +1,5 @@
 """The kernels of this folder in NumPy, as close to their equations as can be: what tests compare
-with, and what `ReferenceBackend` calls. Each takes the arguments of the kernel of its name and
-fills the same arrays.
+with. Each takes the arguments of the kernel of its name and fills the same arrays.
 """
 
 import numpy as np
@@ -15,49 +14,20 @@ def padded_prefix(observation, weights, margin, prefix):
     return wide[mask].sum()
 
 
-def interleave(prefixes, shifts, margin, table):
-    """Every prefix image moved by every shift."""
-    height, width, _ = table.shape
-    moved = [
-        prefix[margin + down :, margin + right :][:height, :width]
-        for prefix in prefixes
-        for right, down in shifts
-    ]
-    table[:] = np.stack(moved, axis=-1)
-
-
-def span_distances(flat, width, bases, scale, rows, starts, ends, offsets, which, distances):
+def span_distances(
+    prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
+):
     """Okada and Stenger, eq. (7): the sum of d P, and that of d (1 - 2 P) over the runs of Q."""
-    table = flat.reshape(-1, width, len(bases))
     for k, number in enumerate(which):
         runs = slice(offsets[number], offsets[number + 1])
-        signed = table[rows[runs], ends[runs]] - table[rows[runs], starts[runs]]
-        distances[k] = scale * (bases + signed.sum(axis=0))
+        for c, base in enumerate(bases):
+            prefix, (right, down) = prefixes[c // len(shifts)], shifts[c % len(shifts)]
+            moved = prefix[margin + down :, margin + right :]
+            signed = moved[rows[runs], ends[runs]] - moved[rows[runs], starts[runs]]
+            distances[k, c] = scale * (base + signed.sum())
 
 
 span_distances_parallel = span_distances
-
-
-def moved_span_distances(
-    prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
-):
-    """The same of prefix images, each moved by every shift."""
-    height, width = (size - 2 * margin for size in prefixes.shape[1:])
-    table = np.empty((height, width, len(bases)))
-    interleave(prefixes, shifts, margin, table)
-    runs = rows, starts, ends, offsets
-    span_distances(table.ravel(), width, bases, scale, *runs, which, distances)
-
-
-def sum_weights(parts, weights, totals):
-    """Sums over the silhouettes of part images."""
-    totals[:] = [weights[image > 0].sum() for image in parts]
-
-
-def count_disagreement(parts, mask):
-    """|P xor Q| and |P or Q|."""
-    drawn = parts[: mask.shape[0], : mask.shape[1]] > 0
-    return np.count_nonzero(drawn ^ mask), np.count_nonzero(drawn | mask)
 
 
 def pixel_scores(

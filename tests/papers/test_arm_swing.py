@@ -127,7 +127,7 @@ def test_each_case_has_its_own_distance_and_motion_model(libraries, pictures, mo
     monkeypatch.setattr(arm_swing, "split_swings", lambda angles: [slice(0, 1)])
     cases = [Case(method, "density", 0.03) for method in METHODS[:2]]
     rows = track_arm(one, libraries["wxor"], cases)
-    assert [given[5:7] for given in made] == [("wxor", 0.03)] * 2
+    assert [given[6:8] for given in made] == [("wxor", 0.03)] * 2
     assert all(given[0] is libraries["wxor"] for given in made)
     assert steps == [(False, "density"), (True, "density")]
     assert [row.case for row in rows] == cases

@@ -7,7 +7,8 @@ from datetime import UTC, date, datetime
 import numpy as np
 import pytest
 
-from silhouette_core.fitted_weights import fitted_weights, write_weights
+from benchmarks.weights_file import write_weights
+from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.monocular.tracking import joint_error
 from voxelpose.multiview.quality import quality
 

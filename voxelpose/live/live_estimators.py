@@ -15,7 +15,6 @@ from calib.points import nearest_point
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
-from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
@@ -30,8 +29,8 @@ from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.backend import load_backend
-from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.scoring.backend import Backend, load_backend
+from silhouette_core.scoring.silhouette_error import body_masks
 from silhouette_core.tuning import MEASURING
 from silhouette_core.workers import SPAWN
 from voxelpose.live.live_frame import Hypotheses, People, PosedBody
@@ -162,7 +161,7 @@ class FollowedPeople:
     def _warm_up(self, settings: Settings) -> None:
         """Follows a drawn body, so that all kernels are loaded before the first frame."""
         body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
-        silhouettes = _drawn(self._pinholes, body)
+        silhouettes = _drawn(self._pinholes, body, load_backend(settings.backend))
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
         moment = Moment.of(0.0, silhouettes)
@@ -261,20 +260,16 @@ class TreePoses:
     def __init__(self, camera: Camera, settings: Settings, options: TreeOptions, fps: float):
         self._library = library_of(camera, settings, options, SilentReporter())
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
-        self._views = PinholeViews.from_rig(Rig((pinhole,)))
-        self._backend = load_backend(settings.backend)
-        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, self._backend)
+        backend = load_backend(settings.backend)
+        self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, backend)
 
     def step(self, seen: SeenPerson) -> People:
         """The likeliest sample and others."""
         _, time_s, person = seen
-        poses, probability = self._follower.step(time_s, person.mask)
-        model, best = self._library.model, poses.poses()[0]
-        joints = landmarks(model, *place(model, *poses.arrays))
-        (error,) = mask_errors(model, [best], self._views, [person.mask], self._backend)
+        pose, error, probability, joints = self._follower.step(time_s, person.mask)
         hypotheses = tuple(zip(probability.tolist(), joints, strict=True))
         confidence = float(np.clip(1 - error, 0, 1))
-        return (posed_body(model, best, confidence, np.ones(15), hypotheses),)
+        return (posed_body(self._library.model, pose, confidence, np.ones(15), hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
@@ -306,14 +301,10 @@ def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
         adapt_body(rig, settings, track, [(moment, track.fit.pose)])
 
 
-def _drawn(rig: Rig, body: BodyModel) -> dict[str, NDArray[np.bool_]]:
+def _drawn(rig: Rig, body: BodyModel, backend: Backend) -> dict[str, NDArray[np.bool_]]:
     """Silhouettes (h, w) bool of an upright body at the point nearest to all optical axes."""
     axes = np.stack([camera.rotation[2] for camera in rig])
     middle = nearest_point(np.stack([camera.center_m for camera in rig]), axes)
-    vertices = body.vertices_m + middle - body.joints_m[0]
-    masks = {}
-    for camera in rig:
-        inside = vertices @ camera.rotation.T + camera.translation
-        parts, _ = render_parts(inside, body.faces, body.face_part, camera.matrix, camera.size)
-        masks[camera.name] = parts > 0
-    return masks
+    pose = Pose(middle, np.eye(3), np.zeros(body.dof_count))
+    masks = body_masks(body, pose, PinholeViews.from_rig(rig), backend)
+    return dict(zip(rig.names, masks, strict=True))

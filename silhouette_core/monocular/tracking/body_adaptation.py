@@ -20,7 +20,6 @@ from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from silhouette_core.tuning import DYNAMICS, TRAJECTORY
 
@@ -36,7 +35,7 @@ def adapted_body(
     views: PinholeViews,
     masks: Sequence[NDArray[np.bool_]],
     modes: Sequence[FrameModes],
-    backend: Backend = CPU,
+    backend: Backend,
 ) -> BodyModel:
     """Body adapted to the frames of a take in which one mode is the likeliest by far.
 

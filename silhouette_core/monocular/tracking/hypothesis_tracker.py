@@ -39,7 +39,6 @@ from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.tuning import REFINEMENT
 
 FROM_PREDICTION = RefineSettings(reaches_m=REFINEMENT.near_reaches_m[1:-1])
@@ -63,7 +62,7 @@ class HypothesisTracker:
         camera: Camera,
         usual_areas: NDArray[np.float64],
         settings: TrackerSettings,
-        backend: Backend = CPU,
+        backend: Backend,
     ):
         self.settings, self.backend = settings, backend
         self.views = PinholeViews.from_rig(Rig((camera,)))
@@ -94,7 +93,7 @@ class HypothesisTracker:
         settings, camera = self.settings, self.views.rig.cameras[0]
         if window is None:
             window = look_at(camera, mask, distance_m, STATURE_PX / self._length_m)
-        weights = SignedWeights.from_window(window, settings.reduction, self.backend)
+        weights = SignedWeights.from_window(window, self.backend, settings.reduction)
         contour = Observation.from_masks(self.views, [mask], distance_m, settings.spacing_m)
         return ObservedFrame(mask, weights, contour, time_s)
 

@@ -30,7 +30,6 @@ from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
@@ -60,7 +59,7 @@ class ModeProposer:
         facing: bool,
         smooth: bool,
         clock: StageClock,
-        backend: Backend = CPU,
+        backend: Backend,
     ):
         self.model, self._camera, self._sexes = model, camera, tuple(sexes)
         self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
 from silhouette_core.monocular.tuning import LIMBS
-from silhouette_core.motion.kinematics import landmarks, place
-from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.joint_placement import held_joints, place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
@@ -55,8 +55,8 @@ def reach_uncovered(
     model, contour = surface.model, observed.contour
     if not poses:
         return [], []
-    joints = landmarks(model, *place(model, *PoseArrays.from_poses(poses).arrays))
-    drawn = observed.weights.covered(model, poses)
+    joints = joints_of(model, poses)
+    drawn = observed.weights.part_images(model, poses) > 0
     starts: list[Pose] = []
     held: list[LandmarkPrior] = []
     wanted: list[LandmarkPrior] = []

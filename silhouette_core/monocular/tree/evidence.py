@@ -13,13 +13,14 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.silhouette_weights import relative_weights
 from silhouette_core.monocular.window import Window
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
 _REACH = range(-1, 2)
 SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
 """(S, 2): how nodes are moved (right, down), in a level's own pixels: what the centroid's position
 leaves open."""
+UNMOVED = np.zeros((1, 2), np.int64)
+"""The same, not at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +39,11 @@ class Alignment:
     shift_px: NDArray[np.int64]
 
     def among(self, rows: NDArray[np.integer], others: Alignment) -> Alignment:
-        """Alignment of more nodes, of which these are some `rows` (K,), and the others as given."""
-        for name in ("distance", "scale", "shift_px"):
-            getattr(others, name)[rows] = getattr(self, name)
-        return others
+        """Alignment of more nodes, of which these are some `rows` (K,)."""
+        replaced = Alignment(others.distance.copy(), others.scale.copy(), others.shift_px.copy())
+        replaced.distance[rows], replaced.scale[rows] = self.distance, self.scale
+        replaced.shift_px[rows] = self.shift_px
+        return replaced
 
 
 class Evidence:
@@ -57,42 +59,39 @@ class Evidence:
     def __init__(
         self,
         windows: Sequence[Window],
+        backend: Backend,
         weighting: Weighting = "nwxor",
-        backend: Backend = CPU,
         bounds_px: Rectangle | None = None,
     ):
         """Keeps the windows; resolutions are prepared when needed."""
         self.windows = tuple(windows)
         self.weighting: Weighting = weighting
         self.backend, self.bounds_px = backend, bounds_px
-        self._targets: dict[tuple[int, bool], Target] = {}
+        self._weighed: dict[int, list[tuple[NDArray[np.bool_], NDArray[np.float64]]]] = {}
 
     def distances(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int, moved: bool = True
+        self,
+        spans: Spans,
+        nodes: NDArray[np.integer],
+        reduction: int,
+        shifts_px: NDArray[np.int64] = SHIFTS_PX,
     ) -> Alignment:
         """Best alignment of each node with the silhouette.
 
         Args:
             nodes: (K,) which of them.
             reduction: 1, 2 or 4: how many times smaller than the window the level's images are.
-            moved: False leaves nodes where they are, a tenth of the work.
+            shifts_px: (S, 2), see `SHIFTS_PX`; `UNMOVED` is a ninth of the work.
         """
-        target = self._target(reduction, moved)
-        distances = self.backend.span_distances(target, spans, nodes)
-        best = distances.argmin(axis=1)
-        scale, shift = np.divmod(best, len(target.shifts_px))
-        shift_px = target.shifts_px[shift] * reduction
-        return Alignment(distances[np.arange(len(nodes)), best], scale, shift_px)
-
-    def _target(self, reduction: int, moved: bool) -> Target:
-        """All windows at a resolution, with all shifts or none."""
-        if (reduction, moved) not in self._targets:
-            other = self._targets.get((reduction, not moved))
-            pairs = (
+        if reduction not in self._weighed:
+            self._weighed[reduction] = [
                 relative_weights(window, self.weighting, reduction, self.bounds_px)
                 for window in self.windows
-            )
-            masks, weights = (other.masks, other.weights) if other else zip(*pairs, strict=True)
-            shifts = SHIFTS_PX if moved else np.zeros((1, 2), np.int64)
-            self._targets[reduction, moved] = Target(masks, weights, shifts)
-        return self._targets[reduction, moved]
+            ]
+        masks, weights = zip(*self._weighed[reduction], strict=True)
+        target = Target(masks, weights, shifts_px)
+        distances = self.backend.span_distances(target, spans, nodes)
+        best = distances.argmin(axis=1)
+        scale, shift = np.divmod(best, len(shifts_px))
+        shift_px = shifts_px[shift] * reduction
+        return Alignment(distances[np.arange(len(nodes)), best], scale, shift_px)

@@ -83,7 +83,7 @@ class ForwardFilter:
         metre_px = STATURE_PX / library.model.length_m
         windows = tuple(look_at(self.camera, mask, middle * factor, metre_px) for factor in factors)
         prior = self._prior(windows[0], last, time_s, restarted)
-        evidence = Evidence(windows, self.weighting, self.tree.backend, library.bounds_px)
+        evidence = Evidence(windows, self.tree.backend, self.weighting, library.bounds_px)
         posterior = self.tree.update(prior, evidence)
         best = float(posterior.distance[0])
         usual = float(np.median(self._recent_best)) if self._recent_best else best

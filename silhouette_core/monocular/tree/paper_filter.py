@@ -37,7 +37,6 @@ from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.target import Target
 
 _COARSEST = 4  # pixels of the window in one of the first level
@@ -143,11 +142,11 @@ class PaperFilter:
         camera: Camera,
         distance_m: float,
         first: NDArray[np.float64],
+        backend: Backend,
         weighting: Weighting = "nwxor",
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
         in_place: bool = False,
-        backend: Backend = CPU,
     ):
         """Starts without a posterior."""
         self.library, self._transitions, self._camera = library, transitions, camera

@@ -14,7 +14,7 @@ from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter, SilentReporter
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 # Larger sets are scored by all threads together, smaller ones by one thread each.
@@ -80,7 +80,9 @@ class Scorer:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
         target = Target.from_mask(mask, self.weighting, self.bounds_px)
-        return CPU.span_distances(target, self.spans, samples, parallel=threads)[:, 0]
+        # Not what a command chooses: a library is the same whatever scores with it.
+        scored = CpuBackend().span_distances(target, self.spans, samples, parallel=threads)
+        return scored[:, 0]
 
     def threshold(self, by_xor: float) -> float:
         """Largest distance of as many pairs of samples as are within `by_xor` by XOR: one rule for

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from silhouette_core.monocular.tree.evidence import Alignment, Evidence
+from silhouette_core.monocular.tree.evidence import UNMOVED, Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
 from silhouette_core.monocular.tuning import FILTER, FilterSettings
 from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +53,8 @@ class TreeFilter:
         self,
         library: PoseLibrary,
         transitions: csr_matrix,
+        backend: Backend,
         settings: FilterSettings = FILTER,
-        backend: Backend = CPU,
     ):
         self.library, self.transitions = library, transitions
         self.settings, self.backend = settings, backend
@@ -160,11 +159,11 @@ class TreeFilter:
         if len(nodes) <= 2 * settings.moved:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
-            still = evidence.distances(level.spans, nodes, reduction, moved=False)
-            likely = rounded(0.5 * (still.distance / sigma) ** 2 - log_prior)
+            unmoved = evidence.distances(level.spans, nodes, reduction, UNMOVED)
+            likely = rounded(0.5 * (unmoved.distance / sigma) ** 2 - log_prior)
             moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
-            best = evidence.distances(level.spans, nodes[moved], reduction)
-            alignment = best.among(moved, still)
+            alignment = evidence.distances(level.spans, nodes[moved], reduction)
+            alignment = alignment.among(moved, unmoved)
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
         log_posterior = rounded(log_likelihood + log_prior)
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)

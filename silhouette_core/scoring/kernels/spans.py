@@ -3,7 +3,7 @@
 The weighted disagreement of P with Q is the sum of d_P over P plus the sum of d_P (1 - 2 P) over Q:
 two look-ups of a prefix sum for every run of Q.
 
-Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `reference.py`.
+Source: Okada and Stenger, eq. (7)-(9), rearranged. Reference: `tests.oracles.scoring`.
 """
 
 import numpy as np
@@ -36,21 +36,6 @@ def padded_prefix(observation, weights, margin, prefix):
     return base
 
 
-@parallel_kernel
-def interleave(prefixes, shifts, margin, table):
-    """Fills table (h, w + 1, P S): entry p S + s is prefix image p (P, h + 2 m, w + 2 m + 1) moved
-    by shift s (S, 2).
-    """
-    count = len(shifts)
-    for y in prange(table.shape[0]):
-        for p in range(len(prefixes)):
-            for s in range(count):
-                line = prefixes[p, y + margin + shifts[s, 1]]
-                first = margin + shifts[s, 0]
-                for x in range(table.shape[1]):
-                    table[y, x, p * count + s] = line[first + x]
-
-
 @kernel
 def _sum_runs(flat, width, first, last, rows, starts, ends):
     """Signed weights under the runs first to last, for one combination.
@@ -67,68 +52,34 @@ def _sum_runs(flat, width, first, last, rows, starts, ends):
 
 
 @kernel
-def _score_all(flat, width, bases, scale, first, last, rows, starts, ends, distances):
-    """Fills distances (C,), all combinations by a few vector instructions."""
-    room = len(bases)
-    to_ends, to_starts = np.zeros(room), np.zeros(room)
-    for n in range(first, last):
-        line = np.int64(rows[n]) * width
-        end = flat[(line + ends[n]) * room : (line + ends[n] + 1) * room]
-        start = flat[(line + starts[n]) * room : (line + starts[n] + 1) * room]
-        for c in range(room):
-            to_ends[c] += end[c]
-            to_starts[c] += start[c]
-    for c in range(room):
-        distances[c] = scale * (bases[c] + (to_ends[c] - to_starts[c]))
+def _score(prefixes, shifts, margin, bases, scale, rows, starts, ends, first, last, distances):
+    """Fills distances (C,): scale (bases + signed weights under the runs first to last)."""
+    width, count = np.uint32(prefixes.shape[2]), len(shifts)
+    for c in range(len(bases)):
+        shift = shifts[c % count]
+        start = (margin + shift[1]) * prefixes.shape[2] + margin + shift[0]
+        flat = prefixes[c // count].reshape(-1)[start:]
+        total = bases[c] + _sum_runs(flat, width, first, last, rows, starts, ends)
+        distances[c] = scale * total
 
 
 @kernel
-def span_distances(flat, width, bases, scale, rows, starts, ends, offsets, which, distances):
-    """Fills distances (K, C): scale (bases + signed weights under the runs) of silhouettes `which`
-    (K,); flat is the table of prefix sums (h, width, C).
+def span_distances(
+    prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
+):
+    """Fills distances (K, C) of silhouettes `which` (K,), in combinations of the prefix images
+    (P, h + 2 m, w + 2 m + 1) and the shifts (S, 2).
     """
-    narrow, base = np.uint32(width), bases[0]
-    if len(bases) == 1:
-        for k in range(len(which)):
-            first, last = offsets[which[k]], offsets[which[k] + 1]
-            total = base + _sum_runs(flat, narrow, first, last, rows, starts, ends)
-            distances[k, 0] = scale * total
-    else:
-        for k in range(len(which)):
-            first, last = offsets[which[k]], offsets[which[k] + 1]
-            _score_all(flat, width, bases, scale, first, last, rows, starts, ends, distances[k])
+    target, runs = (prefixes, shifts, margin, bases, scale), (rows, starts, ends)
+    for k in range(len(which)):
+        _score(*target, *runs, offsets[which[k]], offsets[which[k] + 1], distances[k])
 
 
 @parallel_kernel
 def span_distances_parallel(
-    flat, width, bases, scale, rows, starts, ends, offsets, which, distances
-):
-    """As `span_distances`, in parallel over the silhouettes."""
-    narrow, base = np.uint32(width), bases[0]
-    if len(bases) == 1:
-        for k in prange(len(which)):
-            first, last = offsets[which[k]], offsets[which[k] + 1]
-            total = base + _sum_runs(flat, narrow, first, last, rows, starts, ends)
-            distances[k, 0] = scale * total
-    else:
-        for k in prange(len(which)):
-            first, last = offsets[which[k]], offsets[which[k] + 1]
-            _score_all(flat, width, bases, scale, first, last, rows, starts, ends, distances[k])
-
-
-@parallel_kernel
-def moved_span_distances(
     prefixes, shifts, margin, bases, scale, rows, starts, ends, offsets, which, distances
 ):
-    """As `span_distances`, from prefix images (P, h + 2 m, w + 2 m + 1) and shifts (S, 2) that were
-    not interleaved: for few silhouettes.
-    """
-    width, count = np.uint32(prefixes.shape[2]), len(shifts)
+    """As `span_distances`, in parallel over the silhouettes."""
+    target, runs = (prefixes, shifts, margin, bases, scale), (rows, starts, ends)
     for k in prange(len(which)):
-        first, last = offsets[which[k]], offsets[which[k] + 1]
-        for c in range(len(bases)):
-            shift = shifts[c % count]
-            start = (margin + shift[1]) * prefixes.shape[2] + margin + shift[0]
-            flat = prefixes[c // count].reshape(-1)[start:]
-            total = bases[c] + _sum_runs(flat, width, first, last, rows, starts, ends)
-            distances[k, c] = scale * total
+        _score(*target, *runs, offsets[which[k]], offsets[which[k] + 1], distances[k])

@@ -14,7 +14,7 @@ from silhouette_core.image.distance import (
     thin_silhouette,
 )
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 
@@ -35,7 +35,9 @@ def figure(rng, shape=(60, 80)):
 
 def distances_to(mask, masks, weighting="nwxor"):
     """Distances from a silhouette to others, as the library's tree is built with."""
-    return CPU.span_distances(Target.from_mask(mask, weighting), Spans.from_masks(masks))[:, 0]
+    spans = Spans.from_masks(masks)
+    target = Target.from_mask(mask, weighting)
+    return CpuBackend().span_distances(target, spans, np.arange(len(spans)))[:, 0]
 
 
 def to_set(points, shape):

@@ -11,6 +11,7 @@ from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 
 SETTINGS = LibrarySettings(
@@ -36,4 +37,4 @@ def quick_library_file(library, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def tree(library):
-    return TreeFilter(library, transitions(library, occlusion_aware=True))
+    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())

@@ -20,6 +20,7 @@ from silhouette_core.motion.kinematics import landmarks, place, rotation_matrice
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
@@ -90,7 +91,7 @@ def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
 def observed_by(camera: Camera, pose: Pose) -> ObservedFrame:
     """The frame in which a camera sees the body in a pose."""
     distance = float(np.linalg.norm(pose.root_m - camera.center_m))
-    tracker = HypothesisTracker(body(), camera, np.zeros(27), TrackerSettings())
+    tracker = HypothesisTracker(body(), camera, np.zeros(27), TrackerSettings(), CpuBackend())
     return tracker.observe(silhouette(body(), pose, camera), distance, 0.0)
 
 

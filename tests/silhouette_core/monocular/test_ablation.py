@@ -11,6 +11,7 @@ from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.tuning import FilterSettings
 from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
 FRONT = camera_at((0, -4.0, 1.3), size=(320, 240))
@@ -29,7 +30,7 @@ def stroll():
 def sparse(library):
     """A tree filter of its own for frames at 15 Hz."""
     matrix = transitions(library, True, interval_s=INTERVAL_S)
-    return TreeFilter(library, matrix)
+    return TreeFilter(library, matrix, CpuBackend())
 
 
 class FromTheFront(ForwardFilter):
@@ -89,7 +90,7 @@ def test_pruning_scores_few_leaves_and_loses_nothing(sparse, stroll, monkeypatch
     """Against the exhaustive search under the same prior. Without thresholds every leaf is scored;
     with thresholds that are too high, probable leaves are lost.
     """
-    exhaustive = TreeFilter(sparse.library, sparse.transitions, EVERY_NODE)
+    exhaustive = TreeFilter(sparse.library, sparse.transitions, CpuBackend(), EVERY_NODE)
     leaf = np.empty(len(sparse.library), np.int64)
     counts = np.diff(sparse.library.leaf_offsets)
     leaf[sparse.library.leaf_samples] = np.repeat(np.arange(len(counts)), counts)

@@ -31,7 +31,7 @@ from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at, poses_of, silhouette
 
 CAMERA = camera_at((1.0, -1.6, 1.1), (0.0, -0.1, 0.3))
@@ -64,7 +64,7 @@ def test_a_smaller_silhouette_is_farther_away():
 
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
-    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15))
+    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15), CpuBackend())
     frame = ForwardFilter(tree, CAMERA).step(0.0, masks[0])
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
     assert frame.distance_m == pytest.approx(true_m, rel=0.2)
@@ -84,7 +84,9 @@ def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
 @pytest.mark.slow
 def test_a_still_root_is_found_by_frames_of_one_camera(library, filmed):
     poses, masks = filmed
-    root = find_root(TreeFilter(library, transitions(library, False)), CAMERA, masks[::5])
+    root = find_root(
+        TreeFilter(library, transitions(library, False), CpuBackend()), CAMERA, masks[::5]
+    )
     assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.06
     turn = Rotation.from_matrix(root.root_rotation @ poses[0].root_rotation.T).magnitude()
     assert np.degrees(turn) < 10
@@ -96,11 +98,11 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
     model, person = desk_lamp(), Person(masks[0], False)
     settings = TrackerSettings.of_given_body(model.length_m)
     forward = ForwardFilter(
-        TreeFilter(library, transitions(library, True, interval_s=1 / 15)), CAMERA
+        TreeFilter(library, transitions(library, True, interval_s=1 / 15), CpuBackend()), CAMERA
     )
     proposer = SampleProposer(forward, root, settings.different_m)
     (proposal,) = proposer.propose([proposer.note(0.0, person)], [person], True)
-    tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings)
+    tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings, CpuBackend())
     observed = tracker.observe(masks[0], proposal.distance_m, 0.0)
     beam = tracker.step(observed, proposal, (None, None))
     assert len(beam.poses) > 1 and set(beam.priors) == {None}
@@ -118,4 +120,4 @@ def test_a_library_of_another_body_is_refused(library, filmed, tmp_path):
     assert model is not None and model.names == desk_lamp().names
     shown = CAMERA, filmed[1][:1]
     with pytest.raises(InputError, match=r"lamp\.vplib is the library of a body with other parts"):
-        library_of_body(robot_arm(), str(path), shown, CPU, SilentReporter())
+        library_of_body(robot_arm(), str(path), shown, CpuBackend(), SilentReporter())

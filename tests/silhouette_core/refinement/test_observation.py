@@ -11,6 +11,7 @@ from silhouette_core.refinement.observation import (
     contour_points,
     outside_distances,
 )
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from tests.voxelpose.multiview.matching_scenes import (
@@ -107,13 +108,15 @@ def test_where_the_image_cuts_the_body_there_is_no_contour():
 def test_a_body_explains_its_own_silhouettes_and_no_other():
     seen_by, model = views(3), fitting_model()
     pose = stance(model)
-    assert silhouette_error(model, pose, observe(seen_by, model, pose)) == 0
+    assert silhouette_error(model, pose, observe(seen_by, model, pose), CpuBackend()) == 0
     moved = stance(model, place_m=(0.1, 0.0))
-    stranger = silhouette_error(model, pose, observe(seen_by, other_body(), pose))
+    stranger = silhouette_error(model, pose, observe(seen_by, other_body(), pose), CpuBackend())
     assert 0.02 < stranger < 0.3
-    assert silhouette_error(model, moved, observe(seen_by, model, pose)) > 0.1
+    assert silhouette_error(model, moved, observe(seen_by, model, pose), CpuBackend()) > 0.1
     assert (
-        silhouette_error(model, stance(model, place_m=(1.0, 1.0)), observe(seen_by, model, pose))
+        silhouette_error(
+            model, stance(model, place_m=(1.0, 1.0)), observe(seen_by, model, pose), CpuBackend()
+        )
         > 0.9
     )
 
@@ -122,13 +125,17 @@ def test_a_camera_that_sees_nothing_and_should_not_is_left_out():
     away = look_at("away", (3, 0, 1), (6, 0, 1), (320, 320), 288)
     seen_by = PinholeViews.from_rig(Rig((*views(2).rig.cameras, away)))
     model = fitting_model()
-    assert silhouette_error(model, stance(model), observe(seen_by, model, stance(model))) == 0
+    assert (
+        silhouette_error(model, stance(model), observe(seen_by, model, stance(model)), CpuBackend())
+        == 0
+    )
     blind = PinholeViews.from_rig(Rig((away,)))
     assert (
         silhouette_error(
             model,
             stance(model),
             Observation.from_masks(blind, photograph(blind, model, stance(model))),
+            CpuBackend(),
         )
         == 1
     )

@@ -11,6 +11,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine, solve_steps
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
@@ -120,8 +121,8 @@ def test_refinement_finds_the_pose_of_somebody_else(surface, seed):
     assert 0.14 < before.max() < 0.25
     assert after.mean() < 0.03 and after.max() < 0.07
     assert after.mean() < 0.30 * before.mean()
-    assert silhouette_error(surface.model, result, seen) < 0.6 * silhouette_error(
-        surface.model, start, seen
+    assert silhouette_error(surface.model, result, seen, CpuBackend()) < 0.6 * silhouette_error(
+        surface.model, start, seen, CpuBackend()
     )
     low, high = surface.model.tree.dof_limits_rad.T
     assert (result.angles_rad >= low).all() and (result.angles_rad <= high).all()

@@ -7,13 +7,12 @@ from silhouette_core.image.spans import Spans
 from silhouette_core.scoring.backend import chosen_spans
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
-from tests.silhouette_core.scoring.outside_backend import entries, voxels
 
 
 class BackwardBackend(CpuBackend):
     """Last camera, point, row, pixel and run first."""
 
-    def span_distances(self, target, spans, which=None, parallel=True):
+    def span_distances(self, target, spans, which):
         # Pictures turned by half a turn.
         height, width = target.masks[0].shape
         turned = Target(
@@ -25,11 +24,11 @@ class BackwardBackend(CpuBackend):
         runs = height - 1 - spans.rows, width - spans.ends, width - spans.starts
         backward = Spans(*(array[::-1] for array in runs), (len(spans.rows) - spans.offsets)[::-1])
         chosen = len(spans) - 1 - chosen_spans(spans, which)
-        return super().span_distances(turned, backward, chosen, parallel)
+        return super().span_distances(turned, backward, chosen)
 
-    def drawn_weights(self, weights, vertices_cam, faces, matrix, cull_back=False):
+    def drawn_weights(self, weights, vertices_cam, faces, matrix):
         labels, size = np.zeros(len(faces), np.int32), weights.shape[::-1]
-        drawn = render_many(vertices_cam, faces, labels, matrix, size, cull_back) > 0
+        drawn = render_many(vertices_cam, faces, labels, matrix, size, False) > 0
         return np.array([np.cumsum(weights[one][::-1])[-1] if one.any() else 0.0 for one in drawn])
 
     def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
@@ -39,6 +38,5 @@ class BackwardBackend(CpuBackend):
         )
 
     def voxel_overlap(self, grid, occupancy, points, weights, rotations, translations_m):
-        cells = voxels(grid, points[::-1], rotations, translations_m)
-        occupied, weights = entries(occupancy, cells, False), weights[::-1]
-        return np.where(occupied, weights, 0.0).sum(1), np.where(occupied, 0.0, weights).sum(1)
+        backward = points[::-1], weights[::-1], rotations, translations_m
+        return super().voxel_overlap(grid, occupancy, *backward)

@@ -11,7 +11,7 @@ def test_the_sums_are_those_of_the_signed_weights():
     mask = rng.random((12, 17)) > 0.5
     target = Target.from_mask(mask)
     weights = pixel_weights(mask).astype(float)
-    table, bases = target.sums
+    (prefix,), bases = target.prefixes
     assert target.margin_px == 0 and target.scale == 1 / mask.size
-    np.testing.assert_allclose(np.diff(table[..., 0]), np.where(mask, -weights, weights))
+    np.testing.assert_allclose(np.diff(prefix), np.where(mask, -weights, weights))
     np.testing.assert_allclose(bases, [weights[mask].sum()])

@@ -10,20 +10,20 @@ import numpy as np
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
-from silhouette_core.motion.kernels.kinematics import place_one_part, place_parts
+from silhouette_core.motion.kernels.kinematics import place_one_part
 from silhouette_core.motion.pose import Pose
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
+from silhouette_core.scoring.backend import Backend, load_backend
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.limbs import Limb, chains_of, limbs_of
 
 FREE_FROM_BODY, TAKEN = -1, -2
+_FEW = 40  # points by which a limb is searched on the silhouettes
 
 
 class VoxelSet:
     """The occupied voxels (nx, ny, nz) of one hull, numbered, so that sets of them are bits."""
 
-    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend = CPU):
+    def __init__(self, grid: VoxelGrid, occupancy: np.ndarray, backend: Backend):
         """Numbers the occupied voxels."""
         self.grid, self.backend = grid, backend
         self.occupied = np.argwhere(occupancy)
@@ -38,17 +38,7 @@ class VoxelSet:
     def cover(
         self, points: np.ndarray, rotations: np.ndarray, translations_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Voxels that placed points cover.
-
-        Args:
-            points: (n, 3) in the frame that is placed, m.
-            rotations: (K, 3, 3), world from that frame.
-            translations_m: (K, 3), world from that frame.
-
-        Returns:
-            Bits (K, words) uint64, a set of free occupied voxels each; (K,) int64, how many points
-            lie in empty space; (K,) int64, how many lie in voxels that were taken.
-        """
+        """Free voxels that placed points cover, see `Backend.voxel_cover`."""
         return self.backend.voxel_cover(
             self.grid, self.ids, self.words, points, rotations, translations_m
         )
@@ -74,17 +64,18 @@ class BodyVolume:
         points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
             limb's first part.
         part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
+        backend_name: What scores its placements, by the name that goes with it to other processes.
         limbs: What is placed, the root limb first.
     """
 
     model: BodyModel
     points: dict[str, np.ndarray]
     part_points: list[np.ndarray]
-    backend: Backend
+    backend_name: str
     limbs: tuple[Limb, ...]
 
     @classmethod
-    def from_model(cls, model: BodyModel, spacing_m: float, backend: Backend = CPU) -> BodyVolume:
+    def from_model(cls, model: BodyModel, spacing_m: float, backend_name: str) -> BodyVolume:
         """Fills a body, one point every `spacing_m` along each axis."""
         parts = model.part_points(spacing_m)
         points, limbs = {}, limbs_of(model, parts, spacing_m)
@@ -92,7 +83,18 @@ class BodyVolume:
             own = [model.names.index(name) for name in limb.parts]
             at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in own])
             points[limb.name] = at_rest - model.joints_m[own[0]]
-        return cls(model, points, parts, backend, limbs)
+        return cls(model, points, parts, backend_name, limbs)
+
+    @property
+    def backend(self) -> Backend:
+        """What scores its placements, as loaded in this process."""
+        return load_backend(self.backend_name)
+
+    @cached_property
+    def few_points(self) -> dict[str, tuple[np.ndarray, float]]:
+        """About 40 points of each limb, and how many each stands for."""
+        steps = {name: max(len(points) // _FEW, 1) for name, points in self.points.items()}
+        return {name: (self.points[name][::step], float(step)) for name, step in steps.items()}
 
     @property
     def root_limb(self) -> Limb:
@@ -123,38 +125,15 @@ class BodyVolume:
         """
         model = self.model
         chain, parents, dofs, dof_parts = _chain(model.tree, model.names.index(limb.name))
-        angles = np.ascontiguousarray(angles_rad[:, dofs])
-        turn, origin = root.root_rotation, root.root_m
-        # Parts above the first that moves lie where they lie in all placements.
-        moving = dof_parts[(angles != angles[:1]).any(0)] if len(angles) else dof_parts[:0]
-        still = int(moving.min(initial=len(chain) - 1))
-        if still > 1:
-            above = dof_parts < still
-            turns, places = np.empty((still, 3, 3)), np.empty((still, 3))
-            place_parts(
-                parents[:still],
-                model.joints_m[chain[:still]],
-                dof_parts[above],
-                model.tree.dof_axis[dofs[above]],
-                turn,
-                origin,
-                angles[0, above],
-                turns,
-                places,
-            )
-            turn, origin = turns[-1], places[-1]
-            chain, parents = chain[still - 1 :], parents[still - 1 :] - np.int32(still - 1)
-            dofs, angles = dofs[~above], np.ascontiguousarray(angles[:, ~above])
-            dof_parts = dof_parts[~above] - np.int32(still - 1)
         rotations, origins = np.empty((len(angles_rad), 3, 3)), np.empty((len(angles_rad), 3))
         place_one_part(
             parents,
             model.joints_m[chain],
             dof_parts,
             model.tree.dof_axis[dofs],
-            turn,
-            origin,
-            angles,
+            root.root_rotation,
+            root.root_m,
+            np.ascontiguousarray(angles_rad[:, dofs]),
             len(chain) - 1,
             rotations,
             origins,

@@ -27,7 +27,6 @@ from voxelpose.multiview.matching.limbs import (
 from voxelpose.multiview.tuning import MATCHING
 
 _UNEXPLAINED, _EXPLAINED, _OUTSIDE = 2, 0, -3
-_POINTS = 40
 _FINALISTS = 12
 
 
@@ -142,8 +141,7 @@ def _scores(
     angles: np.ndarray,
 ) -> np.ndarray:
     """Scores (K,) of a limb's placements, per volume the same for all limbs."""
-    points = body_volume.points[limb.name]
-    step = max(len(points) // _POINTS, 1)
-    return float(step) * body_volume.backend.pixel_scores(
-        observation.views, images, points[::step], *body_volume.placements(limb, pose, angles)
+    points, volume = body_volume.few_points[limb.name]
+    return volume * body_volume.backend.pixel_scores(
+        observation.views, images, points, *body_volume.placements(limb, pose, angles)
     )

@@ -22,8 +22,6 @@ from silhouette_core.refinement.refine import (
     refine_many,
 )
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.cpu import CPU
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.carving.observe import FrameObservation
@@ -87,20 +85,18 @@ class BodyGeometry:
         )
 
     @classmethod
-    def from_surface(
-        cls, surface: Surface, voxel_size_m: float, backend: Backend = CPU
-    ) -> BodyGeometry:
+    def from_surface(cls, surface: Surface, voxel_size_m: float, backend_name: str) -> BodyGeometry:
         """Samples the inside of a body for voxels of that size."""
-        volume = BodyVolume.from_model(surface.model, voxel_size_m, backend)
+        volume = BodyVolume.from_model(surface.model, voxel_size_m, backend_name)
         return cls(surface.model, volume, surface)
 
     @classmethod
-    def from_model(cls, model: BodyModel, voxel_size_m: float, backend: Backend) -> BodyGeometry:
+    def from_model(cls, model: BodyModel, voxel_size_m: float, backend_name: str) -> BodyGeometry:
         """Samples surface and inside of a body."""
         person = model.person
         taken = None if person is None else sampled_vertices(person.sex)
         surface = Surface(model, taken=taken)
-        return cls.from_surface(surface, voxel_size_m, backend)
+        return cls.from_surface(surface, voxel_size_m, backend_name)
 
 
 @cache

@@ -225,8 +225,8 @@ class PeopleTrack:
 
 def _drawn(tracker: PoseTracker, t: int, views: PinholeViews) -> Masks | None:
     """The tracker's body in a frame, (h, w) bool in every camera; None where it is not there."""
-    pose = tracker.poses[t]
-    return None if pose is None else body_masks(tracker.body.model, pose, views)
+    pose, body = tracker.poses[t], tracker.body
+    return None if pose is None else body_masks(body.model, pose, views, body.body_volume.backend)
 
 
 def _in_turn(

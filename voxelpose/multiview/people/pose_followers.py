@@ -16,6 +16,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
@@ -55,7 +56,7 @@ class PoseFollowers:
         if people > 1:
             settings = settings.of_anybody
         self.people = [PoseFollower(rig, settings, executor) for _ in range(people)]
-        self._rig = rig
+        self._rig, self._backend = rig, load_backend(settings.backend)
         self._places_m = np.full((people, 2), np.nan)  # where each was last; NaN: nowhere yet
         self._seen_s = np.full(people, -np.inf)  # and when
         self._there = np.zeros(people, np.bool_)  # who is in the present frame, as far as is known
@@ -86,7 +87,7 @@ class PoseFollowers:
             )
             people.append(found := _found(one, part, self._rig))
             if found is not None:
-                pieces[k] = body_masks(found.model, found.fit.pose, views)
+                pieces[k] = body_masks(found.model, found.fit.pose, views, self._backend)
         return people
 
     def _pieces(
@@ -98,7 +99,7 @@ class PoseFollowers:
     ) -> list[Masks | None]:
         """Where each is seen, by the body as expected, or by the hull about the place."""
         drawn = [
-            track and body_masks(track.body.model, track.predict(time_s).pose, views)
+            track and body_masks(track.body.model, track.predict(time_s).pose, views, self._backend)
             for track in tracks
         ]
         sought = [track is None for track in tracks] & self._there

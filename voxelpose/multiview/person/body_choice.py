@@ -24,7 +24,6 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import RefineStart
-from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
@@ -166,7 +165,6 @@ def choose_body(
     if not frames:
         raise InputError(_NO_HULL)
     reporter.stage("first poses", len(frames) + 1)
-    voxel_size_m, backend = observations.observer.voxel_size_m, load_backend(settings.backend)
     evidence = StatureEvidence.from_frames(frames, settings)
     proposals: Mapping[int, FrameProposals] = {}
     if evidence.is_far_open:
@@ -175,9 +173,8 @@ def choose_body(
         if proposals:
             metres = float(np.median([one.stature_m for one in proposals.values()]))
             evidence = replace(evidence, proposed_m=metres)
-    search = _Search(
-        frames, settings, matching, objects, voxel_size_m, backend, evidence, proposals
-    )
+    voxel_size_m = observations.observer.voxel_size_m
+    search = _Search(frames, settings, matching, objects, voxel_size_m, evidence, proposals)
     starts = search.of_anybody() if known is None else search.of_known(known, keep_clothes)
     best: Start | None = None
     for start in starts:
@@ -224,15 +221,16 @@ def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
     if start.prior.covariance is None:
         return start
     observed = [frames[t] for t in start.poses]
-    observations, backend = [one.observation for one in observed], start.body.body_volume.backend
+    observations, volume = [one.observation for one in observed], start.body.body_volume
     poses, prior = list(start.poses.values()), start.prior
     at = prior.stature, prior.expected, prior.covariance
     surface, poses = adapt_shape(start.body.surface, observations, poses, *at)
     errors = [
-        silhouette_error(surface.model, pose, observation, backend)
+        silhouette_error(surface.model, pose, observation, volume.backend)
         for pose, observation in zip(poses, observations, strict=True)
     ]
-    body = BodyGeometry.from_surface(surface, observed[0].grid.voxel_size_m, backend)
+    voxel_size_m = observed[0].grid.voxel_size_m
+    body = BodyGeometry.from_surface(surface, voxel_size_m, volume.backend_name)
     unclear = {
         t: refine_fits(body, frames[t].observation, [RefineStart(pose, STEP)])[0]
         for t, pose in start.unclear.items()
@@ -261,13 +259,12 @@ class _Search:
     matching: MatchSettings
     objects: bool
     voxel_size_m: float
-    backend: Backend
     evidence: StatureEvidence
     proposals: Mapping[int, FrameProposals]
 
     def of_known(self, model: BodyModel, keep_clothes: bool) -> Iterator[Start]:
         """Starts with a person's body, whose clothes are adapted unless they are kept."""
-        body = BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
+        body = BodyGeometry.from_model(model, self.voxel_size_m, self.settings.backend)
         metres = stature_of(model)
         sigma = np.where(IS_CLOTHING, SHAPE_SIGMA, 1e-4)  # but for clothes, none
         expected = model.shape if keep_clothes else np.where(IS_CLOTHING, 0.0, model.shape)
@@ -397,7 +394,7 @@ class _Search:
 
     def _body(self, candidate: Candidate) -> BodyGeometry:
         model = BodyModel.from_sizes(candidate.sizes)
-        return BodyGeometry.from_model(model, self.voxel_size_m, self.backend)
+        return BodyGeometry.from_model(model, self.voxel_size_m, self.settings.backend)
 
 
 def _prior(candidate: Candidate, body: BodyGeometry, evidence: StatureEvidence) -> ShapePrior:
@@ -426,9 +423,8 @@ def start_given(
     """
     frames = anchor_frames(observations)
     reporter.stage("first poses", max(len(frames), 1))
-    body = BodyGeometry.from_model(
-        model, observations.observer.voxel_size_m, load_backend(settings.backend)
-    )
+    voxel_size_m = observations.observer.voxel_size_m
+    body = BodyGeometry.from_model(model, voxel_size_m, settings.backend)
     fits = _searched(body, frames, matching)
     if fits and model.tree.root_fixed:
         best = min(fits.values(), key=lambda fit: fit.error)

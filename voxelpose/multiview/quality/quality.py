@@ -80,12 +80,10 @@ def frame_evidence(
         - joint_sigma_mm: (15,), standard deviations of the joints by the outlines.
     """
     errors, near = [], []
-    bodies = body_masks(body.model, pose, frame.views)
-    for c, (camera, mask) in enumerate(zip(frame.views.rig, frame.masks, strict=True)):
-        drawn, unknown = bodies[c], None
-        if frame.views.unknown is not None:
-            unknown = frame.views.unknown[c]
-            drawn &= ~unknown
+    bodies = body_masks(body.model, pose, frame.views, body.body_volume.backend)
+    seen_by = zip(frame.views.rig, frame.masks, frame.views.without_unknown(bodies), strict=True)
+    for c, (camera, mask, drawn) in enumerate(seen_by):
+        unknown = None if frame.views.unknown is None else frame.views.unknown[c]
         apart = drawn ^ mask
         either = np.count_nonzero(drawn | mask)
         hidden = unknown is not None and not either

@@ -24,7 +24,6 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from silhouette_core.ranking import rounded
-from silhouette_core.scoring.backend import load_backend
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
@@ -98,13 +97,13 @@ def _trunk(
     """
     sex = "male" if settings.sex == "unknown" else settings.sex
     sizes = BodySizes(settings.stature_m or MEASURING.usual_m, settings.chest_m, sex)
-    model, backend = BodyModel.from_sizes(sizes), load_backend(settings.backend)
+    model = BodyModel.from_sizes(sizes)
     moments = even_moments(len(masks), _MOMENTS)
     best: dict[int, tuple[float, FloatArray]] = {}
     for up in possible:
         frame = UprightFrame.from_up(up)
         observer = observer_of(frame.rig(rig))
-        body = BodyGeometry.from_model(model, observer.voxel_size_m, backend)
+        body = BodyGeometry.from_model(model, observer.voxel_size_m, settings.backend)
         for t in moments.tolist():
             try:
                 observation = observer.observe(masks[t])

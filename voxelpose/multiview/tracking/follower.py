@@ -100,7 +100,7 @@ def adapt_body(
         Stature(stature, sigma),
         model.shape,
     )
-    body = BodyGeometry.from_surface(surface, CARVING.voxel_m)
+    body = BodyGeometry.from_surface(surface, CARVING.voxel_m, settings.backend)
     if samples[-1][0].time_s != track.time_s:
         return replace(track, body=body)
     error = silhouette_error(surface.model, poses[-1], observations[-1], body.body_volume.backend)
@@ -159,7 +159,7 @@ def _body(settings: Settings, frame: FrameObservation) -> BodyGeometry:
     if settings.chest_m is None and len(frame.masks) >= GIRTH_CAMERAS:
         chest = chest_from_hull(model, hull_volume_m3(frame))
         model = BodyModel.from_sizes(BodySizes(stature, chest, sex))
-    return BodyGeometry.from_surface(Surface(model), CARVING.voxel_m)
+    return BodyGeometry.from_surface(Surface(model), CARVING.voxel_m, settings.backend)
 
 
 def _hull(rig: Rig, moment: Moment) -> FrameObservation | None:

@@ -84,7 +84,7 @@ def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
 
 def _of_other_sex(start: Start, tracker: PoseTracker) -> Start:
     """Start with the template of the other sex, of the same deviations."""
-    own, backend = start.body.model, start.body.body_volume.backend
+    own, backend_name = start.body.model, start.body.body_volume.backend_name
     sizes = replace(own.sizes, sex=_OTHER_SEX[own.sizes.sex])
     template = BodyModel.from_sizes(sizes)
     surface = Surface(template.reshaped(own.shape), taken=sampled_vertices(sizes.sex))
@@ -92,7 +92,7 @@ def _of_other_sex(start: Start, tracker: PoseTracker) -> Start:
     return replace(
         start,
         candidate=replace(start.candidate, template=sizes.sex),
-        body=BodyGeometry.from_surface(surface, voxel_size_m, backend),
+        body=BodyGeometry.from_surface(surface, voxel_size_m, backend_name),
         prior=replace(start.prior, expected=template.shape),
         poses={t: with_joints_of(surface.model, own, pose) for t, pose in start.poses.items()},
     )

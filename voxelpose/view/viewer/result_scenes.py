@@ -46,7 +46,7 @@ class FittedBody:
     def __init__(self, motion: Motion, voxel_size_m: float) -> None:
         """Fills the body, one point per voxel of the given size."""
         self.motion = motion
-        self.volume = BodyVolume.from_model(motion.model, voxel_size_m)
+        self.volume = BodyVolume.from_model(motion.model, voxel_size_m, "cpu")
         self._parts = motion.parts()
 
     def state(self, row: int) -> BodyState:

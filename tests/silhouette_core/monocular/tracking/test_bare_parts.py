@@ -18,6 +18,7 @@ from silhouette_core.monocular.tracking.colour_evidence import (
 from silhouette_core.monocular.tracking.frame_costs import CostSettings
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from tests.silhouette_core.monocular.filming import (
     body,
@@ -125,7 +126,7 @@ def test_the_tracker_asks_for_it(observed, monkeypatch):
     poses = [FAR_FORWARD, NEAR_FORWARD]
     modes = proposed(poses, [0.9, 0.1])
     settings = TrackerSettings(CostSettings(silhouette=1.0), reaching=0)
-    tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
+    tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings, CpuBackend())
     found = poses, [prior_of(pose) for pose in poses]
     monkeypatch.setattr(HypothesisTracker, "_found", lambda *_: found)
 

@@ -13,6 +13,7 @@ from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.silhouette_core.monocular.filming import (
     STATURE_M,
@@ -44,7 +45,7 @@ def test_a_stout_person_gets_a_stout_body():
     poses, rows = poses_of(motion), range(0, 40, 4)
     masks = [silhouette(true, poses[row], CAMERA) for row in rows]
     modes = modes_at(motion.landmarks()[list(rows)] + rng.normal(0, 0.03, (10, 15, 3)))
-    found = adapted_body(body(), ("male",), VIEWS, masks, modes)
+    found = adapted_body(body(), ("male",), VIEWS, masks, modes, CpuBackend())
     gained = {name: found.shape[NAMES.index(name)] for name in STOUT}
     assert all(value > 0.08 for value in gained.values()), gained
     assert found.sizes.stature_m == pytest.approx(true.sizes.stature_m, rel=0.006)
@@ -53,7 +54,9 @@ def test_a_stout_person_gets_a_stout_body():
         observed = zip(rows, masks, strict=True)
         return np.mean(
             [
-                silhouette_error(model, poses[row], Observation.from_masks(VIEWS, [mask]))
+                silhouette_error(
+                    model, poses[row], Observation.from_masks(VIEWS, [mask]), CpuBackend()
+                )
                 for row, mask in observed
             ]
         )
@@ -68,7 +71,7 @@ def test_who_is_shod_is_taller_than_stated(tmp_path):
     masks = films(motion, CAMERA, rows)
     center = CAMERA.center_m
     seen_m = center + (motion.landmarks()[list(rows)] - center) * (STATURE_M / 1.80)
-    found = adapted_body(body(), ("male",), VIEWS, masks, modes_at(seen_m))
+    found = adapted_body(body(), ("male",), VIEWS, masks, modes_at(seen_m), CpuBackend())
     assert 1.76 < found.sizes.stature_m < 1.80
     path = tmp_path / "motion.safetensors"
     write_motion(replace(motion, model=found), path)

@@ -12,6 +12,7 @@ from silhouette_core.monocular.occlusion import standing_areas
 from silhouette_core.monocular.tracking.beam import Beam, backtrack
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
@@ -28,7 +29,7 @@ AREAS = standing_areas(body())
 
 
 def tracker_of(settings: TrackerSettings | None = None) -> HypothesisTracker:
-    return HypothesisTracker(body(), CAMERA, AREAS, settings or TrackerSettings())
+    return HypothesisTracker(body(), CAMERA, AREAS, settings or TrackerSettings(), CpuBackend())
 
 
 def turned(pose: Pose, degrees: float) -> Pose:

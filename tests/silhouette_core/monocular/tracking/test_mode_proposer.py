@@ -12,6 +12,7 @@ from silhouette_core.monocular.tracking import mode_proposer
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.monocular.tracking.pose_modes import ModeFinder
 from silhouette_core.progress import StageClock
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     STATURE_M,
     body,
@@ -79,7 +80,11 @@ def proposer_of(monkeypatch, smooth=True, sexes=(), facing=True):
     monkeypatch.setattr(mode_proposer, "ModeFinder", lambda *_: network)
     monkeypatch.setattr(mode_proposer, "ColourEvidence", lambda _: colours)
     clock = StageClock()
-    return ModeProposer(None, CAMERA, body(), sexes, facing, smooth, clock), network, colours
+    return (
+        ModeProposer(None, CAMERA, body(), sexes, facing, smooth, clock, CpuBackend()),
+        network,
+        colours,
+    )
 
 
 def test_the_first_distance_is_corrected_three_times(monkeypatch):
@@ -163,6 +168,8 @@ def test_who_crouches_at_first_is_not_far_away():
     crouching = Person(silhouette(body(), pose, camera), False)
     true_m = float(np.linalg.norm(pose.root_m - camera.center_m))
     assert upright_distance(camera, crouching.mask, STATURE_M) > 1.09 * true_m
-    proposer = ModeProposer(shipped_proposal(), camera, body(), (), False, True, StageClock())
+    proposer = ModeProposer(
+        shipped_proposal(), camera, body(), (), False, True, StageClock(), CpuBackend()
+    )
     note = proposer.note(0.0, crouching)
     assert note[0].window.distance_m == pytest.approx(true_m, rel=0.05)

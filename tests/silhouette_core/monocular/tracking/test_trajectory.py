@@ -14,6 +14,7 @@ from silhouette_core.monocular.tracking import trajectory
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
 from silhouette_core.progress import StageClock
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
@@ -66,7 +67,7 @@ class Steps:
 
 def track(rows, times, smooth=True, masks=None, proposer=None, settings=QUICK):
     """Estimates of frames, whose numbers are rows of the motion."""
-    tracker = HypothesisTracker(body(), CAMERA, AREAS, settings)
+    tracker = HypothesisTracker(body(), CAMERA, AREAS, settings, CpuBackend())
     proposer = proposer or KnownPoses()
     tracked = PoseTrajectory(tracker, proposer, smooth, StageClock())
     found = []

@@ -11,6 +11,7 @@ from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTrac
 from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered, uncovered_ends
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
@@ -101,7 +102,7 @@ def test_a_covered_silhouette_asks_for_nothing(observed, raised):
 
 
 def tracker_of(settings):
-    return HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings)
+    return HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings, CpuBackend())
 
 
 def test_the_tracker_covers_what_the_proposal_missed(observed, hanging, monkeypatch):

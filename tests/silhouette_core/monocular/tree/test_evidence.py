@@ -14,6 +14,7 @@ from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of, silhouette_levels
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
 
@@ -52,7 +53,7 @@ def test_distances_are_those_of_a_search_pixel_by_pixel(
     assert not windows[0].seen.all()
     own = library.levels[level]
     nodes = np.random.default_rng(level).permutation(len(own))[:40]
-    result = Evidence(windows, weighting).distances(own.spans, nodes, reduction)
+    result = Evidence(windows, CpuBackend(), weighting).distances(own.spans, nodes, reduction)
     every = twin(windows, masks_of(own.spans, nodes, own.size_px), reduction, weighting)
     np.testing.assert_allclose(result.distance, every.min(0), atol=1e-6)
     row = result.scale * len(SHIFTS_PX) + [
@@ -82,14 +83,19 @@ def test_weights_are_the_papers_over_the_silhouettes_own(windows):
 
 def test_a_frame_is_weighed_in_the_librarys_rectangle(library, windows, monkeypatch):
     spans, nodes = library.levels[2].spans, np.arange(10)
-    own = Evidence(windows[:1], "nwxor", bounds_px=library.bounds_px).distances(spans, nodes, 1)
-    assert (own.distance > Evidence(windows[:1], "nwxor").distances(spans, nodes, 1).distance).all()
+    own = Evidence(windows[:1], CpuBackend(), "nwxor", bounds_px=library.bounds_px).distances(
+        spans, nodes, 1
+    )
+    assert (
+        own.distance
+        > Evidence(windows[:1], CpuBackend(), "nwxor").distances(spans, nodes, 1).distance
+    ).all()
     seen = []
     monkeypatch.setattr(
         "silhouette_core.monocular.tree.forward.Evidence",
         lambda *args: seen.append(args) or Evidence(*args),
     )
-    tree = TreeFilter(library, identity(len(library), format="csr"))
+    tree = TreeFilter(library, identity(len(library), format="csr"), CpuBackend())
     camera = camera_at((0, -4, 1.2))
     mask = films(performed("walk"), camera, [5])[0]
     ForwardFilter(tree, camera, weighting="nwxor").step(0.0, mask)

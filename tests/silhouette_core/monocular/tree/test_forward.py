@@ -9,6 +9,7 @@ import pytest
 from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at, films, performed, window_pixels
 
 CAMERA = camera_at((0, -4.0, 1.3))
@@ -107,7 +108,7 @@ def test_views_of_another_pitch_are_unlikely(library):
     """By the camera's own; the library's only pitch says nothing."""
     pitches = np.radians(np.where(np.arange(len(library.views)) % 2, 8.0, 24.0))
     views = np.column_stack([library.views[:, 0], pitches])
-    forward = ForwardFilter(TreeFilter(replace(library, views=views), None), CAMERA)
+    forward = ForwardFilter(TreeFilter(replace(library, views=views), None, CpuBackend()), CAMERA)
     prior = forward._prior(SimpleNamespace(pitch_rad=np.radians(8.0)), None, 0.0, True)
     own = np.bincount(library.sample_view % 2, prior)
     away = 16.0 / DISTANCES.pitch_sigma_deg

@@ -50,10 +50,11 @@ class Watched(PaperFilter):
         return super()._update(prior, window)
 
 
-def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, **options):
+def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, backend=None, **options):
     """The filter after some frames, and its posteriors."""
     first = initial_prior(library)
-    tracker = Watched(library, matrix, camera, DISTANCE_M, first, "nwxor", sigma, **options)
+    scored = first, backend or CpuBackend(), "nwxor", sigma
+    tracker = Watched(library, matrix, camera, DISTANCE_M, *scored, **options)
     numbers = range(len(masks)) if numbers is None else numbers
     frames = [tracker.step(k * INTERVAL_S, mask) for k, mask in zip(numbers, masks, strict=True)]
     return tracker, frames

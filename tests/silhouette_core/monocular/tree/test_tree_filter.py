@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silhouette_core.monocular.tree.evidence import Evidence
+from silhouette_core.monocular.tree.evidence import UNMOVED, Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
 
@@ -20,6 +21,7 @@ def evidence():
     mask = films(performed("wave"), camera, [20])[0]
     return Evidence(
         [look_at(camera, mask, distance, STATURE_PX / STATURE_M) for distance in (4.0, 3.8)],
+        CpuBackend(),
         "balanced",
     )
 
@@ -50,7 +52,7 @@ def alignments(library, evidence):
     result = []
     for level, reduction in zip(library.levels, (4, 2, 1), strict=True):
         case = level.spans, np.arange(len(level)), reduction
-        result.append((evidence.distances(*case), evidence.unmoved_distances(*case)))
+        result.append((evidence.distances(*case), evidence.distances(*case, UNMOVED)))
     return result
 
 
@@ -63,7 +65,8 @@ def literal_posterior(library, prior, alignments, settings):
         homes.insert(0, level.parent[homes[0]])
     scored, survivors = [], np.ones(1, bool)
     for depth, (level, home) in enumerate(zip(library.levels, homes, strict=True)):
-        moved, (distance, scale) = alignments[depth]
+        moved, unmoved = alignments[depth]
+        distance, scale = unmoved.distance, unmoved.scale
         parent = level.parent if depth else np.zeros(len(level), int)
         share = np.where(survivors[parent], np.bincount(home, prior, len(level)), np.nan)
         sigma = settings.sigma * settings.coarse ** (2 - depth)  # grows with every level above
@@ -96,7 +99,7 @@ def test_the_posterior_is_the_literal_one(
     rng = np.random.default_rng(seed)
     prior = rng.dirichlet(np.full(len(library), 0.3)) * (rng.random(len(library)) < 0.9)
     chosen = replace(tree.settings, survivors=survivors, most=most, moved=moved)
-    result = TreeFilter(library, tree.transitions, chosen, tree.backend).update(prior, evidence)
+    result = TreeFilter(library, tree.transitions, tree.backend, chosen).update(prior, evidence)
     probability, rows, scored = literal_posterior(library, prior, alignments, chosen)
     np.testing.assert_array_equal(np.sort(result.samples), np.flatnonzero(np.isfinite(rows[:, 0])))
     np.testing.assert_allclose(filled(result, len(library)), probability, rtol=1e-6, atol=1e-15)

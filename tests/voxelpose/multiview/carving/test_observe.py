@@ -223,7 +223,7 @@ def test_nothing_and_specks_are_no_body(observer, masks):
 def test_quality_says_which_parts_the_voxels_support(observer, masks):
     observed = observer.observe(masks)
     model = fitting_model()
-    body_volume = BodyVolume.from_model(model, 0.04)
+    body_volume = BodyVolume.from_model(model, 0.04, "cpu")
     pose = stance(model, {"left_upper_arm.abduction": 20.0})
     right = assess(body_volume, pose, observed)
     assert (
@@ -258,14 +258,14 @@ def test_a_body_explains_its_own_voxels(observer, masks):
     """Its points leave no holes, whichever way the body is turned against the grid."""
     observed = observer.observe(masks)
     model = fitting_model()
-    body_volume = BodyVolume.from_model(model, observed.grid.voxel_size_m)
+    body_volume = BodyVolume.from_model(model, observed.grid.voxel_size_m, "cpu")
     pose = replace(stance(model), root_rotation=rotation_matrices(np.array([0.9, 0.1, 0.2, 0.38])))
     points = np.concatenate(posed_points(body_volume, pose))
     low = points.min(axis=0) - 0.1
     grid = VoxelGrid.from_bounds(low, points.max(axis=0) + 0.1, observed.grid.voxel_size_m)
     occupancy = np.zeros(grid.shape, bool)
     # Filled ten times as densely as by the points that are compared.
-    fine = np.concatenate(posed_points(BodyVolume.from_model(model, 0.012), pose))
+    fine = np.concatenate(posed_points(BodyVolume.from_model(model, 0.012, "cpu"), pose))
     occupancy[tuple(((fine - grid.origin_m) / grid.voxel_size_m).astype(int).T)] = True
     own = assess(body_volume, pose, replace(observed, grid=grid, occupancy=occupancy))
     assert own.unexplained < 0.08

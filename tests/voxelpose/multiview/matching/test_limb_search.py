@@ -15,7 +15,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import _scores, place_limb
 from voxelpose.multiview.matching.limbs import CHAINS, within_limits
 
-BODY = BodyVolume.from_model(fitting_model(), 0.03)
+BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(4)
 ENDS = ("left_elbow left_wrist", "right_elbow right_wrist", "left_knee left_ankle")
 ENDS = (*ENDS, "right_knee right_ankle")

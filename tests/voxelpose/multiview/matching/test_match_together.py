@@ -11,7 +11,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.matcher import match, match_together
 
 MODEL = fitting_model()
-VOLUME = BodyVolume.from_model(MODEL, 0.03)
+VOLUME = BodyVolume.from_model(MODEL, 0.03, "cpu")
 # The left hand of one and the right hand of the other reach into the same place.
 TURNS = (
     {"left_upper_arm.abduction": 60.0},

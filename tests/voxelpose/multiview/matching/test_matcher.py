@@ -43,7 +43,7 @@ TURNS = {
 
 @pytest.fixture(scope="module")
 def body_volume():
-    return BodyVolume.from_model(fitting_model(), 0.025)
+    return BodyVolume.from_model(fitting_model(), 0.025, "cpu")
 
 
 @pytest.fixture(scope="module")

@@ -44,7 +44,7 @@ TORSO = [
 @pytest.fixture(scope="module")
 def body():
     model = fitting_model()
-    return BodyGeometry(model, BodyVolume.from_model(model, 0.03), Surface(model, 600))
+    return BodyGeometry(model, BodyVolume.from_model(model, 0.03, "cpu"), Surface(model, 600))
 
 
 def turned(pose: Pose, yaw_deg: float) -> Pose:

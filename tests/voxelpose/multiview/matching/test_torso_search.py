@@ -9,7 +9,7 @@ from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.torso_search import find_torso
 
-BODY = BodyVolume.from_model(fitting_model(), 0.03)
+BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 
 
 def turned(pose: Pose, yaw_deg: float, pitch_deg: float = 0.0) -> Pose:

@@ -36,7 +36,7 @@ def posed(model: BodyModel, turns_deg: dict[str, float]) -> Pose:
 
 
 def test_a_turn_that_does_not_show_is_sampled_with_the_next_part():
-    limbs = BodyVolume.from_model(ROBOT, VOXEL_M).limbs
+    limbs = BodyVolume.from_model(ROBOT, VOXEL_M, "cpu").limbs
     assert [(limb.name, limb.parts, limb.angles) for limb in limbs] == [
         ("world", ("world", "turret"), ()),
         ("upper_arm", ("upper_arm",), ("turret.shoulder_pan", "upper_arm.shoulder_lift")),
@@ -69,7 +69,7 @@ def test_of_several_limbs_the_largest_that_it_moves_shows_a_turn():
         [Capsule((-0.1, -0.1, 0.5), (-0.1, -0.7, 0.5), 0.06)],
         [Capsule((0, 0.5, 0.3), (0, 0.5, 1.5), 0.1)],
     ]
-    limbs = BodyVolume.from_model(body_of_parts(tree, joints, shapes), VOXEL_M).limbs
+    limbs = BodyVolume.from_model(body_of_parts(tree, joints, shapes), VOXEL_M, "cpu").limbs
     assert {limb.name: (limb.parent, limb.angles) for limb in limbs} == {
         "base": (None, ()),
         "small": ("large", ("small.pitch",)),
@@ -79,7 +79,7 @@ def test_of_several_limbs_the_largest_that_it_moves_shows_a_turn():
 
 
 def test_all_limbs_of_an_animal_begin_at_its_trunk():
-    volume = BodyVolume.from_model(DOG, VOXEL_M)
+    volume = BodyVolume.from_model(DOG, VOXEL_M, "cpu")
     first = [limb.name for limb in volume.limbs if limb.parent == "trunk"]
     assert sorted(first) == sorted(("neck", "tail", *LEGS))
     assert sum(len(limb.parts) for limb in volume.limbs) == len(DOG.names)
@@ -89,9 +89,9 @@ def test_all_limbs_of_an_animal_begin_at_its_trunk():
 
 
 def test_a_person_keeps_its_limbs_and_carries_what_is_added():
-    volume = BodyVolume.from_model(fitting_model(), 0.05)
+    volume = BodyVolume.from_model(fitting_model(), 0.05, "cpu")
     assert volume.limbs == LIMBS and volume.chains == CHAINS and volume.is_person
-    armed = BodyVolume.from_model(person_with_stick(), 0.05)
+    armed = BodyVolume.from_model(person_with_stick(), 0.05, "cpu")
     forearm = next(limb for limb in armed.limbs if limb.name == "right_forearm")
     assert forearm.parts[-1] == "stick" and armed.is_person
     assert len(armed.points["right_forearm"]) > len(volume.points["right_forearm"])
@@ -101,7 +101,7 @@ def test_a_person_keeps_its_limbs_and_carries_what_is_added():
 @pytest.mark.parametrize("step_deg", [15.0, 0.5])
 def test_samples_stay_within_limits_and_are_bounded(model, step_deg):
     middle = relaxed_rad(model.tree)
-    for limb in BodyVolume.from_model(model, 0.05).limbs[1:]:
+    for limb in BodyVolume.from_model(model, 0.05, "cpu").limbs[1:]:
         found = sample_angles(limb, middle, np.radians(step_deg), model.tree)
         np.testing.assert_array_equal(found[0], middle)
         assert within_limits(found, model.tree).all() and 5 < len(found) <= 2501
@@ -118,7 +118,7 @@ def test_a_robot_is_matched_part_by_part():
         "turret.shoulder_pan": 40.0, "upper_arm.shoulder_lift": -30.0, "forearm.elbow": 40.0,
         "wrist_2.wrist_bend": 50.0,
     })  # fmt: skip
-    volume = BodyVolume.from_model(ROBOT, VOXEL_M)
+    volume = BodyVolume.from_model(ROBOT, VOXEL_M, "cpu")
     start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(ROBOT.tree))
     found = match(volume, *hull(views(), ROBOT, truth, VOXEL_M), start)
     assert joint_errors_m(ROBOT, start, ROBOT, truth).max() > 0.5
@@ -135,7 +135,7 @@ def sprawled(seed: int) -> Pose:
 
 @pytest.mark.parametrize(("seed", "largest"), [(0, 2), (1, 1), (4, 2)])
 def test_legs_that_interfere_are_matched_together(seed, largest):
-    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M), sprawled(seed)
+    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M, "cpu"), sprawled(seed)
     start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(SPIDER.tree))
     seen = hull(views(), SPIDER, truth, VOXEL_M)
     found = match(volume, *seen, start)
@@ -149,7 +149,7 @@ def test_legs_that_interfere_are_matched_together(seed, largest):
 
 
 def test_a_stopped_search_is_told_with_its_group(monkeypatch):
-    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M), sprawled(0)
+    volume, truth = BodyVolume.from_model(SPIDER, VOXEL_M, "cpu"), sprawled(0)
     start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(SPIDER.tree))
     small = partial(joint_search.best_together, most_bytes=0)
     monkeypatch.setattr(matcher, "best_together", small)
@@ -161,7 +161,7 @@ def test_a_stopped_search_is_told_with_its_group(monkeypatch):
 def test_movable_areas_of_an_animal_have_its_own_names():
     truth = posed(DOG, {})
     areas = movable_areas(
-        BodyVolume.from_model(DOG, VOXEL_M), *hull(views(), DOG, truth, VOXEL_M), truth
+        BodyVolume.from_model(DOG, VOXEL_M, "cpu"), *hull(views(), DOG, truth, VOXEL_M), truth
     )
     names = {area.limb.name for area in areas}
     assert set(LEGS) < names and "trunk" not in names
@@ -192,7 +192,7 @@ def ball_arm() -> BodyModel:
 
 def test_a_twist_leaves_the_bone_above_where_it_points():
     arm = ball_arm()
-    volume = BodyVolume.from_model(arm, VOXEL_M)
+    volume = BodyVolume.from_model(arm, VOXEL_M, "cpu")
     _, upper, fore = volume.limbs
     assert upper.angles == ("upper.x", "upper.y")
     assert fore.angles == ("upper.twist", "fore.bend")
@@ -215,7 +215,7 @@ def test_an_arm_in_a_ball_joint_is_matched():
     arm = ball_arm()
     truth = posed(arm, {"upper.x": 60.0, "upper.y": 25.0, "upper.twist": 70.0, "fore.bend": 80.0})
     start = Pose(truth.root_m, truth.root_rotation, relaxed_rad(arm.tree))
-    volume = BodyVolume.from_model(arm, VOXEL_M)
+    volume = BodyVolume.from_model(arm, VOXEL_M, "cpu")
     found = match(volume, *hull(views(), arm, truth, VOXEL_M), start).pose
     tip = np.array([[0.0, 0.0, 0.35]])
     ends = [

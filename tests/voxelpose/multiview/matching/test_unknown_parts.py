@@ -8,6 +8,7 @@ import pytest
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
@@ -69,7 +70,7 @@ def test_nothing_is_outside_where_nothing_is_known(masks, marked):
 
 
 def test_legs_are_refined_as_if_one_camera_did_not_hide_them(masks, marked):
-    body = BodyGeometry.from_surface(Surface(MODEL), 0.04)
+    body = BodyGeometry.from_surface(Surface(MODEL), 0.04, "cpu")
     start = stance(MODEL, {"left_thigh.flexion": 20.0, "left_upper_arm.abduction": 30.0})
     hidden = marked.without_unknown(masks)
 
@@ -86,8 +87,8 @@ def test_the_right_pose_has_no_error_where_nothing_is_known(masks, marked):
     hidden = marked.without_unknown(masks)
     seen = Observation.from_masks(marked, hidden, 3.5)
     blind = Observation.from_masks(views(4), hidden, 3.5)
-    assert silhouette_error(MODEL, POSE, seen) < 1e-9
-    assert silhouette_error(MODEL, POSE, blind) > 0.1
+    assert silhouette_error(MODEL, POSE, seen, CpuBackend()) < 1e-9
+    assert silhouette_error(MODEL, POSE, blind, CpuBackend()) > 0.1
 
 
 def test_hull_and_silhouettes_keep_the_legs(masks, marked):
@@ -121,7 +122,7 @@ def test_a_limb_gains_and_loses_nothing_there(masks, marked):
 def test_evidence_of_the_known_part_alone(masks, marked):
     rule = body_rule(4, 0, 1)
     frame = HullObserver(marked, VOLUME, 0.04, rule).observe(marked.without_unknown(masks))
-    body = BodyGeometry.from_surface(Surface(MODEL), 0.04)
+    body = BodyGeometry.from_surface(Surface(MODEL), 0.04, "cpu")
     places = joints(MODEL, POSE)
     found = frame_evidence(body, POSE, places, frame)
     assert found["camera_agreement"].min() > 0.97 and found["joint_disagreement"].max() < 0.05
@@ -138,7 +139,7 @@ def test_a_camera_that_knows_nothing_has_the_others_agreement(masks, marked):
         marked.without_unknown(masks)
     )
     frame = replace(frame, views=nothing, masks=nothing.without_unknown(frame.masks))
-    body = BodyGeometry.from_surface(Surface(MODEL), 0.04)
+    body = BodyGeometry.from_surface(Surface(MODEL), 0.04, "cpu")
     found = frame_evidence(body, POSE, joints(MODEL, POSE), frame)["camera_agreement"]
     assert found[0] == pytest.approx(found[1:].mean())
 

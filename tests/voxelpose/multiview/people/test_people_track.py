@@ -10,6 +10,7 @@ from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.progress import SilentReporter, StageClock
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.sources import GreySource
 from tests.voxelpose.multiview.matching_scenes import other_body, photograph, stance, views
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -65,6 +66,12 @@ def source():
     return Couple(VIEWS.rig, 2, silhouettes_given=True)
 
 
+def tracker_of(model, pose):
+    """A tracker, as far as its body is drawn."""
+    body = namespace(model=model, body_volume=namespace(backend=CpuBackend()))
+    return namespace(body=body, poses=[pose])
+
+
 @pytest.mark.slow
 def test_two_people_are_followed_beside_each_other(source):
     """Each is where one of them stands, joints to 45 mm about the pelvis, in every frame."""
@@ -103,7 +110,7 @@ def test_two_robots_cannot_be_followed(source):
 
 
 def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
-    trackers = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE]
+    trackers = [tracker_of(body, pose) for body, pose in PEOPLE]
     people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
     volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
     observer = namespace(views=VIEWS, volume=volume)
@@ -114,7 +121,7 @@ def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
 
 
 def test_a_thing_is_seen_where_its_hull_is_beside_the_bodies():
-    trackers = [namespace(body=namespace(model=body), poses=[pose]) for body, pose in PEOPLE[:1]]
+    trackers = [tracker_of(body, pose) for body, pose in PEOPLE[:1]]
     people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
     volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
     observer = HullObserver(VIEWS, volume, 0.025, body_rule(5, 0))

@@ -27,7 +27,7 @@ from voxelpose.multiview.tracking.follower import PoseFollower, search
 
 VIEWS = views(4, (240, 240))
 BODIES = other_body(3, "female"), other_body(4, "male")
-GEOMETRIES = [BodyGeometry.from_surface(Surface(body), 0.05) for body in BODIES]
+GEOMETRIES = [BodyGeometry.from_surface(Surface(body), 0.05, "cpu") for body in BODIES]
 WALKS = {"left_thigh.flexion": 30.0, "right_thigh.flexion": -15.0, "left_upper_arm.forward": 25.0}
 
 

@@ -11,7 +11,6 @@ from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, Bod
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.adaptation import Stature, stature_of
-from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     other_body,
@@ -110,7 +109,7 @@ def test_frames_that_do_not_tell_the_body_have_the_errors_of_the_adapted_one():
     tall = BodyModel.from_sizes(BodySizes(1.06 * STATURE_M, sex="female"))
     with filmed(other_body(), [{}, {"left_upper_arm.abduction": 30.0}]) as store:
         frames = anchor_frames(store)
-        body = BodyGeometry.from_model(tall, 0.04, CPU)
+        body = BodyGeometry.from_model(tall, 0.04, "cpu")
         prior = ShapePrior(Stature(STATURE_M, 0.1), tall.shape, np.diag(SHAPE_SIGMA**2))
         poses = {t: find_pose(body, frame)[0] for t, frame in frames.items()}
         clear, other = ({t: poses[t].pose} for t in sorted(poses))

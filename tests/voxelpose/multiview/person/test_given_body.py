@@ -21,7 +21,6 @@ from silhouette_core.refinement.refine import (
     RefineSettings,
     RefineStart,
 )
-from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
@@ -55,7 +54,7 @@ def pose_of(motion, t: int) -> Pose:
 def test_a_body_is_found_anywhere_without_a_prior(name):
     motion = example_motion(name, 20)
     truth = pose_of(motion, 13)
-    body = BodyGeometry.from_model(motion.model, VOXEL_M, CPU)
+    body = BodyGeometry.from_model(motion.model, VOXEL_M, "cpu")
     found = find_pose(body, frame_of(motion.model, truth), count=6)
     assert joint_errors_m(motion.model, found[0].pose, motion.model, truth).mean() < 0.02
     assert found[0].error < 0.06 and not found[0].stopped
@@ -71,7 +70,7 @@ def test_a_still_root_is_placed_by_all_frames_together():
     motion = example_motion("robot_arm", 31)
     poses = [pose_of(motion, t) for t in (0, 15, 30)]
     frames = [frame_of(motion.model, pose) for pose in poses]
-    body = BodyGeometry.from_model(motion.model, VOXEL_M, CPU)
+    body = BodyGeometry.from_model(motion.model, VOXEL_M, "cpu")
     starts = [
         moved_root(pose, np.array([0.03, -0.02, 0.01]) * k, 3.0 * k)
         for k, pose in enumerate(poses, -1)
@@ -87,7 +86,7 @@ def test_a_held_root_stays_where_it_is_whatever_a_start_says():
     motion = example_motion("robot_arm", 2)
     truth = pose_of(motion, 1)
     frame = frame_of(motion.model, truth)
-    body = replace(BodyGeometry.from_model(motion.model, VOXEL_M, CPU), root=truth)
+    body = replace(BodyGeometry.from_model(motion.model, VOXEL_M, "cpu"), root=truth)
     start = moved_root(truth, np.array([0.2, 0.1, 0.0]), 20.0)
     prior = PosePrior(start, np.full(6 + motion.model.dof_count, 0.1))
     settings = RefineSettings(reaches_m=(0.1, 0.08))
@@ -107,7 +106,9 @@ def test_a_rigid_object_without_joints_is_found():
     model = body_of_parts(tree, np.zeros((1, 3)), [shapes])
     turn = Rotation.from_euler("zx", [50, 20], degrees=True).as_matrix()
     truth = Pose(np.array([0.1, 0.2, 0.6]), turn, np.zeros(0))
-    found = find_pose(BodyGeometry.from_model(model, VOXEL_M, CPU), frame_of(model, truth), count=6)
+    found = find_pose(
+        BodyGeometry.from_model(model, VOXEL_M, "cpu"), frame_of(model, truth), count=6
+    )
     assert np.linalg.norm(found[0].pose.root_m - truth.root_m) < 0.01
     apart = Rotation.from_matrix(found[0].pose.root_rotation.T @ turn).magnitude()
     assert np.degrees(apart) < 2
@@ -125,7 +126,7 @@ def test_roots_count_by_what_is_known_of_them_when_the_joints_may_turn(monkeypat
     r"""Of the second frame all is known ten times as well, but what turns the lid shifts it along
     z, too: :math:`S_{zz} = 10 - 9 \cdot 9 / 10 = 1.9`. A third frame is far away.
     """
-    body = BodyGeometry.from_model(hinged_box(), VOXEL_M, CPU)
+    body = BodyGeometry.from_model(hinged_box(), VOXEL_M, "cpu")
     known = np.eye(7), 10 * np.eye(7), 1000 * np.eye(7)
     known[1][2, 6] = known[1][6, 2] = 9.0
     places = np.array([[0, 0, 0], [0.05, 0, 0.05], [3.0, 0, 0]])

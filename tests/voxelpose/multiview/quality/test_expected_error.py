@@ -40,7 +40,7 @@ def scene():
     pose = stance(model, {"left_upper_arm.abduction": 60.0, "left_forearm.flexion": 70.0})
     observer = HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
     frame = observer.observe(photograph(observer.views, model, pose))
-    return BodyGeometry.from_surface(Surface(model), 0.04), pose, frame
+    return BodyGeometry.from_surface(Surface(model), 0.04, "cpu"), pose, frame
 
 
 def joints(model, pose):

@@ -93,7 +93,7 @@ def test_what_is_stored_is_what_is_observed(observer, frames, store):
 
 def test_each_body_of_a_frame_is_carved_once(store, carved):
     """However many stages observe the frame."""
-    body = BodyGeometry.from_surface(Surface(fitting_model(), 600), VOXEL_M)
+    body = BodyGeometry.from_surface(Surface(fitting_model(), 600), VOXEL_M, "cpu")
     settings = 30.0, MatchSettings()
     for _ in range(3):
         tracker = PoseTracker(body, store, *settings, lambda _: nullcontext(), lambda: None)

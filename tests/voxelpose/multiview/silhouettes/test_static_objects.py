@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.pose import Pose
-from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
     joint_errors_m,
@@ -149,7 +148,7 @@ def test_legs_are_found_on_the_legs_and_not_on_the_chair():
     observer = HullObserver(SCENE, VOLUME, 0.03, CarveRule())
     frame = observer.observe(silhouettes)
     assert frame is not None
-    body = BodyGeometry.from_model(MODEL, 0.03, CPU)
+    body = BodyGeometry.from_model(MODEL, 0.03, "cpu")
     error_m = joint_errors_m(MODEL, find_sitting_pose(body, frame)[0].pose, PERSON, truth)
     usual_m = joint_errors_m(MODEL, find_pose(body, frame)[0].pose, PERSON, truth)
     assert error_m.mean() < min(0.08, usual_m.mean() + 0.01)

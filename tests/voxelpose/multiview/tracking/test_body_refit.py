@@ -9,7 +9,6 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.adaptation import Stature
-from silhouette_core.scoring.cpu import CPU
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     joint_errors_m,
@@ -48,7 +47,7 @@ def test_the_other_template_is_taken_where_it_is_more_probable(sex):
     """Tracking began with the other sex's body, whose hips are elsewhere."""
     person, seen_by = other_body(1, sex), views(4)
     first = BodyGeometry.from_model(
-        body_of({"male": "female", "female": "male"}[sex]), VOXEL_M, CPU
+        body_of({"male": "female", "female": "male"}[sex]), VOXEL_M, "cpu"
     )
     observer = HullObserver(seen_by, VOLUME, VOXEL_M, CarveRule(least_agreeing=3))
     shape = first.model.shape

@@ -1,4 +1,6 @@
+import pickle
 from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.motion.pose import Pose
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
     joint_errors_m,
@@ -17,7 +20,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
-from voxelpose.multiview.tracking.follower import PoseFollower, catch_up, search
+from voxelpose.multiview.tracking.follower import PoseFollower, adapt_body, catch_up, search
 
 SEEN_BY = views(4)
 PERSON = other_body(template="male")
@@ -66,6 +69,19 @@ def error_mm(follower: PoseFollower, pose: Pose, truth: Pose) -> float:
     """Mean joint error."""
     assert follower.body is not None
     return 1000 * float(joint_errors_m(follower.body.model, pose, PERSON, truth).mean())
+
+
+def test_bodies_are_scored_by_the_backend_of_the_settings(found, monkeypatch):
+    """Of whatever a search begins with, also in other processes, where the name alone arrives."""
+    names = []
+    module = "voxelpose.multiview.matching.body_volume.load_backend"
+    monkeypatch.setattr(module, lambda name: names.append(name) or CpuBackend())
+    settings, moment = replace(KNOWN, backend="another"), Moment.of(0.0, masks_of(walking(0)))
+    searched = search(SEEN_BY.rig, settings, None, moment, 1)
+    adapted = adapt_body(SEEN_BY.rig, settings, found, [(moment, found.fit.pose)])
+    sent = pickle.loads(pickle.dumps(adapted)).body.body_volume
+    assert sent.backend_name == "another" and isinstance(sent.backend, CpuBackend)
+    assert searched is not None and set(names) == {"another"}
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def observations() -> Iterator[ObservationStore]:
 @pytest.fixture
 def tracker(observations) -> PoseTracker:
     model = fitting_model()
-    body = BodyGeometry(model, BodyVolume.from_model(model, 0.03), Surface(model, 600))
+    body = BodyGeometry(model, BodyVolume.from_model(model, 0.03, "cpu"), Surface(model, 600))
     settings = 30.0, MatchSettings()
     return PoseTracker(body, observations, *settings, lambda _: nullcontext(), lambda: None)
 
