@@ -16,7 +16,13 @@ from calib.camera import Camera, Rig
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import nearest_preset
-from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
+from silhouette_core.estimator import (
+    BackgroundKind,
+    Estimate,
+    FrameSource,
+    Settings,
+    read_options,
+)
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.body_library import some_silhouettes
@@ -83,6 +89,7 @@ class TreeEstimator:
 
     name = "tree"
     takes_body = True
+    usual_background: BackgroundKind = "paper"
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
@@ -110,17 +117,17 @@ class TreeEstimator:
         finder, poses, noted = PersonFinder(camera, False), [], []
         reporter.stage("tracking", source.frame_count)
         for number, time_s, frames in source:
-            with clock("silhouettes"):
-                mask = silhouettes.of(frames)[name]
-                person = finder.find(frames[name], mask)
-            if person is not None:
-                with clock("filter"):
-                    likeliest, probability = follower.step(time_s, person.mask)
-                joints = landmarks(library.model, *place(library.model, *likeliest.arrays))
-                hypotheses.put(number, probability, joints)
-                poses.append(likeliest.poses()[0])
-                errors = mask_errors(library.model, poses[-1:], views, [person.mask], backend)
-                noted.append((number, time_s, 1 - float(errors[0])))
+            with clock("total"):
+                with clock("silhouettes"):
+                    person = finder.find(frames[name], silhouettes.of(frames)[name])
+                if person is not None:
+                    with clock("estimation"):
+                        likeliest, probability = follower.step(time_s, person.mask)
+                    joints = landmarks(library.model, *place(library.model, *likeliest.arrays))
+                    hypotheses.put(number, probability, joints)
+                    poses.append(likeliest.poses()[0])
+                    errors = mask_errors(library.model, poses[-1:], views, [person.mask], backend)
+                    noted.append((number, time_s, 1 - float(errors[0])))
             reporter.advance()
         stacked, (numbers, times, agreement) = PoseArrays.from_poses(poses), np.array(noted).T
         motion = Motion(
@@ -141,7 +148,8 @@ class TreeEstimator:
             "by_texture": silhouettes.by_texture,
         }
         stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
-        motion = conditioned(motion, settings.applied_conditioning).in_world(frame)
+        # A filter without lag would use later frames.
+        motion = conditioned(motion, settings.applied_conditioning.chosen("none")).in_world(frame)
         return Estimate(motion, stages, facts, hypotheses)
 
 

@@ -1,5 +1,6 @@
 """Paper A's own estimator, from silhouettes to a motion."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.monocular import tree_estimator
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree_estimator import TreeEstimator, dictionary
+from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
 
@@ -33,9 +35,12 @@ def filmed():
     return motion.landmarks()[ROWS], films(motion, CAMERA, ROWS)
 
 
-def tracked(masks, **options):
-    source = SilhouetteSource(CAMERA, masks, FPS)
-    return TreeEstimator().estimate(source, Settings(STATURE_M, options=options), SilentReporter())
+def tracked(masks, fps=FPS, conditioning=None, **options):
+    source = SilhouetteSource(CAMERA, masks, fps)
+    settings = Settings(STATURE_M, options=options)
+    if conditioning is not None:
+        settings = replace(settings, conditioning=conditioning)
+    return TreeEstimator().estimate(source, settings, SilentReporter())
 
 
 def relative(joints):
@@ -58,12 +63,20 @@ def test_a_wave_is_followed(library_file, filmed):
 
 
 def test_the_motion_is_that_of_the_likeliest_samples(library_file, filmed):
-    source = SilhouetteSource(CAMERA, filmed[1], FPS)
-    options = {"library": str(library_file)}
-    settings = Settings(STATURE_M, smooth=False, options=options)
-    found = TreeEstimator().estimate(source, settings, SilentReporter())
+    """Unless a filter is chosen, which uses later frames."""
+    many = np.repeat(filmed[1], 3, axis=0)  # as many as the filter needs
+    found = tracked(many, fps=30.0, library=str(library_file))
     likeliest = np.stack([joints[0] for _, _, joints in found.hypotheses])
     np.testing.assert_allclose(found.motion.landmarks(), likeliest, atol=1e-5)
+    chosen = Conditioning("butterworth")
+    filtered = tracked(many, fps=30.0, conditioning=chosen, library=str(library_file)).motion
+    assert np.abs(filtered.landmarks() - likeliest).max() > 0.01
+
+
+def test_whole_frames_are_timed(library_file, filmed):
+    silhouettes, estimation, total = tracked(filmed[1], library=str(library_file)).stage_s.values()
+    assert len(silhouettes) == len(estimation) == len(total) == len(filmed[1])
+    assert (silhouettes + estimation < total).all()
 
 
 def test_frames_without_anybody_have_no_pose(library_file, filmed):
