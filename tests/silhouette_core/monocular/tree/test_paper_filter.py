@@ -188,3 +188,28 @@ def test_a_wrong_distance_is_mended(library, factor):
     matrix = transitions(library, True)
     _, frames = follow(library, near, matrix, [seen(library, 5)] * 12)
     assert abs(frames[-1].window.distance_m / DISTANCE_M / factor - 1) < 0.4 * abs(factor - 1)
+
+
+def test_a_wrong_pose_is_neither_drawn_nearer_nor_farther(library, camera):
+    """Somebody at the known distance, of whom another pose is believed."""
+    stay, away = identity(len(library), format="csr"), []
+    for believed, true in np.random.default_rng(0).integers(0, len(library), (12, 2)):
+        first = np.zeros(len(library))
+        first[believed] = 1.0
+        tracker = PaperFilter(library, stay, camera, DISTANCE_M, first)
+        for frame in range(10):
+            last = tracker.step(frame * INTERVAL_S, seen(library, true))
+        away.append(np.log(last.window.distance_m / DISTANCE_M))
+    assert np.ptp(away) > 0.1 and abs(np.mean(away)) < 0.05
+
+
+def test_leaves_have_the_posterior_of_their_samples(library, camera):
+    matrix = transitions(library, True)
+    masks = [seen(library, 5), seen(library, 9)]
+    tracker, (_, frame) = follow(library, camera, matrix, masks, sigma=0.5)
+    leaves, of_leaves, samples, probability = tracker._update(tracker.priors[1], frame.window)
+    assert len(leaves) > 3 and of_leaves.sum() == pytest.approx(1)
+    for leaf, expected in zip(leaves, of_leaves, strict=True):
+        inside = library.leaf_samples[slice(*library.leaf_offsets[leaf : leaf + 2])]
+        among = probability[np.isin(samples, inside)]
+        np.testing.assert_allclose(among.sum(axis=0), expected, atol=1e-9)
