@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -148,7 +148,7 @@ def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter
         settings.chest_m is not None or settings.sex != "unknown",
     )
     if model is not None and not described:
-        return TrackedPerson(model if stature is None else _scaled(model, stature), proposal)
+        return TrackedPerson(model if stature is None else model.scaled(stature), proposal)
     if stature is None and model is None:
         reporter.note(
             f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
@@ -171,14 +171,3 @@ def _learned(library: PoseLibrary, file: str) -> PoseProposal:
 def _sexes(settings: Settings) -> tuple[str, ...]:
     """Templates that are tried for the person's body."""
     return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
-
-
-def _scaled(model: BodyModel, stature_m: float) -> BodyModel:
-    """A person's body of the same proportions and another stature."""
-    sizes = model.sizes
-    factor = stature_m / sizes.stature_m
-    chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
-    scaled = BodyModel.from_sizes(replace(sizes, stature_m=stature_m, chest_girth_m=chest))
-    if np.allclose(BodyModel.from_sizes(sizes).shape, model.shape):
-        return scaled
-    return scaled.reshaped(model.shape)  # made for a body of its own

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +109,7 @@ class TreeEstimator:
         check_person(source, silhouettes, True)
         pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
         pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
-        library = _library(options, model, float(np.median(pitches)), reporter)
+        library = _library(options, model, float(np.median(pitches)), settings, reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)
         views, backend = PinholeViews.from_rig(Rig((pinhole,))), load_backend(settings.backend)
         reporter.stage("motion model")
@@ -171,7 +171,7 @@ class TreeFollower:
         backend: Backend,
     ):
         self._library, self._pinhole, self._facing = library, pinhole, start == "facing"
-        self._transitions = transitions(library, True, interval_s=interval_s)
+        self._transitions = transitions(library, True, normalised=False, interval_s=interval_s)
         self._interval_s, self._backend = interval_s, backend
         self._filter: PaperFilter | None = None
 
@@ -207,19 +207,24 @@ def library_of(
         InputError: there is no such body or library, or it is no person's.
     """
     model = _body(options, settings, reporter)
-    return _library(options, model, -np.arcsin(camera.rotation[2, 2]), reporter)
+    return _library(options, model, -np.arcsin(camera.rotation[2, 2]), settings, reporter)
 
 
 def _library(
-    options: TreeOptions, model: BodyModel, pitch_rad: float, reporter: Reporter
+    options: TreeOptions, model: BodyModel, pitch_rad: float, settings: Settings, reporter: Reporter
 ) -> PoseLibrary:
     """The library that the options name, else one of the body seen at an angle, rounded so that it
-    serves again.
+    serves again. Its body is as tall as the person: the same silhouettes are seen of a larger one
+    farther away.
     """
     if options.library:
-        return read_library(Path(options.library))
-    pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
-    return dictionary(model, float(pitch_deg), reporter)
+        library = read_library(Path(options.library))
+    else:
+        pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
+        library = dictionary(model, float(pitch_deg), reporter)
+    if settings.stature_m is None or options.body:
+        return library
+    return replace(library, model=library.model.scaled(settings.stature_m))
 
 
 def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLibrary:
@@ -274,5 +279,5 @@ def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyM
             " with it"
         )
     preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
-    reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24")
+    reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24, scaled")
     return preset.body()
