@@ -143,20 +143,20 @@ def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter
         proposal, model = _learned(library, options.library), library.model
     if options.body:
         return TrackedPerson(load_body(options.body), proposal)
-    stature, described = (
-        settings.stature_m,
-        settings.chest_m is not None or settings.sex != "unknown",
-    )
-    if model is not None and not described:
-        return TrackedPerson(model if stature is None else model.scaled(stature), proposal)
-    if stature is None and model is None:
-        reporter.note(
-            f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
-            " lengths with it"
-        )
-    usual_m = MEASURING.usual_m if model is None else model.sizes.stature_m
-    sizes = BodySizes(stature or usual_m, settings.chest_m, settings.sex)
+    stature_m = settings.stature_m or (model and model.sizes.stature_m) or usual_stature(reporter)
+    if model is not None and settings.chest_m is None and settings.sex == "unknown":
+        return TrackedPerson(model.scaled(stature_m), proposal)
+    sizes = BodySizes(stature_m, settings.chest_m, settings.sex)
     return TrackedPerson(BodyModel.from_sizes(sizes), proposal)
+
+
+def usual_stature(reporter: Reporter) -> float:
+    """The stature that is assumed where none was told, m, which is noted."""
+    reporter.note(
+        f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
+        " lengths with it"
+    )
+    return MEASURING.usual_m
 
 
 def _learned(library: PoseLibrary, file: str) -> PoseProposal:

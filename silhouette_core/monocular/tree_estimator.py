@@ -16,13 +16,7 @@ from calib.camera import Camera, Rig
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import nearest_preset
-from silhouette_core.estimator import (
-    BackgroundKind,
-    Estimate,
-    FrameSource,
-    Settings,
-    read_options,
-)
+from silhouette_core.estimator import Estimate, FrameSource, Settings, read_options
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.body_library import some_silhouettes
@@ -33,7 +27,7 @@ from silhouette_core.monocular.monocular_estimator import (
     check_person,
     upright_frame,
 )
-from silhouette_core.monocular.monocular_stages import STARTS
+from silhouette_core.monocular.monocular_stages import STARTS, usual_stature
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
@@ -52,7 +46,6 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import mask_errors
-from silhouette_core.tuning import MEASURING
 
 _SAMPLES = 24_000  # of a dictionary of the program's own movements
 _PITCH_STEP_DEG = 5
@@ -89,18 +82,12 @@ class TreeEstimator:
 
     name = "tree"
     takes_body = True
-    usual_background: BackgroundKind = "paper"
+    usual_background = "paper"
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
         options = read_options(TreeOptions, settings.options, self.name)
-        if len(source.rig) != 1:
-            raise InputError(
-                f"{len(source.rig)} cameras are too many for the estimator of one camera: choose"
-                " one with --camera NAME"
-            )
         set_threads(settings.threads)
-        model = _body(options, settings, reporter)
         frame, name = upright_frame(source.rig, settings, reporter), source.rig.names[0]
         camera = frame.rig(source.rig).cameras[0]
         reporter.stage("background")
@@ -109,7 +96,7 @@ class TreeEstimator:
         check_person(source, silhouettes, True)
         pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
         pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
-        library = _library(options, model, float(np.median(pitches)), settings, reporter)
+        library = library_of(float(np.median(pitches)), settings, options, reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)
         views, backend = PinholeViews.from_rig(Rig((pinhole,))), load_backend(settings.backend)
         reporter.stage("motion model")
@@ -199,32 +186,28 @@ class TreeFollower:
 
 
 def library_of(
-    camera: Camera, settings: Settings, options: TreeOptions, reporter: Reporter
-) -> PoseLibrary:
-    """Library of a person before a camera, z up, of which no picture is known.
-
-    Raises:
-        InputError: there is no such body or library, or it is no person's.
-    """
-    model = _body(options, settings, reporter)
-    return _library(options, model, -np.arcsin(camera.rotation[2, 2]), settings, reporter)
-
-
-def _library(
-    options: TreeOptions, model: BodyModel, pitch_rad: float, settings: Settings, reporter: Reporter
+    pitch_rad: float, settings: Settings, options: TreeOptions, reporter: Reporter
 ) -> PoseLibrary:
     """The library that the options name, else one of the body seen at an angle, rounded so that it
     serves again. Its body is as tall as the person: the same silhouettes are seen of a larger one
     farther away.
+
+    Raises:
+        InputError: there is no such body or library, or it is no person's.
     """
-    if options.library:
-        library = read_library(Path(options.library))
-    else:
+    library = read_library(Path(options.library)) if options.library else None
+    model = _body(options, settings, reporter) if library is None else library.model
+    if model.person is None:
+        raise InputError(
+            f"{options.library or options.body} is no person's body: leave --method paper out,"
+            " samples of the tree lead the search of other bodies anyway"
+        )
+    if library is None:
         pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
         library = dictionary(model, float(pitch_deg), reporter)
     if settings.stature_m is None or options.body:
         return library
-    return replace(library, model=library.model.scaled(settings.stature_m))
+    return replace(library, model=model.scaled(settings.stature_m))
 
 
 def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLibrary:
@@ -254,30 +237,10 @@ def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLi
 
 
 def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyModel:
-    """The person's body.
-
-    Raises:
-        InputError: there is no such body or library, or it is no person's.
-    """
-    if options.library or options.body:
-        model = (
-            read_library(Path(options.library)).model
-            if options.library
-            else load_body(options.body)
-        )
-        if model.person is None:
-            raise InputError(
-                f"{options.library or options.body} is no person's body: leave --method paper out,"
-                " samples of the tree lead the search of other bodies anyway"
-            )
-        return model
-    stature_m = settings.stature_m
-    if stature_m is None:
-        stature_m = MEASURING.usual_m
-        reporter.note(
-            f"nobody said how tall the person is: {stature_m:.2f} m is assumed, and all lengths"
-            " with it"
-        )
+    """The body that the options name, else of the paper's 24 the nearest."""
+    if options.body:
+        return load_body(options.body)
+    stature_m = settings.stature_m or usual_stature(reporter)
     preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
     reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24, scaled")
     return preset.body()
