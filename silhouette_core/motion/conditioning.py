@@ -78,7 +78,8 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
     Args:
         motion: as estimated, or conditioned otherwise before: that is undone.
     """
-    source, conditioning = _as_estimated(motion), conditioning.chosen()
+    conditioning = conditioning.chosen()
+    source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
     result = _with_frames(source, missing, conditioning.gap_method) if len(missing) else source
     root_m, quaternion = result.root_m.copy(), result.root_quaternion.copy()
