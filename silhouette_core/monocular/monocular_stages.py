@@ -143,15 +143,18 @@ def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter
         proposal, model = _learned(library, options.library), library.model
     if options.body:
         return TrackedPerson(load_body(options.body), proposal)
-    stature_m = settings.stature_m or (model and model.sizes.stature_m) or usual_stature(reporter)
+    stature_m = assumed_stature(settings, reporter, model and model.sizes.stature_m)
     if model is not None and settings.chest_m is None and settings.sex == "unknown":
         return TrackedPerson(model.scaled(stature_m), proposal)
     sizes = BodySizes(stature_m, settings.chest_m, settings.sex)
     return TrackedPerson(BodyModel.from_sizes(sizes), proposal)
 
 
-def usual_stature(reporter: Reporter) -> float:
-    """The stature that is assumed where none was told, m, which is noted."""
+def assumed_stature(settings: Settings, reporter: Reporter, usual_m: float | None = None) -> float:
+    """The stature, m: as told, else a usual one, else what is assumed of anybody and noted."""
+    for known_m in (settings.stature_m, usual_m):
+        if known_m is not None:
+            return known_m
     reporter.note(
         f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
         " lengths with it"

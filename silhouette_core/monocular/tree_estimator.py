@@ -27,7 +27,7 @@ from silhouette_core.monocular.monocular_estimator import (
     check_person,
     upright_frame,
 )
-from silhouette_core.monocular.monocular_stages import STARTS, usual_stature
+from silhouette_core.monocular.monocular_stages import STARTS, assumed_stature
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
@@ -240,7 +240,7 @@ def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyM
     """The body that the options name, else of the paper's 24 the nearest."""
     if options.body:
         return load_body(options.body)
-    stature_m = settings.stature_m or usual_stature(reporter)
+    stature_m = assumed_stature(settings, reporter)
     preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
     reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24, scaled")
     return preset.body()

@@ -91,6 +91,13 @@ def test_a_taller_person_is_larger_and_farther_away(library_file, filmed):
     np.testing.assert_allclose(farther, away * 1.893 / own.motion.model.sizes.stature_m, rtol=1e-4)
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_no_stature_is_no_person_s(library_file, filmed, named):
+    library = {"library": str(library_file)} if named else {}
+    with pytest.raises(InputError, match="stature 0"):
+        tracked(filmed[1][:2], stature_m=0.0, **library)
+
+
 def test_a_given_body_keeps_its_stature(filmed, tmp_path, monkeypatch):
     use_small_dictionaries(tmp_path, monkeypatch)
     model = tracked(filmed[1][:2], stature_m=1.893, body="92A5").motion.model
