@@ -100,8 +100,7 @@ class Settings:
         stature_m: height of the person, metres; None: estimated.
         chest_m: chest girth, metres; None: usual for the stature.
         sex: sex of the person, which decides the proportions.
-        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
-            does against shadows and noise.
+        background: see `BackgroundKind`.
         segmenter: network that tells where people are, of cameras without an empty view: see
             `silhouette_core.image.segmenter.load_segmenter`. None: none does.
         up: direction of up in the world, three numbers; None: as the calibration states, else
@@ -194,6 +193,7 @@ class Estimator(Protocol):
     """Estimates the motion of a person from frames.
 
     One with the option `body` may say so by an attribute `takes_body`: then the subject's is given.
+    An attribute `usual_background` replaces the background `auto`.
     """
 
     name: str

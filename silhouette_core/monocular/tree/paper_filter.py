@@ -171,10 +171,10 @@ class PaperFilter:
             prior = np.outer(self._first, np.full(len(places_m), 1 / len(places_m)))
         else:
             prior = self._predict(self._last, time_s, places_m)
-        leaf, samples, probability = self._update(prior, window)
+        leaves, of_leaves, samples, probability = self._update(prior, window)
         self._last = PaperFrame(time_s, window, samples, probability, places_m)
         if not self._in_place:
-            self._follow_distance(mask, leaf, int(probability[0].argmax()))
+            self._follow_distance(mask, leaves, of_leaves)
         return self._last
 
     def poses(self, frame: PaperFrame, rows: Sequence[int]) -> PoseArrays:
@@ -210,14 +210,14 @@ class PaperFilter:
 
     def _update(
         self, prior: NDArray[np.float64], window: Window
-    ) -> tuple[int, NDArray[np.int64], NDArray[np.float64]]:
-        """The likeliest leaf, samples (M,) of the surviving leaves and their posterior (M, C), eq.
-        (12) and (13), by a prior (N, C).
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """The surviving leaves (K,) and their posterior (K, C), their samples (M,) and theirs (M,
+        C), likeliest first, eq. (12) and (13), by a prior (N, C).
         """
         library = self.library
         of_nodes = node_sums(library, prior)
         nodes = kept = np.arange(len(library.levels[0]))
-        log_likelihood = np.empty((0, 0))
+        log_likelihood = log_posterior = np.empty((0, 0))
         for depth, level in enumerate(library.levels):
             if depth:
                 first = library.child_offsets[depth - 1]
@@ -226,7 +226,8 @@ class PaperFilter:
             distance = self._backend.span_distances(target, level.spans, nodes)
             log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
             with np.errstate(divide="ignore"):
-                each = rounded(_log_sums(log_likelihood + np.log(of_nodes[depth][nodes])))
+                log_posterior = log_likelihood + np.log(of_nodes[depth][nodes])
+            each = rounded(_log_sums(log_posterior))
             kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
@@ -235,7 +236,8 @@ class PaperFilter:
         probability = np.exp(posterior - posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
         order = np.argsort(-posterior.max(axis=1), kind="stable")
-        return int(nodes[of_leaf[order[0]]]), samples[order], probability[order]
+        of_leaves = np.exp(log_posterior[kept] - log_posterior.max())
+        return nodes[kept], of_leaves / of_leaves.sum(), samples[order], probability[order]
 
     def _target(self, window: Window, reduction: int) -> Target:
         """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
@@ -243,17 +245,23 @@ class PaperFilter:
         mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _follow_distance(self, mask: NDArray[np.bool_], leaf: int, cell: int) -> None:
-        """Follows the distance by the size in which the likeliest leaf's silhouette fits best, by
-        XOR, eq. (6), which prefers no size.
+    def _follow_distance(
+        self, mask: NDArray[np.bool_], leaves: NDArray[np.int64], of_leaves: NDArray[np.float64]
+    ) -> None:
+        """Follows the distance by the size in which the silhouettes of some leaves (K,) fit best,
+        in the mean over their posterior (K, C), by XOR, eq. (6).
+
+        It counts relative to the root of the silhouette's area: with that of the leaf, which stays,
+        to their geometric mean, so that neither is preferred to be the larger one. Relative to the
+        area alone, a wrong pose would go farther and farther away.
         """
         factors = np.exp(DISTANCES.step * np.arange(-1, 2))
         masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
-        weights = tuple(np.full(one.shape, 1 / max(one.sum(), 1)) for one in masks)
-        target = Target(masks, weights, self._shifts_px[cell : cell + 1])
-        finest = self.library.levels[-1].spans
-        apart = self._backend.span_distances(target, finest, np.array([leaf]))[0]
-        self._distance_m *= float(factors[int(apart.argmin())] ** DISTANCES.gain)
+        weights = tuple(np.full(one.shape, max(one.sum(), 1) ** -0.5) for one in masks)
+        target = Target(masks, weights, self._shifts_px)
+        apart = self._backend.span_distances(target, self.library.levels[-1].spans, leaves)
+        mean = np.einsum("kc,ksc->s", of_leaves, apart.reshape(len(leaves), len(masks), -1))
+        self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
 
 
 def _log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
