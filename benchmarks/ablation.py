@@ -106,8 +106,6 @@ def off_mm(folder: Path, result: Path, estimator: str, switch: Switch) -> float:
     if not (result / "joints.csv").exists():
         stature_m = json.loads((folder / "truth.json").read_text())["stature"]
         settings = Settings(stature_m=stature_m, threads=1)
-        if estimator == "tree":
-            settings = replace(settings, background="paper")
         with switch():
             fit(Recording.open(folder), Output(result, overwrite=True), settings, estimator)
     return score_motion(truth, read_joints(result / "joints.csv", len(truth))).root_mm

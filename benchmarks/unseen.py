@@ -53,7 +53,7 @@ def track(library: Path, folder: Path, start: str) -> Path:
         options: dict[str, bool | int | float | str] = {"start": start}
         settings, estimator = Settings(stature_m=stature_m, threads=1), "monocular"
         if str(library) == "paper":
-            settings, estimator = replace(settings, background="paper"), "tree"
+            estimator = "tree"
         elif str(library) != "program":
             options["library"] = str(library)
         settings = replace(settings, options=options)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import InputError
-from silhouette_core.estimator import BackgroundKind, Settings
+from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import Score, markdown_table, score_motion
@@ -20,11 +20,8 @@ from voxelpose.version import __version__
 
 TABLE = "table.md"
 PERFORMED = ("golf", "pointing")
-METHODS: dict[str, tuple[str, BackgroundKind]] = {
-    "track": ("monocular", "auto"),
-    "track --method paper": ("tree", "paper"),
-}
-"""Estimator and background of each method."""
+METHODS = {"track": "monocular", "track --method paper": "tree"}
+"""Estimator of each method."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +75,8 @@ def run_figure(
             raise InputError(
                 f"{sequence.folder} has {len(recording.rig)} cameras: choose one with --camera NAME"
             )
-        for method, (estimator, background) in METHODS.items():
-            settings = Settings(
-                stature_m=sequence.stature_m, options=options, background=background
-            )
+        for method, estimator in METHODS.items():
+            settings = Settings(stature_m=sequence.stature_m, options=options)
             result = folder / f"{name}_{estimator}"
             fit(recording, Output(result), settings, estimator, reporter)
             joints_m = read_joints(result / "joints.csv", len(truth))

@@ -101,8 +101,7 @@ class Settings:
         stature_m: height of the person, metres; None: estimated.
         chest_m: chest girth, metres; None: usual for the stature.
         sex: sex of the person, which decides the proportions.
-        background: `paper` is Okada and Stenger 5.1 as written; `refined` adds what this project
-            does against shadows and noise.
+        background: see `BackgroundKind`.
         network: "auto" uses the pose network where it is installed, see
             `silhouette_core.network_files`; "off" does not.
         up: direction of up in the world, three numbers; None: as the calibration states, else
@@ -195,6 +194,7 @@ class Estimator(Protocol):
     """Estimates the motion of a person from frames.
 
     One with the option `body` may say so by an attribute `takes_body`: then the subject's is given.
+    An attribute `usual_background` replaces the background `auto`.
     """
 
     name: str

@@ -274,9 +274,13 @@ def _with_subject(settings: Settings, recording: Recording, estimator: Estimator
     options = dict(settings.options)
     if subject.body is not None and getattr(estimator, "takes_body", False):
         options.setdefault("body", subject.body)
+    background = settings.background
+    if background == "auto":
+        background = getattr(estimator, "usual_background", background)
     return replace(
         settings,
         options=options,
+        background=background,
         stature_m=settings.stature_m if settings.stature_m is not None else subject.stature_m,
         chest_m=settings.chest_m if settings.chest_m is not None else subject.chest_girth_m,
         sex=settings.sex if settings.sex != "unknown" else subject.sex,

@@ -134,8 +134,8 @@ def _quality(motion: Motion, cameras: tuple[str, ...]) -> dict[str, dict[str, fl
 def _range_of(values: NDArray) -> dict[str, float]:
     if not np.isfinite(values).any():
         return {}
-    numbers = {"min": np.nanmin(values), "median": np.nanmedian(values), "max": np.nanmax(values)}
-    return {name: round(float(value), 4) for name, value in numbers.items()}
+    numbers = {"min": np.nanmin, "median": np.nanmedian, "max": np.nanmax, "mean": np.nanmean}
+    return {name: round(float(of(values)), 4) for name, of in numbers.items()}
 
 
 def people_document(

@@ -68,6 +68,7 @@ class _Stage(msgspec.Struct):
     min: _Seconds | None = None
     median: _Seconds | None = None
     max: _Seconds | None = None
+    mean: _Seconds | None = None  # none until 2026-11
 
 
 class _Spent(msgspec.Struct):
@@ -134,7 +135,7 @@ class _Options(msgspec.Struct):
 
 
 class _Conditioning(msgspec.Struct):
-    filter: Literal["butterworth", "savgol", "gaussian", "none"] = "butterworth"
+    filter: Literal["auto", "butterworth", "savgol", "gaussian", "none"] = "auto"
     cutoff_hz: _Positive = 7
     filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
     gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0

@@ -157,6 +157,13 @@ class BodyModel:
         space = ShapeSpace.from_rest(self.joints_m, vertices, self.landmarks_m, *skin, self.faces)
         return replace(self, vertices_m=vertices, space=space)
 
+    def scaled(self, stature_m: float) -> BodyModel:
+        """This person's body with the same proportions and another stature."""
+        factor, chest_m = stature_m / self.sizes.stature_m, self.sizes.chest_girth_m
+        chest_m = None if chest_m is None else chest_m * factor
+        sizes = replace(self.sizes, stature_m=stature_m, chest_girth_m=chest_m)
+        return self._scaled(factor, sizes)
+
     def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
         return replace(
             self,

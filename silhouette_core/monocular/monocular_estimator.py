@@ -85,13 +85,8 @@ class MonocularEstimator:
     ) -> list[Estimate]:
         """See `silhouette_core.estimator.PeopleEstimator.estimate_people`; None: one person."""
         options = read_options(MonocularOptions, settings.options, "monocular")
-        if len(source.rig) != 1:
-            raise InputError(
-                f"{len(source.rig)} cameras are too many for the monocular estimator: choose one"
-                " with --camera NAME"
-            )
         set_threads(settings.threads)
-        count = people or 1
+        frame, count = upright_frame(source.rig, settings, reporter), people or 1
         if count > 1:
             if settings != settings.of_anybody:
                 reporter.note(ONE_PERSONS)
@@ -99,7 +94,6 @@ class MonocularEstimator:
         known = body_of_track(options.body, options.library, reporter) or person_for(
             options, settings, reporter
         )
-        frame = upright_frame(source.rig, settings, reporter)
         camera = frame.rig(source.rig).cameras[0]
         silhouettes = _silhouettes(source, settings, reporter)
         if settings.smooth or source.silhouettes_given:
@@ -287,7 +281,14 @@ def check_person(source: FrameSource, silhouettes: Silhouettes, person: bool) ->
 
 
 def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFrame:
-    """The frame with z up as the settings state it, else as the camera alone tells."""
+    """The frame with z up as the settings state it, else as the camera alone tells. InputError
+    where there are several.
+    """
+    if len(rig) != 1:
+        raise InputError(
+            f"{len(rig)} cameras are too many for an estimator of one: choose one with --camera"
+            " NAME"
+        )
     up = up_from_cameras(rig) if settings.up is None else settings.up
     if settings.up is None and not np.array_equal(up, Z_UP):
         reporter.note(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -143,20 +143,23 @@ def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter
         proposal, model = _learned(library, options.library), library.model
     if options.body:
         return TrackedPerson(load_body(options.body), proposal)
-    stature, described = (
-        settings.stature_m,
-        settings.chest_m is not None or settings.sex != "unknown",
-    )
-    if model is not None and not described:
-        return TrackedPerson(model if stature is None else _scaled(model, stature), proposal)
-    if stature is None and model is None:
-        reporter.note(
-            f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
-            " lengths with it"
-        )
-    usual_m = MEASURING.usual_m if model is None else model.sizes.stature_m
-    sizes = BodySizes(stature or usual_m, settings.chest_m, settings.sex)
+    stature_m = assumed_stature(settings, reporter, model and model.sizes.stature_m)
+    if model is not None and settings.chest_m is None and settings.sex == "unknown":
+        return TrackedPerson(model.scaled(stature_m), proposal)
+    sizes = BodySizes(stature_m, settings.chest_m, settings.sex)
     return TrackedPerson(BodyModel.from_sizes(sizes), proposal)
+
+
+def assumed_stature(settings: Settings, reporter: Reporter, usual_m: float | None = None) -> float:
+    """The stature, m: as told, else a usual one, else what is assumed of anybody and noted."""
+    for known_m in (settings.stature_m, usual_m):
+        if known_m is not None:
+            return known_m
+    reporter.note(
+        f"nobody said how tall the person is: {MEASURING.usual_m:.2f} m is assumed, and all"
+        " lengths with it"
+    )
+    return MEASURING.usual_m
 
 
 def _learned(library: PoseLibrary, file: str) -> PoseProposal:
@@ -171,14 +174,3 @@ def _learned(library: PoseLibrary, file: str) -> PoseProposal:
 def _sexes(settings: Settings) -> tuple[str, ...]:
     """Templates that are tried for the person's body."""
     return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
-
-
-def _scaled(model: BodyModel, stature_m: float) -> BodyModel:
-    """A person's body of the same proportions and another stature."""
-    sizes = model.sizes
-    factor = stature_m / sizes.stature_m
-    chest = None if sizes.chest_girth_m is None else sizes.chest_girth_m * factor
-    scaled = BodyModel.from_sizes(replace(sizes, stature_m=stature_m, chest_girth_m=chest))
-    if np.allclose(BodyModel.from_sizes(sizes).shape, model.shape):
-        return scaled
-    return scaled.reshaped(model.shape)  # made for a body of its own

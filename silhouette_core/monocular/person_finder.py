@@ -21,6 +21,7 @@ from silhouette_core.image.head_colours import ColourCrop, coarse_histogram, unl
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.person import LEAST_PX, Person, find_person, slenderness
 from silhouette_core.monocular.tuning import PERSON
+from silhouette_core.ranking import rounded
 
 LONG_SIDE_PX = 960
 _MOST = 2  # what it costs that a silhouette is somebody's: 1 by its place, 1 by its colours
@@ -281,7 +282,7 @@ def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dic
             away /= np.sqrt(person.usual_px)
             if away < 1 and piece.area >= PERSON.least_of_usual * person.usual_px:
                 costs[k, j] = away + _unlike(person, piece)
-    rows, columns = linear_sum_assignment(costs)
+    rows, columns = linear_sum_assignment(rounded(costs))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {k: j for k, j in pairs if costs[k, j] < _MOST}
 
@@ -290,7 +291,7 @@ def _unlike(person: FollowedPerson, piece: _Piece) -> float:
     """How different the colours of a person and a piece are, 0 to 1."""
     if person.looks is None or piece.looks is None:
         return 0.0
-    return float(unlikeness(person.looks, piece.looks))
+    return float(rounded(unlikeness(person.looks, piece.looks)))
 
 
 def _holds(box_px: NDArray[np.float64], place_px: NDArray[np.float64]) -> bool:

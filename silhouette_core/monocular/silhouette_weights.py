@@ -16,6 +16,7 @@ from silhouette_core.image.raster import NEAR_M
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import summable
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
@@ -92,9 +93,10 @@ class SignedWeights:
         focal = window.focal_px / reduction
         matrix = np.array([[focal, 0.0, center[0]], [0.0, focal, center[1]], [0.0, 0.0, 1.0]])
         rotation = np.ascontiguousarray(window.world_from_virtual.T)
+        signed = summable(np.where(mask, -weights, weights))
         return cls(
-            np.where(mask, -weights, weights).astype(float),
-            float(weights[mask].sum()),
+            signed,
+            -float(signed[mask].sum()),
             matrix,
             rotation,
             -rotation @ window.center_m,

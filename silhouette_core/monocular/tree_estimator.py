@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ from silhouette_core.monocular.monocular_estimator import (
     check_person,
     upright_frame,
 )
-from silhouette_core.monocular.monocular_stages import STARTS
+from silhouette_core.monocular.monocular_stages import STARTS, assumed_stature
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
@@ -46,7 +46,6 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import mask_errors
-from silhouette_core.tuning import MEASURING
 
 _SAMPLES = 24_000  # of a dictionary of the program's own movements
 _PITCH_STEP_DEG = 5
@@ -83,17 +82,12 @@ class TreeEstimator:
 
     name = "tree"
     takes_body = True
+    usual_background = "paper"
 
     def estimate(self, source: FrameSource, settings: Settings, reporter: Reporter) -> Estimate:
         """See `silhouette_core.estimator.Estimator.estimate`."""
         options = read_options(TreeOptions, settings.options, self.name)
-        if len(source.rig) != 1:
-            raise InputError(
-                f"{len(source.rig)} cameras are too many for the estimator of one camera: choose"
-                " one with --camera NAME"
-            )
         set_threads(settings.threads)
-        model = _body(options, settings, reporter)
         frame, name = upright_frame(source.rig, settings, reporter), source.rig.names[0]
         camera = frame.rig(source.rig).cameras[0]
         reporter.stage("background")
@@ -102,7 +96,7 @@ class TreeEstimator:
         check_person(source, silhouettes, True)
         pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
         pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
-        library = _library(options, model, float(np.median(pitches)), reporter)
+        library = library_of(float(np.median(pitches)), settings, options, reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)
         reporter.stage("motion model")
         backend = load_backend(settings.backend)
@@ -110,15 +104,15 @@ class TreeEstimator:
         finder, poses, noted = PersonFinder(camera, False), [], []
         reporter.stage("tracking", source.frame_count)
         for number, time_s, frames in source:
-            with clock("silhouettes"):
-                mask = silhouettes.of(frames)[name]
-                person = finder.find(frames[name], mask)
-            if person is not None:
-                with clock("filter"):
-                    pose, error, probability, joints = follower.step(time_s, person.mask)
-                hypotheses.put(number, probability, joints)
-                poses.append(pose)
-                noted.append((number, time_s, 1 - error))
+            with clock("total"):
+                with clock("silhouettes"):
+                    person = finder.find(frames[name], silhouettes.of(frames)[name])
+                if person is not None:
+                    with clock("estimation"):
+                        pose, error, probability, joints = follower.step(time_s, person.mask)
+                    hypotheses.put(number, probability, joints)
+                    poses.append(pose)
+                    noted.append((number, time_s, 1 - error))
             reporter.advance()
         stacked, (numbers, times, agreement) = PoseArrays.from_poses(poses), np.array(noted).T
         motion = Motion(
@@ -139,7 +133,8 @@ class TreeEstimator:
             "by_texture": silhouettes.by_texture,
         }
         stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
-        motion = conditioned(motion, settings.applied_conditioning).in_world(frame)
+        # A filter without lag would use later frames.
+        motion = conditioned(motion, settings.applied_conditioning.chosen("none")).in_world(frame)
         return Estimate(motion, stages, facts, hypotheses)
 
 
@@ -161,7 +156,7 @@ class TreeFollower:
         backend: Backend,
     ):
         self._library, self._pinhole, self._facing = library, pinhole, start == "facing"
-        self._transitions = transitions(library, True, interval_s=interval_s)
+        self._transitions = transitions(library, True, normalised=False, interval_s=interval_s)
         self._interval_s, self._backend = interval_s, backend
         self._views = PinholeViews.from_rig(Rig((pinhole,)))
         self._filter: PaperFilter | None = None
@@ -192,27 +187,28 @@ class TreeFollower:
 
 
 def library_of(
-    camera: Camera, settings: Settings, options: TreeOptions, reporter: Reporter
+    pitch_rad: float, settings: Settings, options: TreeOptions, reporter: Reporter
 ) -> PoseLibrary:
-    """Library of a person before a camera, z up, of which no picture is known.
+    """The library that the options name, else one of the body seen at an angle, rounded so that it
+    serves again. Its body is as tall as the person: the same silhouettes are seen of a larger one
+    farther away.
 
     Raises:
         InputError: there is no such body or library, or it is no person's.
     """
-    model = _body(options, settings, reporter)
-    return _library(options, model, -np.arcsin(camera.rotation[2, 2]), reporter)
-
-
-def _library(
-    options: TreeOptions, model: BodyModel, pitch_rad: float, reporter: Reporter
-) -> PoseLibrary:
-    """The library that the options name, else one of the body seen at an angle, rounded so that it
-    serves again.
-    """
-    if options.library:
-        return read_library(Path(options.library))
-    pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
-    return dictionary(model, float(pitch_deg), reporter)
+    library = read_library(Path(options.library)) if options.library else None
+    model = _body(options, settings, reporter) if library is None else library.model
+    if model.person is None:
+        raise InputError(
+            f"{options.library or options.body} is no person's body: leave --method paper out,"
+            " samples of the tree lead the search of other bodies anyway"
+        )
+    if library is None:
+        pitch_deg = _PITCH_STEP_DEG * np.rint(np.degrees(pitch_rad) / _PITCH_STEP_DEG)
+        library = dictionary(model, float(pitch_deg), reporter)
+    if settings.stature_m is None or options.body:
+        return library
+    return replace(library, model=model.scaled(settings.stature_m))
 
 
 def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLibrary:
@@ -242,30 +238,10 @@ def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLi
 
 
 def _body(options: TreeOptions, settings: Settings, reporter: Reporter) -> BodyModel:
-    """The person's body.
-
-    Raises:
-        InputError: there is no such body or library, or it is no person's.
-    """
-    if options.library or options.body:
-        model = (
-            read_library(Path(options.library)).model
-            if options.library
-            else load_body(options.body)
-        )
-        if model.person is None:
-            raise InputError(
-                f"{options.library or options.body} is no person's body: leave --method paper out,"
-                " samples of the tree lead the search of other bodies anyway"
-            )
-        return model
-    stature_m = settings.stature_m
-    if stature_m is None:
-        stature_m = MEASURING.usual_m
-        reporter.note(
-            f"nobody said how tall the person is: {stature_m:.2f} m is assumed, and all lengths"
-            " with it"
-        )
+    """The body that the options name, else of the paper's 24 the nearest."""
+    if options.body:
+        return load_body(options.body)
+    stature_m = assumed_stature(settings, reporter)
     preset = nearest_preset(stature_m, settings.chest_m, settings.sex)
-    reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24")
+    reporter.note(f"body: {preset.name} of {preset.standard}, the nearest of 24, scaled")
     return preset.body()

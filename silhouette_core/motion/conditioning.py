@@ -31,14 +31,14 @@ class Conditioning:
     """What is done to the poses of a motion after the estimation.
 
     Attributes:
-        filter: kind of the filter, as of `LowPass`.
+        filter: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
         cutoff_hz: its cut-off, Hz: half of the amplitude is left there.
         filter_order: its order; None: the usual one.
         gap_limit: longest gap that is filled: frames, or text such as `0.2s`; 0 fills none.
         gap_method: `linear`, `pchip`, or `none`, which fills none.
     """
 
-    filter: str = "butterworth"
+    filter: str = "auto"
     cutoff_hz: float = DYNAMICS.cutoff_hz
     filter_order: int | None = None
     gap_limit: int | str = 0
@@ -60,7 +60,11 @@ class Conditioning:
     @property
     def low_pass(self) -> LowPass:
         """The filter."""
-        return LowPass(self.filter, float(self.cutoff_hz), self.filter_order)
+        return LowPass(self.chosen().filter, float(self.cutoff_hz), self.filter_order)
+
+    def chosen(self, usual: str = LowPass.kind) -> Conditioning:
+        """The same, with an estimator's `usual` filter where that is `auto`."""
+        return replace(self, filter=usual) if self.filter == "auto" else self
 
     def longest_gap(self, fps: float) -> int:
         """Frames of the longest gap that is filled."""
@@ -74,6 +78,7 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
     Args:
         motion: as estimated, or conditioned otherwise before: that is undone.
     """
+    conditioning = conditioning.chosen()
     source = _as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
     result = _with_frames(source, missing, conditioning.gap_method) if len(missing) else source

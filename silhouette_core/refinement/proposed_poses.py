@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.entry_points import load_registered
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
 from silhouette_core.tuning import REFINEMENT
 
@@ -36,18 +37,18 @@ class ProposedPoses:
     @property
     def likeliest(self) -> NDArray[np.float64]:
         """Joints (15, 3) of the likeliest pose in the world."""
-        return self.priors[int(self.probability.argmax())].landmarks_m
+        return self.probable(1)[0].landmarks_m
 
     def probable(self, count: int) -> list[LandmarkPrior]:
         """The most probable poses, likeliest first."""
-        order = np.argsort(-self.probability, kind="stable")[:count]
+        order = np.argsort(rounded(-self.probability), kind="stable")[:count]
         return [self.priors[pose] for pose in order]
 
     def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
         """The proposed pose nearest to a pose's joints (15, 3), relative to the pelvis."""
         relative = landmarks_m - landmarks_m[0]
         gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
-        return self.priors[int(np.argmin(gaps))]
+        return self.priors[int(np.argmin(rounded(gaps)))]
 
     def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.

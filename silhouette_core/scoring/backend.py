@@ -49,8 +49,9 @@ class Grid(Protocol):
 class Backend(Protocol):
     """Scores of many candidates against one observation.
 
-    All backends give the same numbers, for any number of threads. Weights are dyadic (multiples of
-    one power of two, so small that float64 holds every sum of them): sums are exact in any order.
+    All backends give the same numbers, for any number of threads. Weights are `summable`
+    (`silhouette_core.ranking`): multiples of one power of two, so small that float64 holds every
+    sum of them. So sums are exact in any order.
     Means over cameras agree to 1e-12, all else bit for bit, unless a coordinate is within rounding
     of a pixel's or voxel's border. K, P and F may be 0.
 

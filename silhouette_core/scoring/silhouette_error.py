@@ -9,6 +9,7 @@ import numpy as np
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import place, skin
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.backend import Backend
 
@@ -53,8 +54,11 @@ def mask_errors(
     masks: Sequence[np.ndarray],
     backend: Backend,
 ) -> np.ndarray:
-    """As `silhouette_error` (K,) float64 of K poses, of the silhouettes (h, w) bool of C views."""
+    """As `silhouette_error` (K,) float64 of K poses, of the silhouettes (h, w) bool of C views;
+    `rounded`, since poses are ranked by it.
+    """
     in_cameras = posed_meshes(model, poses)[:, None] @ views.rotation.transpose(0, 2, 1)
     in_cameras += views.translation_m[:, None]
     matrices = np.stack([camera.matrix for camera in views.rig])
-    return backend.silhouette_errors(masks, matrices, in_cameras, model.faces, views.unknown)
+    errors = backend.silhouette_errors(masks, matrices, in_cameras, model.faces, views.unknown)
+    return rounded(errors)

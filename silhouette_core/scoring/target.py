@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.image.distance import Weighting, pixel_weights
 from silhouette_core.image.spans import Rectangle
+from silhouette_core.ranking import summable
 from silhouette_core.scoring.kernels import spans as kernels
 
 
@@ -21,16 +22,20 @@ class Target:
 
     Attributes:
         masks: P arrays (h, w) bool, P of eq. (7).
-        weights: P arrays (h, w) float32 or float64, d_P. Beyond the window the weight at its border
-            goes on.
+        weights: P arrays (h, w) float32 or float64, d_P, made `summable`. Beyond the window the
+            weight at its border goes on.
         shifts_px: (S, 2) int64, whole pixels (right, down) by which candidates are moved.
         scale: Factor on the weighted disagreement.
     """
 
     masks: tuple[NDArray[np.bool_], ...]
     weights: tuple[NDArray[np.floating], ...]
-    shifts_px: NDArray[np.integer] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
+    shifts_px: NDArray[np.int64] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Makes all sums of weights exact."""
+        object.__setattr__(self, "weights", tuple(map(summable, self.weights)))
 
     @classmethod
     def from_mask(

@@ -72,13 +72,14 @@ def test_summary_and_settings_say_what_was_done(recording, tmp_path):
         "min": 0.002,
         "median": 0.002,
         "max": 0.002,
+        "mean": 0.002,
         "sum": 0.012,
     }
     assert summary["body"]["stature_m"] == 1.81
     assert summary["quality"]["part_overlap"]["pelvis"] == 0.5
     assert summary["facts"] == {"tried": [0, 1], "fastest_turn": [300.0, 4]}
     assert result.settings["conditioning"] == {
-        "filter": "butterworth",
+        "filter": "auto",
         "cutoff_hz": 7.0,
         "gap_limit": 0,
         "gap_method": "linear",
@@ -134,6 +135,23 @@ def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):
 def test_what_is_no_result_is_not_opened(tmp_path):
     with pytest.raises(InputError, match="is not a result of voxelpose"):
         Result.open(tmp_path)
+
+
+@pytest.mark.parametrize(("given", "used"), [("auto", "paper"), ("moving", "moving")])
+def test_an_estimator_s_usual_background_is_taken_where_none_is_chosen(
+    recording, tmp_path, monkeypatch, given, used
+):
+    estimator, seen = type(load_estimator("standing")), []
+
+    def estimate(self, source, settings, reporter):
+        seen.append(settings.background)
+        return Estimate(waving(6))
+
+    monkeypatch.setattr(estimator, "usual_background", "paper", raising=False)
+    monkeypatch.setattr(estimator, "estimate", estimate)
+    output = Output(tmp_path / "out", pictures=False)
+    result = fit(recording, output, Settings(background=given), "standing")
+    assert seen == [used] and result.settings["background"] == used
 
 
 @pytest.mark.parametrize(("given", "taken"), [({}, "92A5"), ({"body": "9APP"}, "9APP")])

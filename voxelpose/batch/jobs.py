@@ -41,11 +41,11 @@ _SETTINGS = {
     "fps": (float, ""),
     "label": (str, ""),
     "backend": (str, "backend"),
+    "estimator": (str, ""),
 }
 _OPTIONS = {
     "fit": {
         "cameras": (str, ""),
-        "estimator": (str, ""),
         "interference": (bool, "options.interference"),
         "voxel": (float, "options.voxel_size_m"),
         "tolerance": (int, "options.tolerance"),

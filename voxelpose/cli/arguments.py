@@ -75,8 +75,11 @@ Fps = Annotated[
     _optional("N", "Frames per second, where the files do not state it or state it wrongly."),
 ]
 Filter = Annotated[
-    Literal["butterworth", "savgol", "gaussian", "none"],
-    arg(help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay."),
+    Literal["auto", "butterworth", "savgol", "gaussian", "none"],
+    arg(
+        help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay; auto:"
+        " butterworth, or none with --method paper."
+    ),
 ]
 Cutoff = Annotated[
     float, arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left.")
@@ -196,6 +199,8 @@ def camera_names(text: str | None) -> tuple[str, ...] | None:
     return names
 
 
+ESTIMATORS = {"learned": "monocular", "paper": "tree"}
+"""Estimators of one camera, by the values of `Method`."""
 Method = Annotated[
     Literal["learned", "paper"],
     arg(
@@ -206,20 +211,17 @@ Method = Annotated[
 ]
 
 
-def method_options(
-    method: str, start: str, outline_only: bool, library: Path | None
-) -> tuple[str, dict[str, bool | int | float | str]]:
-    """The estimator of one camera, and its options.
-
-    Raises:
-        InputError: the method has no such option.
+def unusual(command: Any, *fields: str, **named: str) -> dict[str, bool | int | float | str]:
+    """Options of an estimator by their names: fields of a command, some `named` otherwise, without
+    the usual ones, so that an estimator refuses no more than what was asked for.
     """
-    named = {} if library is None else {"library": str(library)}
-    if method == "learned":
-        return "monocular", {"start": start, "outline_only": outline_only, **named}
-    if outline_only:
-        raise InputError("--outline-only: --method paper sees nothing but outlines anyway")
-    return "tree", {"start": start, **named}
+    named |= dict(zip(fields, fields, strict=True))
+    given = {name: getattr(command, field) for name, field in named.items()}
+    return {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in given.items()
+        if value != getattr(type(command), named[name])
+    }
 
 
 def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:

@@ -14,7 +14,6 @@ from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
-    from silhouette_core.estimator import BackgroundKind
     from silhouette_core.progress import Reporter
     from voxelpose.results import Result
 
@@ -68,7 +67,6 @@ class Asked:
     options: Mapping[str, bool | int | float | str]  # of the estimator
     estimator: str
     people: int | None = 1  # None: as many as are seen
-    background: BackgroundKind | None = None  # None: that of the option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +91,7 @@ class EstimationArguments(ABC):
     overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
-    filter: arguments.Filter = "butterworth"
+    filter: arguments.Filter = "auto"
     cutoff: arguments.Cutoff = 7.0
     filter_order: arguments.FilterOrder = None
     gap_limit: arguments.GapLimit = "0"
@@ -101,7 +99,7 @@ class EstimationArguments(ABC):
     background: Literal["auto", "uniform", "moving", "paper"] = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
-    in Okada and Stenger 5.1."""
+    in Okada and Stenger 5.1, which --method paper has anyway."""
     network: Literal["auto", "off"] = "auto"
     """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
     one."""
@@ -147,7 +145,7 @@ class EstimationArguments(ABC):
             stature_m=self.stature,
             chest_m=self.chest,
             sex=self.sex,
-            background=asked.background or self.background,
+            background=self.background,
             network=self.network,
             smooth=self.smooth,
             up=arguments.up_direction(self.up),
@@ -203,15 +201,10 @@ class Fit(EstimationArguments):
 
     def asked(self) -> Asked:
         """See `EstimationArguments.asked`."""
-        given = {
-            "interference": self.interference,
-            "voxel_size_m": self.voxel,
-            "tolerance": self.tolerance,
-            "repair": self.repair,
-        }
-        usual = {"interference": True, "voxel_size_m": None, "tolerance": 0, "repair": "auto"}
-        options = {name: value for name, value in given.items() if value != usual[name]}
         from voxelpose.multiview.people import number_of_people
 
+        options = arguments.unusual(
+            self, "interference", "tolerance", "repair", voxel_size_m="voxel"
+        )
         cameras, people = arguments.camera_names(self.cameras), number_of_people(self.people)
         return Asked(self.recording, cameras, options, self.estimator, people)

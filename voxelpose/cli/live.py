@@ -166,9 +166,8 @@ class Live(arguments.PageArguments):
             chest_girth_m=self.chest or known.chest_girth_m,
             sex=self.sex if self.sex != "unknown" else known.sex,
         )
-        method, options = arguments.method_options(
-            self.method, self.start, self.outline_only, self.library
-        )
+        options = arguments.unusual(self, "outline_only", "library")
+        options["start"] = self.start
         settings = Settings(
             stature_m=subject.stature_m,
             chest_m=subject.chest_girth_m,
@@ -189,7 +188,9 @@ class Live(arguments.PageArguments):
             people=self.people,
         )
         reporter.stage("preparing the estimation")
-        estimator = make_estimator(live, settings, reporter, method, self.people)
+        estimator = make_estimator(
+            live, settings, reporter, arguments.ESTIMATORS[self.method], self.people
+        )
         return LiveSession(session_settings, estimator)
 
     def check(self) -> None:

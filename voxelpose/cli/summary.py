@@ -49,8 +49,10 @@ def print_result(result: Result, verbose: bool = False) -> None:
     )
     if words := summary.get("conditioning", {}).get("words"):
         console.print(plain(words))
+    if verbose or "total" in seconds["stages"]:  # of an estimator that times whole frames
+        _print_stages(seconds["stages"])
     if verbose:
-        _print_numbers(summary)
+        _print_quality(summary["quality"])
     console.print(f"[bold]{folder}[/bold]", soft_wrap=True)
     for pattern, meaning in _FILES:
         if any(result.folder.glob(pattern)):
@@ -87,19 +89,23 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
     _print_ways(folder)
 
 
-def _print_numbers(summary: Mapping[str, Any]) -> None:
-    """Prints the seconds of the stages and the quality of a result."""
-    console = rich_console()
+def _print_stages(stages: Mapping[str, Any]) -> None:
+    """Prints the durations of the stages, as Okada and Stenger, Fig. 6."""
+    columns = "min", "max", "mean"
     rows = [
-        (plain(name), *(f"{1000 * range_s[key]:.1f}" for key in ("min", "median", "max")))
-        for name, range_s in summary["seconds"]["stages"].items()
-        if "median" in range_s
+        (plain(name), *(f"{1000 * range_s[column]:.1f}" for column in columns))
+        for name, range_s in stages.items()
+        if "mean" in range_s
     ]
-    print_table(rows, "stage", "min ms", "median ms", "max ms")
-    for name, values in summary["quality"].items():
+    print_table(rows, "stage", *(f"{column} ms" for column in columns))
+
+
+def _print_quality(quality: Mapping[str, Any]) -> None:
+    """Prints the ranges of the quality of a result."""
+    for name, values in quality.items():
         if "median" in values:
             low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))
-            console.print(f"{plain(name)}: median {median}, from {low} to {high}")
+            rich_console().print(f"{plain(name)}: median {median}, from {low} to {high}")
 
 
 def print_score(score: Score) -> None:

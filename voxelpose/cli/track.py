@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from voxelpose.cli.arguments import Method, OptionalName, method_options
+from voxelpose.cli import arguments
 from voxelpose.cli.fit import Asked, EstimationArguments
 
 
@@ -35,9 +35,11 @@ class Track(EstimationArguments):
     people: Annotated[int, arg(metavar="N")] = 1
     """Number of people: each is tracked while the silhouettes are apart. 1: one, whoever else
     passes by."""
-    camera: OptionalName = None
+    camera: arguments.OptionalName = None
     """Name of the camera. Default: the only one."""
-    method: Method = "learned"
+    method: arguments.Method = "learned"
+    estimator: arguments.OptionalName = None
+    """Estimator to run; `voxelpose doctor` lists those that are installed. Default: --method's."""
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
     that comes with the program."""
@@ -51,11 +53,8 @@ class Track(EstimationArguments):
         from voxelpose.multiview.people import number_of_people
         from voxelpose.recording.folder import one_camera
 
-        estimator, options = method_options(
-            self.method, self.start, self.outline_only, self.library
-        )
+        options = arguments.unusual(self, "start", "outline_only", "library")
         people = number_of_people(str(self.people), auto=False)
         folder, camera = one_camera(self.recording, self.camera)
-        paper = self.method == "paper" and self.background == "auto"
-        background = "paper" if paper else None
-        return Asked(folder, (camera,), options, estimator, people, background)
+        estimator = self.estimator or arguments.ESTIMATORS[self.method]
+        return Asked(folder, (camera,), options, estimator, people)

@@ -249,7 +249,7 @@ class LiveTree(LiveMonocular):
         reporter: Reporter,
     ):
         """Builds the library where there is none, and begins the process."""
-        library_of(camera, settings, options, reporter)  # here, where it is reported
+        library_of(_pitch(camera), settings, options, reporter)  # here, where it is reported
         self._finder, self._name = PersonFinder(camera, False), camera.name
         LiveEstimator.__init__(self, TreePoses, camera, settings, options, fps)
 
@@ -258,7 +258,7 @@ class TreePoses:
     """Likeliest samples of the person whom one camera sees."""
 
     def __init__(self, camera: Camera, settings: Settings, options: TreeOptions, fps: float):
-        self._library = library_of(camera, settings, options, SilentReporter())
+        self._library = library_of(_pitch(camera), settings, options, SilentReporter())
         pinhole = UndistortedView.from_camera(camera, LONG_SIDE_PX).pinhole
         backend = load_backend(settings.backend)
         self._follower = TreeFollower(self._library, pinhole, options.start, 1 / fps, backend)
@@ -273,6 +273,11 @@ class TreePoses:
 
     def close(self) -> None:
         """Nothing was begun."""
+
+
+def _pitch(camera: Camera) -> float:
+    """How far down a camera looks, z up, radians."""
+    return -float(np.arcsin(camera.rotation[2, 2]))
 
 
 def posed_body(

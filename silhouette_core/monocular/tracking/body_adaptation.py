@@ -13,6 +13,7 @@ from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.monocular.tuning import ADAPTING
 from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
 from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
@@ -52,7 +53,7 @@ def adapted_body(
     sure = np.round([frame.probability.max() for frame in modes], _DECIMALS)
     blocks = np.array_split(np.arange(len(modes)), min(_FRAMES, len(modes)))
     frames = [int(block[sure[block].argmax()]) for block in blocks]
-    priors = [modes[t].priors[int(modes[t].probability.argmax())] for t in frames]
+    priors = [modes[t].probable(1)[0] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]
     found: list[tuple[float, BodyModel, float]] = []
     for sex in sexes:
@@ -69,15 +70,13 @@ def adapted_body(
             _WEIGHTS,
             priors,
         )
-        error = np.mean(
-            [
-                silhouette_error(surface.model, pose, observation, backend)
-                for pose, observation in zip(poses, observations, strict=True)
-            ]
-        )
+        errors = [
+            silhouette_error(surface.model, pose, observation, backend)
+            for pose, observation in zip(poses, observations, strict=True)
+        ]
         posed = surface.posed_many(PoseArrays.from_poses(poses)).points
         scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
-        found.append((float(error), surface.model, scale))
+        found.append((float(rounded(np.mean(errors))), surface.model, scale))
     _, body, scale = min(found, key=lambda one: one[0])
     return _grown(body, scale)
 

@@ -33,6 +33,7 @@ from silhouette_core.motion.dynamics import (
 )
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose, PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
@@ -171,7 +172,7 @@ class HypothesisTracker:
             distance = observed.weights.distances(self.model, poses)
             cost = 0.5 * (distance / settings.costs.silhouette) ** 2
             cost += proposal.cost(joints_of(self.model, poses))
-            best = np.argsort(cost, kind="stable")[: settings.reaching]
+            best = np.argsort(rounded(cost), kind="stable")[: settings.reaching]
             # Within its sigma, nothing is missing.
             most = settings.costs.silhouette
             best = [int(k) for k in best if distance[k] > most and k not in tried]
@@ -193,9 +194,8 @@ class HypothesisTracker:
         weights = observed.weights
         distance, joints = weights.distances(self.model, poses), joints_of(self.model, poses)
         drawn = weights.part_images(self.model, poses)
-        own = self.costs(
-            Hypotheses(poses, joints, distance, drawn, self.surface, observed, proposal)
-        )
+        seen = Hypotheses(poses, joints, distance, drawn, self.surface, observed, proposal)
+        own = rounded(self.costs(seen))
         areas = weights.part_areas(drawn, len(self.model.names))
         return Beam(
             poses,
@@ -216,12 +216,12 @@ class HypothesisTracker:
         longer = float(np.clip((beam.time_s - previous.time_s) * FPS, 0.0, MODES.longest_frame))
         own = beam.own * longer
         moving, restarted = self.moving(previous, predicted, beam)
-        total = previous.cost[:, None] + moving
+        total = rounded(previous.cost[:, None] + moving)
         back = total.argmin(0)
         return replace(
             beam,
             own=own,
-            cost=own + total.min(0),
+            cost=rounded(own + total.min(0)),
             back=back,
             restarted=restarted[back, np.arange(len(back))],
         )

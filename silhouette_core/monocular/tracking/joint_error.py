@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from silhouette_core.fitted_weights import fitted_weights
+from silhouette_core.ranking import rounded
 
 NEAR_MM = 30
 """Error for which the probability of a joint is stated."""
@@ -64,7 +65,7 @@ def hypothesis_spread(
         joints_m: (n, 15, 3), the pelvis first.
     """
     relative = joints_m - joints_m[:, :1]
-    away = np.linalg.norm(relative - relative[int(probability.argmax())], axis=2)
+    away = np.linalg.norm(relative - relative[int(rounded(probability).argmax())], axis=2)
     return np.asarray(probability @ away, np.float64)
 
 

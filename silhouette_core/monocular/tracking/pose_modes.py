@@ -31,6 +31,7 @@ from silhouette_core.monocular.tracking.body_heading import (
 )
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation
@@ -340,12 +341,12 @@ def merge_modes(
     weights = kernel * probability
     density = weights.sum(axis=1)
     chosen: list[int] = []
-    for mode in np.argsort(-density, kind="stable"):
+    for mode in np.argsort(rounded(-density), kind="stable"):
         if all(apart[mode, other] > MODES.alike_m for other in chosen):
             chosen.append(int(mode))
     owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
     mass = np.array([probability[owner == mode].sum() for mode in chosen])
-    order = np.argsort(-mass, kind="stable")
+    order = np.argsort(rounded(-mass), kind="stable")
     kept = np.array(chosen)[order]
     weights = weights[kept] / density[kept, None]
     return np.einsum("nm,mli->nli", weights, joints), mass[order], weights

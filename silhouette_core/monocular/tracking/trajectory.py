@@ -207,9 +207,8 @@ class PoseTrajectory:
     ) -> FrameEstimate:
         """Result of a frame, whose pose comes from one of its hypotheses."""
         tracker = self.tracker
-        error = mask_errors(tracker.model, [pose], tracker.views, [observed.mask], tracker.backend)[
-            0
-        ]
+        views, backend = tracker.views, tracker.backend
+        (error,) = mask_errors(tracker.model, [pose], views, [observed.mask], backend)
         best = float(beam.distance.min())
         usual = float(np.median(self._usual)) if self._usual else best
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess

@@ -35,6 +35,7 @@ from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.target import Target
 
@@ -62,7 +63,60 @@ class PaperFrame:
 
 
 class PaperFilter:
-    """Recursive filter over the frames of one camera.
+    r"""Recursive filter over the frames of one camera, as the paper writes it.
+
+    The posterior of the state :math:`x_t`, a pose and a position, given the silhouettes
+    :math:`z_{1:t}` so far, is
+
+    .. math::
+        :label: okada-1
+
+        p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
+
+    with the normalising constant :math:`c_t`. Its prior is predicted,
+
+    .. math::
+        :label: okada-2
+
+        p(x_t|z_{1:t-1}) = \int p(x_t|x_{t-1})\, p(x_{t-1}|z_{1:t-1})\, dx_{t-1}
+
+    which for sample :math:`n` of leaf :math:`j` at the last level :math:`L` becomes a sum over the
+    :math:`N_R` samples of the library,
+
+    .. math::
+        :label: okada-14
+
+        p(x_t^{njL}|z_{1:t-1}) =
+        \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
+
+    The likelihood follows from the silhouette distance :math:`d_{sil}` between the observation
+    :math:`P_o` and the projection :math:`P_m` of the pose,
+
+    .. math::
+        :label: okada-10
+
+        p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
+
+    A node :math:`\theta_t^{jl}`, number :math:`j` of level :math:`l`, takes that of its
+    representative :math:`\bar{x}_t^{jl}`; the volume of its set :math:`S^{jl}` counts as constant:
+
+    .. math::
+        :label: okada-11
+
+        p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
+
+    The tree is descended level by level; a node is scored if its parent survived. In a surviving
+    leaf all poses look alike: its likelihood counts for each of them, with their own priors:
+
+    .. math::
+        :label: okada-12
+
+        p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
+
+    .. math::
+        :label: okada-13
+
+        p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
 
     Args:
         library: poses and their tree; N samples.
@@ -77,7 +131,8 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, section 6; the grid, and the distance followed beside it, are ours.
+    Source: Okada and Stenger, eq. (1), (2), (10)-(14); the grid, and the distance followed beside
+    it, are ours.
     """
 
     def __init__(
@@ -116,10 +171,10 @@ class PaperFilter:
             prior = np.outer(self._first, np.full(len(places_m), 1 / len(places_m)))
         else:
             prior = self._predict(self._last, time_s, places_m)
-        leaf, samples, probability = self._update(prior, window)
+        leaves, of_leaves, samples, probability = self._update(prior, window)
         self._last = PaperFrame(time_s, window, samples, probability, places_m)
         if not self._in_place:
-            self._follow_distance(mask, leaf, int(probability[0].argmax()))
+            self._follow_distance(mask, leaves, of_leaves)
         return self._last
 
     def poses(self, frame: PaperFrame, rows: Sequence[int]) -> PoseArrays:
@@ -148,21 +203,21 @@ class PaperFilter:
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
         moved = -0.5 * cdist(last.places_m, places_m, "sqeuclidean") / sigma_m**2
         moved = np.exp(moved - _log_sums(moved)[:, None])
-        prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (14)
+        prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (2), (14)
         for _ in range(steps - 1):
             prior = self._transitions.T @ prior
         return prior
 
     def _update(
         self, prior: NDArray[np.float64], window: Window
-    ) -> tuple[int, NDArray[np.int64], NDArray[np.float64]]:
-        """The likeliest leaf, samples (M,) of the surviving leaves and their posterior (M, C), eq.
-        (12) and (13), by a prior (N, C).
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """The surviving leaves (K,) and their posterior (K, C), their samples (M,) and theirs (M,
+        C), likeliest first, eq. (12) and (13), by a prior (N, C).
         """
         library = self.library
         of_nodes = node_sums(library, prior)
         nodes = kept = np.arange(len(library.levels[0]))
-        log_likelihood = np.empty((0, 0))
+        log_likelihood = log_posterior = np.empty((0, 0))
         for depth, level in enumerate(library.levels):
             if depth:
                 first = library.child_offsets[depth - 1]
@@ -171,16 +226,18 @@ class PaperFilter:
             distance = self._backend.span_distances(target, level.spans, nodes)
             log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
             with np.errstate(divide="ignore"):
-                each = _log_sums(log_likelihood + np.log(of_nodes[depth][nodes]))
+                log_posterior = log_likelihood + np.log(of_nodes[depth][nodes])
+            each = rounded(_log_sums(log_posterior))
             kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
         with np.errstate(divide="ignore"):
-            posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+            posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))  # eq. (12), (13)
         probability = np.exp(posterior - posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
-        order = np.argsort(-probability.max(axis=1), kind="stable")
-        return int(nodes[of_leaf[order[0]]]), samples[order], probability[order]
+        order = np.argsort(-posterior.max(axis=1), kind="stable")
+        of_leaves = np.exp(log_posterior[kept] - log_posterior.max())
+        return nodes[kept], of_leaves / of_leaves.sum(), samples[order], probability[order]
 
     def _target(self, window: Window, reduction: int) -> Target:
         """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
@@ -188,17 +245,23 @@ class PaperFilter:
         mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _follow_distance(self, mask: NDArray[np.bool_], leaf: int, cell: int) -> None:
-        """Follows the distance by the size in which the likeliest leaf's silhouette fits best, by
-        XOR, eq. (6), which prefers no size.
+    def _follow_distance(
+        self, mask: NDArray[np.bool_], leaves: NDArray[np.int64], of_leaves: NDArray[np.float64]
+    ) -> None:
+        """Follows the distance by the size in which the silhouettes of some leaves (K,) fit best,
+        in the mean over their posterior (K, C), by XOR, eq. (6).
+
+        It counts relative to the root of the silhouette's area: with that of the leaf, which stays,
+        to their geometric mean, so that neither is preferred to be the larger one. Relative to the
+        area alone, a wrong pose would go farther and farther away.
         """
         factors = np.exp(DISTANCES.step * np.arange(-1, 2))
         masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
-        weights = tuple(np.full(one.shape, 1 / max(one.sum(), 1)) for one in masks)
-        target = Target(masks, weights, self._shifts_px[cell : cell + 1])
-        finest = self.library.levels[-1].spans
-        apart = self._backend.span_distances(target, finest, np.array([leaf]))[0]
-        self._distance_m *= float(factors[int(apart.argmin())] ** DISTANCES.gain)
+        weights = tuple(np.full(one.shape, max(one.sum(), 1) ** -0.5) for one in masks)
+        target = Target(masks, weights, self._shifts_px)
+        apart = self._backend.span_distances(target, self.library.levels[-1].spans, leaves)
+        mean = np.einsum("kc,ksc->s", of_leaves, apart.reshape(len(leaves), len(masks), -1))
+        self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
 
 
 def _log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
@@ -80,7 +81,7 @@ def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_
 
 def _error(found: tuple[Pose, list[_Frame]]) -> float:
     """Mean over frames of the error of the best pose with a root."""
-    return float(np.mean([frame.errors.min() for frame in found[1]]))
+    return float(rounded(np.mean([frame.errors.min() for frame in found[1]])))
 
 
 def _settled(
@@ -171,21 +172,16 @@ def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
     ) ** 2
 
 
+def _costs(frame: _Frame, root: Pose) -> NDArray[np.float64]:
+    """Costs (K,) of a frame's poses with a root, in squared standard deviations."""
+    errors = (frame.errors / ROOT_SEARCH.sigma_error) ** 2
+    return np.minimum(_gaps(frame.poses, root), 50.0) + errors
+
+
 def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
     """Roots to which all frames have a good pose near, the likeliest first, no two alike."""
     roots = [pose for frame in frames for pose in frame.poses]
-    costs = np.array(
-        [
-            sum(
-                (
-                    np.minimum(_gaps(frame.poses, root), 50.0)
-                    + (frame.errors / ROOT_SEARCH.sigma_error) ** 2
-                ).min()
-                for frame in frames
-            )
-            for root in roots
-        ]
-    )
+    costs = rounded([sum(_costs(frame, root).min() for frame in frames) for root in roots])
     chosen: list[Pose] = []
     for k in np.argsort(costs, kind="stable"):
         if len(chosen) < _ROOTS and (not chosen or _gaps(chosen, roots[k]).min() > 2.0):
@@ -195,10 +191,7 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
 
 def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
     """The likeliest poses of a frame, refined with a root that is held."""
-    likely = (
-        0.5 * np.minimum(_gaps(frame.poses, root), 50.0)
-        + 0.5 * (frame.errors / ROOT_SEARCH.sigma_error) ** 2
-    )
+    likely = rounded(_costs(frame, root))
     poses = [
         Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
         for k in np.argsort(likely, kind="stable")[:_LIKELY]

@@ -12,6 +12,7 @@ from silhouette_core.monocular.tree.evidence import UNMOVED, Alignment, Evidence
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX
 from silhouette_core.monocular.tuning import FILTER, FilterSettings
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 
 
@@ -45,7 +46,7 @@ class TreeFilter:
             `silhouette_core.monocular.tree.transitions.transitions`.
         backend: scores the nodes, and the poses of whoever follows what they lead to.
 
-    Source: Okada and Stenger, section 6.
+    Source: Okada and Stenger, section 6; `PaperFilter` states the equations.
     """
 
     def __init__(
@@ -59,28 +60,8 @@ class TreeFilter:
         self.settings, self.backend = settings, backend
 
     def predict(self, posterior: Posterior, steps: int = 1) -> NDArray[np.float64]:
-        r"""Prior of the next frame.
-
-        The prediction
-
-        .. math::
-            :label: okada-2
-
-            p(x_t|z_{1:t-1}) = \int p(x_t|x_{t-1})\, p(x_{t-1}|z_{1:t-1})\, dx_{t-1}
-
-        becomes a sum over the samples of the library,
-
-        .. math::
-            :label: okada-14
-
-            p(x_t^{njL}|z_{1:t-1}) =
-            \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
-
-        where :math:`x_t` is the state (position and joint angles) at frame :math:`t`,
-        :math:`z_{1:t}` are the observed silhouettes, :math:`x_t^{njL}` is sample :math:`n` of leaf
-        :math:`j` at the last level :math:`L`, and :math:`N_R` the number of samples. Here it is a
-        product with the sparse matrix of transitions, of the samples that survived only, and a
-        floor of even probability is added, which the paper does not have.
+        """Prior of the next frame, eq. (14): a product with the sparse matrix of transitions, of
+        the samples that survived only, and a floor of even probability, which the paper lacks.
 
         Args:
             steps: frame intervals between the frames: the variance of the random walk grows with
@@ -108,27 +89,7 @@ class TreeFilter:
         return prior / prior.sum()
 
     def update(self, prior: NDArray[np.float64], evidence: Evidence) -> Posterior:
-        r"""Posterior of a frame.
-
-        .. math::
-            :label: okada-1
-
-            p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
-
-        with the normalising constant :math:`c_t`. The tree is descended level by level; a node is
-        scored if its parent survived (`score_level`). Within a surviving leaf :math:`\theta_t^{jL}`
-        all poses look alike: its likelihood counts for each of its samples :math:`x_t^{njL}`, with
-        the sample's own prior:
-
-        .. math::
-            :label: okada-12
-
-            p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
-
-        .. math::
-            :label: okada-13
-
-            p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
+        """Posterior of a frame, eq. (1): the tree is descended level by level, see `score_level`.
 
         Args:
             prior: (N,) float64, over the library's samples.
@@ -151,11 +112,11 @@ class TreeFilter:
             )
         samples, number = samples_of(library, nodes[kept])
         of_leaf = kept[number]
-        with np.errstate(divide="ignore"):
-            log_posterior = log_likelihood[of_leaf] + np.log(prior[samples])  # eq. (12), (13)
+        with np.errstate(divide="ignore"):  # eq. (12), (13)
+            log_posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))
         probability = np.exp(log_posterior - log_posterior.max())
         probability /= probability.sum()  # eq. (1): c_t
-        order = np.argsort(-probability, kind="stable")
+        order = np.argsort(-log_posterior, kind="stable")
         of_leaf = of_leaf[order]
         return Posterior(
             samples[order].astype(np.int64),
@@ -173,24 +134,9 @@ class TreeFilter:
         node_prior: NDArray[np.float64],
         evidence: Evidence,
     ) -> tuple[Alignment, NDArray[np.float64], NDArray[np.int64]]:
-        r"""Likelihood of nodes of one level, and which of them survive.
+        r"""Likelihood of nodes of one level, eq. (10), (11), and which of them survive.
 
-        .. math::
-            :label: okada-10
-
-            p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
-
-        with the silhouette distance :math:`d_{sil}` between the observation :math:`P_o` and the
-        projection :math:`P_m` of pose :math:`x_t`. A node :math:`\theta_t^{jl}`, number :math:`j`
-        of level :math:`l`, takes the likelihood of its representative :math:`\bar{x}_t^{jl}`:
-
-        .. math::
-            :label: okada-11
-
-            p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
-
-        The volume of the node's set :math:`S^{jl}` counts as constant, as in the paper. The
-        distance is relative to the observation's own weight (see `relative_weights`), and
+        The distance is relative to the observation's own weight (see `relative_weights`), and
         :math:`\sigma` grows with every level above the last, which the paper does not say.
 
         Args:
@@ -214,12 +160,12 @@ class TreeFilter:
             alignment = evidence.distances(level.spans, nodes, reduction)
         else:
             unmoved = evidence.distances(level.spans, nodes, reduction, UNMOVED)
-            likely = 0.5 * (unmoved.distance / sigma) ** 2 - log_prior
+            likely = rounded(0.5 * (unmoved.distance / sigma) ** 2 - log_prior)
             moved = np.sort(np.argpartition(likely, settings.moved)[: settings.moved])
             alignment = evidence.distances(level.spans, nodes[moved], reduction)
             alignment = alignment.among(moved, unmoved)
         log_likelihood = -0.5 * (alignment.distance / sigma) ** 2  # eq. (10), (11)
-        log_posterior = log_likelihood + log_prior
+        log_posterior = rounded(log_likelihood + log_prior)
         kept = np.flatnonzero(log_posterior >= log_posterior.max() + least)
         if len(kept) > settings.most:
             kept = np.sort(kept[np.argsort(-log_posterior[kept], kind="stable")[: settings.most]])

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from silhouette_core.monocular.occlusion import occluded_parts, standing_areas, usual_areas
-from tests.silhouette_core.monocular.filming import body
+from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.window import look_at
+from tests.silhouette_core.monocular.filming import (
+    STATURE_M,
+    body,
+    camera_at,
+    performed,
+    poses_of,
+    silhouette,
+)
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +37,21 @@ def test_sides_and_statures_are_alike(standing):
         if name.startswith("left_"):
             other = names.index(name.replace("left_", "right_"))
             assert standing[names.index(name)] == pytest.approx(standing[other], rel=0.1, abs=3)
+
+
+def test_areas_are_those_of_the_full_resolution_in_smaller_pictures():
+    camera = camera_at((0, -4.0, 1.3))
+    pose = poses_of(performed("wave"))[20]
+    window = look_at(camera, silhouette(body(), pose, camera), 4.0, STATURE_PX / STATURE_M)
+    areas = []
+    for reduction in (1, 2, 4):
+        weights = SignedWeights.from_window(window, reduction)
+        areas += [weights.part_areas(weights.part_images(body(), [pose]), 27)[0]]
+    large = areas[0] > 200
+    assert large.sum() > 8
+    for other in areas[1:]:
+        np.testing.assert_allclose(other[large], areas[0][large], rtol=0.25)
+        assert other.sum() == pytest.approx(areas[0].sum(), rel=0.05)
 
 
 def test_a_part_is_occluded_by_its_own_usual_area():

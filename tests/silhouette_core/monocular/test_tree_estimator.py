@@ -1,5 +1,6 @@
 """Paper A's own estimator, from silhouettes to a motion."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from calib.errors import InputError
 from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.monocular import tree_estimator
 from silhouette_core.monocular.tree.store import write_library
-from silhouette_core.monocular.tree_estimator import TreeEstimator, dictionary
+from silhouette_core.monocular.tree_estimator import TreeEstimator, TreeFollower, dictionary
+from silhouette_core.motion.conditioning import Conditioning
 from silhouette_core.progress import SilentReporter
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films, performed
 
 CAMERA = camera_at((1.0, -3.9, 1.4))
@@ -33,9 +36,21 @@ def filmed():
     return motion.landmarks()[ROWS], films(motion, CAMERA, ROWS)
 
 
-def tracked(masks, **options):
-    source = SilhouetteSource(CAMERA, masks, FPS)
-    return TreeEstimator().estimate(source, Settings(STATURE_M, options=options), SilentReporter())
+def tracked(masks, fps=FPS, conditioning=None, stature_m=STATURE_M, **options):
+    source = SilhouetteSource(CAMERA, masks, fps)
+    settings = Settings(stature_m, options=options)
+    if conditioning is not None:
+        settings = replace(settings, conditioning=conditioning)
+    return TreeEstimator().estimate(source, settings, SilentReporter())
+
+
+def use_small_dictionaries(folder, monkeypatch):
+    """Builds dictionaries of 240 samples of one motion, and keeps them in a folder."""
+    monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: folder / name)
+    monkeypatch.setattr(tree_estimator, "_SAMPLES", 240)
+    monkeypatch.setattr(
+        tree_estimator, "keypose_motions", lambda model: {"wave": performed("wave", model)}
+    )
 
 
 def relative(joints):
@@ -58,12 +73,47 @@ def test_a_wave_is_followed(library_file, filmed):
 
 
 def test_the_motion_is_that_of_the_likeliest_samples(library_file, filmed):
-    source = SilhouetteSource(CAMERA, filmed[1], FPS)
-    options = {"library": str(library_file)}
-    settings = Settings(STATURE_M, smooth=False, options=options)
-    found = TreeEstimator().estimate(source, settings, SilentReporter())
+    """Unless a filter is chosen, which uses later frames."""
+    many = np.repeat(filmed[1], 3, axis=0)  # as many as the filter needs
+    found = tracked(many, fps=30.0, library=str(library_file))
     likeliest = np.stack([joints[0] for _, _, joints in found.hypotheses])
     np.testing.assert_allclose(found.motion.landmarks(), likeliest, atol=1e-5)
+    chosen = Conditioning("butterworth")
+    filtered = tracked(many, fps=30.0, conditioning=chosen, library=str(library_file)).motion
+    assert np.abs(filtered.landmarks() - likeliest).max() > 0.01
+
+
+def test_a_taller_person_is_larger_and_farther_away(library_file, filmed):
+    """In front of one camera nothing else tells the size."""
+    own, told = (tracked(filmed[1], stature_m=m, library=str(library_file)) for m in (None, 1.893))
+    assert told.motion.model.sizes.stature_m == 1.893
+    away, farther = (one.motion.landmarks() - CAMERA.center_m for one in (own, told))
+    np.testing.assert_allclose(farther, away * 1.893 / own.motion.model.sizes.stature_m, rtol=1e-4)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_no_stature_is_no_person_s(library_file, filmed, named):
+    library = {"library": str(library_file)} if named else {}
+    with pytest.raises(InputError, match="stature 0"):
+        tracked(filmed[1][:2], stature_m=0.0, **library)
+
+
+def test_a_given_body_keeps_its_stature(filmed, tmp_path, monkeypatch):
+    use_small_dictionaries(tmp_path, monkeypatch)
+    model = tracked(filmed[1][:2], stature_m=1.893, body="92A5").motion.model
+    assert model.sizes.stature_m == 1.70
+
+
+def test_steps_are_weighed_by_the_exponential_alone(library):
+    """Eq. (4): a sample keeps its whole probability, however many others are near."""
+    follower = TreeFollower(library, CAMERA, "any", 1 / FPS, CpuBackend())
+    np.testing.assert_allclose(follower._transitions.diagonal(), 1)
+
+
+def test_whole_frames_are_timed(library_file, filmed):
+    silhouettes, estimation, total = tracked(filmed[1], library=str(library_file)).stage_s.values()
+    assert len(silhouettes) == len(estimation) == len(total) == len(filmed[1])
+    assert (silhouettes + estimation < total).all()
 
 
 def test_frames_without_anybody_have_no_pose(library_file, filmed):
@@ -92,11 +142,7 @@ def test_other_bodies_are_refused(filmed):
 
 
 def test_a_dictionary_is_built_once_and_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(tree_estimator, "user_cache_path", lambda name: tmp_path / name)
-    monkeypatch.setattr(tree_estimator, "_SAMPLES", 240)
-    monkeypatch.setattr(
-        tree_estimator, "keypose_motions", lambda model: {"wave": performed("wave", model)}
-    )
+    use_small_dictionaries(tmp_path, monkeypatch)
     built = []
     build = tree_estimator.build_library
     monkeypatch.setattr(

@@ -55,6 +55,12 @@ def test_filter_and_gaps_are_settings_of_a_job(studio):
     assert job.estimator_settings(None).conditioning == Conditioning(gap_limit="0.2s")
 
 
+def test_either_command_runs_any_estimator(studio):
+    words = read_settings(["estimator=tree"])
+    jobs = [jobs_of([studio / "anna" / "walk"], one, words)[0] for one in ("fit", "track")]
+    assert [job.estimator for job in jobs] == ["tree", "tree"]
+
+
 def test_settings_are_read_as_in_toml_or_as_text():
     words = ["stature=1.75", "smooth=false", "frames=0:100", 'sex="male"', "tolerance = 1"]
     assert read_settings(words) == {

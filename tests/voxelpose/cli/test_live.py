@@ -205,7 +205,10 @@ print([name for name in ("cv2", "numba", "scipy") if name in sys.modules])
         (["walk", "--duration", "0"], "--duration"),
         (["walk", "--countdown", "-1"], "--countdown"),
         (["walk", "--backend", "nope"], "no backend is called 'nope'"),
-        (["walk", "--method", "paper", "--outline-only"], "nothing but outlines"),
+        (
+            ["walk", "--camera", "cam_1", "--method", "paper", "--outline-only"],
+            "no option 'outline_only'",
+        ),
     ],
 )
 def test_mistakes_are_one_line(room, capsys, arguments, said):

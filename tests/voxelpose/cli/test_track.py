@@ -172,15 +172,16 @@ def tracked(desk, library_bytes, capsys):
         write_staged(desk / "take", waving(3), ring(2, (320, 240)))
         plain = "--camera cam_2 --library lib.vplib --no-pictures --stature 1.70".split()
         assert run(["track", "take", "--out", "x", *plain, *words]) == 0
-        assert "3 of 3 frames have a pose" in capsys.readouterr().out
-        return json.loads((desk / "x" / "summary.json").read_text())
+        text = capsys.readouterr().out
+        assert "3 of 3 frames have a pose" in text
+        return json.loads((desk / "x" / "summary.json").read_text()), text
 
     return by
 
 
 @pytest.mark.slow
 def test_one_camera_of_two_is_tracked(desk, tracked):
-    summary = tracked("--start", "any")
+    summary, _ = tracked("--start", "any")
     assert summary["cameras"] == ["cam_2"] and summary["estimator"] == "monocular"
     rows = np.genfromtxt(
         desk / "x" / "hypotheses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
@@ -188,13 +189,30 @@ def test_one_camera_of_two_is_tracked(desk, tracked):
     assert set(rows["frame"]) == {0, 1, 2} and rows["rank"].max() <= 5
 
 
-def test_the_paper_s_method_tracks_and_claims_nothing(desk, tracked):
-    summary = tracked("--method", "paper")
+@pytest.mark.parametrize("words", [("--method", "paper"), ("--estimator", "tree")])
+def test_the_paper_s_method_tracks_and_claims_nothing(desk, tracked, words):
+    summary, text = tracked(*words)
     assert summary["estimator"] == "tree" and summary["verdict"]["level"] == "doubtful"
     assert 'background = "paper"' in (desk / "x" / "settings.toml").read_text()
     assert (desk / "x" / "hypotheses.csv").exists()
+    assert summary["conditioning"]["filter"] == "none" and "no filter" in text
+    stages = summary["seconds"]["stages"]
+    assert [*stages] == ["silhouettes", "estimation", "total"]
+    assert stages["silhouettes"]["mean"] + stages["estimation"]["mean"] <= stages["total"]["mean"]
+    times = [f"{1000 * stages['total'][key]:.1f}" for key in ("min", "max", "mean")]
+    assert ["total", *times] in [line.split() for line in text.splitlines()]
+
+
+def test_the_paper_s_motion_is_filtered_where_that_is_wanted(tracked):
+    summary, _ = tracked("--method", "paper", "--filter", "gaussian")
+    assert summary["conditioning"]["filter"] == "gaussian"
 
 
 def test_the_paper_s_method_has_no_colours_to_leave_out(room, capsys):
     line = refused(room, capsys, *TRACK, "--method", "paper", "--outline-only")
-    assert "sees nothing but outlines" in line
+    assert "the tree estimator has no option 'outline_only'" in line
+
+
+def test_an_unknown_estimator_is_refused(room, capsys):
+    line = refused(room, capsys, *TRACK, "--estimator", "leaf")
+    assert "'leaf'" in line and "monocular" in line

@@ -6,6 +6,7 @@ from functools import cache
 
 import cv2
 import numpy as np
+import pytest
 
 from calib.camera import Rig
 from silhouette_core.body.model import BodyModel
@@ -19,6 +20,9 @@ from silhouette_core.scoring.silhouette_error import posed_mesh
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
+from voxelpose.multiview.matching.body_volume import BodyVolume
+from voxelpose.multiview.matching.joint_search import best_together
+from voxelpose.multiview.matching.matcher import MatchSettings, _interfering, _Search
 
 STATURE_M = 1.72
 
@@ -116,3 +120,21 @@ def joints(model: BodyModel, pose: Pose) -> np.ndarray:
 def joint_errors_m(model: BodyModel, pose: Pose, truth_model: BodyModel, truth: Pose) -> np.ndarray:
     """Returns the distances (15,) of the joints of two posed bodies."""
     return np.linalg.norm(joints(model, pose) - joints(truth_model, truth), axis=1)
+
+
+def groups_apart(
+    body_volume: BodyVolume, start: Pose, grid: VoxelGrid, occupancy: np.ndarray
+) -> int:
+    """Returns the number of groups on the first level, which together score what all its limbs at
+    once do.
+    """
+    search = _Search([(body_volume, start)], grid, occupancy, MatchSettings())
+    search.decide_roots()
+    limbs = search.selectable()
+    groups = [limbs, *_interfering(limbs)]
+    at_once, *apart = [
+        best_together([limb.bits for limb in group], [limb.cost for limb in group]).score
+        for group in groups
+    ]
+    assert sum(apart) == pytest.approx(at_once)
+    return len(apart)

@@ -137,14 +137,7 @@ def _packed(camera: Camera) -> tuple[NDArray[np.float64], int, NDArray[np.float6
         row[:12] = camera.projection.ravel()
         return row, blocks.PINHOLE, bound
     row[:12] = np.column_stack([camera.rotation, camera.translation]).ravel()
-    matrix = camera.matrix
-    row[blocks.FX : blocks.CY + 1] = (
-        matrix[0, 0],
-        matrix[0, 1],
-        matrix[0, 2],
-        matrix[1, 1],
-        matrix[1, 2],
-    )
+    row[blocks.FX : blocks.CY + 1] = camera.matrix[np.triu_indices(3)][:5]
     lens = camera.lens
     distortion = np.zeros(14)
     distortion[: len(camera.distortion)] = camera.distortion

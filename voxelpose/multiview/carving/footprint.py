@@ -4,21 +4,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.cleanup import bounding_box, dilated
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 
 
-def footprint(occupancy: NDArray[np.bool_], grid: VoxelGrid, camera: Camera) -> NDArray[np.bool_]:
+def footprint(
+    occupancy: NDArray[np.bool_],
+    grid: VoxelGrid,
+    camera: Camera,
+    mask: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
     """Pixels (h, w) bool that voxels (nx, ny, nz) cover, without gaps between them.
 
     Args:
         occupancy: the voxels.
         grid: where they are.
         camera: a pinhole.
+        mask: (h, w) bool, only its pixels; None: all.
     """
     marked = np.zeros(camera.size[::-1], np.uint8)
     depth_m = mark_voxels(occupancy, *grid.axes(), camera.projection, marked)
     size_px = camera.matrix[0, 0] * grid.voxel_size_m / max(depth_m, 0.1)
     # A voxel's diagonal, so that neighbours close up, and what its centre misses at the edge.
-    return dilated(marked.view(np.bool_), int(np.ceil(2 * size_px)) | 1)
+    side = int(np.ceil(2 * size_px)) | 1
+    if mask is None:
+        return dilated(marked.view(np.bool_), side)
+    covered, window = np.zeros_like(mask), bounding_box(mask, side // 2)
+    covered[window] = mask[window] & dilated(marked[window].view(np.bool_), side)
+    return covered

@@ -17,8 +17,8 @@ from silhouette_core.image.cleanup import bounding_box, dilated
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.tuning import CARVING, REFINING
 
 COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
@@ -282,19 +282,11 @@ class HullObserver:
         self, masks: list[np.ndarray], wide: list[np.ndarray], grid: VoxelGrid, rule: CarveRule
     ) -> list[np.ndarray]:
         """Pixels of silhouettes into which the hull of widened ones projects."""
-        hull = carve(self.views.rig, wide, grid, rule, self.views.unknown)
-        hull, axes, confirmed = _without_crumbs(hull), grid.axes(), []
-        for c, mask in enumerate(masks):
-            footprint = np.zeros(mask.shape, np.uint8)
-            depth = mark_voxels(hull, *axes, self.views.rig.cameras[c].projection, footprint)
-            size_px = self.views.intrinsics[c, 0] * grid.voxel_size_m / max(depth, 0.1)
-            # A voxel's diagonal, so that neighbours close up, and a voxel more for what its centre
-            # misses at the edge.
-            side = int(np.ceil(2 * size_px)) | 1
-            result, window = np.zeros_like(mask), bounding_box(mask, side // 2)
-            result[window] = mask[window] & dilated(footprint[window].view(np.bool_), side)
-            confirmed.append(result)
-        return confirmed
+        rig = self.views.rig
+        hull = _without_crumbs(carve(rig, wide, grid, rule, self.views.unknown))
+        return [
+            footprint(hull, grid, camera, mask) for camera, mask in zip(rig, masks, strict=True)
+        ]
 
 
 def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> MaskComponents:

@@ -113,16 +113,19 @@ def best_together(
     Source: Iiyama, Kameda and Minoh, step (4): section 3. The paper does not say how all
     combinations are searched; the exact search is ours.
     """
-    if not bits or any(not len(part) for part in bits):
-        raise ValueError("every part needs at least one placement")
-    parts = [
-        _Part(i, np.arange(len(rows)), np.ascontiguousarray(rows), -np.asarray(cost, float))
-        for i, (rows, cost) in enumerate(zip(bits, costs, strict=True))
-    ]
     memory = _Memory(most_bytes)
-    chosen = _solve(parts, memory)  # step (4)
-    choice = tuple(chosen[i] for i in range(len(parts)))
+    chosen = _solve(_parts(bits, costs), memory)  # step (4)
+    choice = tuple(chosen[i] for i in range(len(bits)))
     return JointChoice(choice, group_score(bits, costs, choice), not memory.exceeded)
+
+
+def spare_score(bits: list[np.ndarray], costs: list[np.ndarray]) -> float:
+    """By how much a part of the best combination can score less than by its best placement: what
+    the best placements of all parts, no voxel shared, score beyond a combination that is known.
+
+    Arguments as of `best_together`.
+    """
+    return _known(_parts(bits, costs))[3]
 
 
 def group_score(
@@ -188,16 +191,22 @@ def interference_groups(areas: Sequence[np.ndarray]) -> list[list[int]]:
     return [[i for i, own in enumerate(label) if own == group] for group in sorted(set(label))]
 
 
+def _parts(bits: list[np.ndarray], costs: list[np.ndarray]) -> list[_Part]:
+    if not bits or any(not len(part) for part in bits):
+        raise ValueError("every part needs at least one placement")
+    return [
+        _Part(i, np.arange(len(rows)), np.ascontiguousarray(rows), -np.asarray(cost, float))
+        for i, (rows, cost) in enumerate(zip(bits, costs, strict=True))
+    ]
+
+
 def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
     """Best placement of every part, by the part's number."""
-    nothing = np.zeros(parts[0].bits.shape[1], np.uint64)
-    alone = [part.gains(nothing) for part in parts]
+    alone, known, score, spare = _known(parts)
     if len(parts) == 1:
-        return {parts[0].number: int(parts[0].rows[alone[0].argmax()])}
-    known, score = _local_optimum(parts, alone)
+        return {parts[0].number: int(parts[0].rows[known[0]])}
     # Discards placements that, even with the best of all other parts and no voxel shared, are no
     # better than the known choice.
-    spare = sum(float(gain.max()) for gain in alone) - score
     kept = [gain > gain.max() - spare for gain in alone]
     for mask, k in zip(kept, known, strict=True):
         mask[k] = True
@@ -220,21 +229,25 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
     return {part.number: int(part.rows[k]) for part, k in zip(parts, known, strict=True)}
 
 
-def _local_optimum(parts: list[_Part], alone: list[np.ndarray]) -> tuple[list[int], float]:
-    """Greedy choice, the most promising part first, then coordinate ascent; with its score."""
+def _known(parts: list[_Part]) -> tuple[list[np.ndarray], list[int], float, float]:
+    """Scores of parts alone, a good choice, its score, and `spare_score`.
+
+    The choice is greedy, the most promising part first, then improved by coordinate ascent.
+    """
     choice = [-1] * len(parts)
-    covered = [np.zeros(parts[0].bits.shape[1], np.uint64) for _ in parts]
+    covered = np.zeros((len(parts), parts[0].bits.shape[1]), np.uint64)
+    alone = [part.gains(covered[0]) for part in parts]
     order = sorted(range(len(parts)), key=lambda i: (-alone[i].max(), i))
     changed = True
     while changed:
         changed = False
         for i in order:
-            taken = np.bitwise_or.reduce([covered[j] for j in range(len(parts)) if j != i])
-            gains = parts[i].gains(taken)
+            gains = parts[i].gains(np.bitwise_or.reduce(np.delete(covered, i, axis=0)))
             best = int(gains.argmax())
             if choice[i] < 0 or gains[best] > gains[choice[i]] + 1e-9:
                 choice[i], covered[i], changed = best, parts[i].bits[best], True
-    return choice, group_score([p.bits for p in parts], [-p.gain for p in parts], choice)
+    score = group_score([p.bits for p in parts], [-p.gain for p in parts], choice)
+    return alone, choice, score, sum(float(gain.max()) for gain in alone) - score
 
 
 def _contested(parts: list[_Part]) -> list[_Part]:

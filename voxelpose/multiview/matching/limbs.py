@@ -63,45 +63,24 @@ def _limbs() -> tuple[Limb, ...]:
         TORSO,
         Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
     ]
-    for s in ("left", "right"):
+    for side in ("left", "right"):
+        arm, forearm = f"{side}_upper_arm", f"{side}_forearm"
+        thigh, shin = f"{side}_thigh", f"{side}_shin"
+        hand = tuple(f"{side}_{part}" for part in ("hand", "thumb", "fingers"))
+        foot = f"{side}_foot", f"{side}_toes"
         limbs += [
-            Limb(
-                f"{s}_upper_arm",
-                (f"{s}_upper_arm",),
-                "pelvis",
-                swing=(f"{s}_upper_arm.abduction", f"{s}_upper_arm.forward"),
-            ),
-            Limb(
-                f"{s}_thigh",
-                (f"{s}_thigh",),
-                "pelvis",
-                swing=(f"{s}_thigh.flexion", f"{s}_thigh.abduction"),
-            ),
-            Limb(
-                f"{s}_forearm",
-                tuple(f"{s}_{part}" for part in ("forearm", "hand", "thumb", "fingers")),
-                f"{s}_upper_arm",
-                hinge=f"{s}_forearm.flexion",
-                twist_of=f"{s}_upper_arm",
-            ),
-            Limb(
-                f"{s}_shin",
-                tuple(f"{s}_{part}" for part in ("shin", "foot", "toes")),
-                f"{s}_thigh",
-                hinge=f"{s}_shin.flexion",
-                twist_of=f"{s}_thigh",
-            ),
+            Limb(arm, (arm,), "pelvis", swing=(f"{arm}.abduction", f"{arm}.forward")),
+            Limb(thigh, (thigh,), "pelvis", swing=(f"{thigh}.flexion", f"{thigh}.abduction")),
+            Limb(forearm, (forearm, *hand), arm, hinge=f"{forearm}.flexion", twist_of=arm),
+            Limb(shin, (shin, *foot), thigh, hinge=f"{shin}.flexion", twist_of=thigh),
         ]
     return tuple(limbs)
 
 
 LIMBS = _limbs()
 CHAINS = tuple(
-    (
-        next(limb for limb in LIMBS if limb.name == f"{side}_{upper}"),
-        next(limb for limb in LIMBS if limb.name == f"{side}_{lower}"),
-    )
-    for upper, lower in (("upper_arm", "forearm"), ("thigh", "shin"))
+    tuple(next(limb for limb in LIMBS if limb.name == f"{side}_{part}") for part in chain)
+    for chain in (("upper_arm", "forearm"), ("thigh", "shin"))
     for side in ("left", "right")
 )
 """The arms and the legs, each from its upper to its lower part."""
@@ -142,9 +121,7 @@ def sample_angles(
         samples = np.tile(angles_rad, (len(mesh), 1))
         samples[:, columns] = mesh
         # Over the whole range the present twist has no meaning at other placements.
-        for k, name in enumerate(names):
-            if name in (f"{limb.name}.twist", f"{limb.name}.rotation"):
-                samples[:, k] = 0.0
+        samples[:, np.isin(names, (f"{limb.name}.twist", f"{limb.name}.rotation"))] = 0.0
     else:
         samples = sample_hinge(limb, angles_rad[None], step_rad, tree)[0]
     return np.concatenate([angles_rad[None], samples[within_limits(samples, tree)]])
@@ -283,12 +260,7 @@ def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
         if part not in home:
             home[part] = home[model.names[parent]]
             parts[home[part]].append(part)
-    return tuple(
-        limb
-        if len(limb.parts) == len(parts[limb.name])
-        else replace(limb, parts=(*parts[limb.name],))
-        for limb in LIMBS
-    )
+    return tuple(replace(limb, parts=tuple(parts[limb.name])) for limb in LIMBS)
 
 
 class _Builder:

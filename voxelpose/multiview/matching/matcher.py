@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import summable
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
-from voxelpose.multiview.matching.joint_search import best_together, interference_groups
+from voxelpose.multiview.matching.joint_search import (
+    best_together,
+    interference_groups,
+    spare_score,
+)
 from voxelpose.multiview.matching.limbs import Limb, sample_angles
 from voxelpose.multiview.tuning import MATCHING
 
@@ -59,6 +64,7 @@ class LimbPlacements:
         cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already
             placed.
         body: number of the body whose limb it is, where several are matched.
+        spare: of all limbs that are selectable with it, see `spare_score`.
     """
 
     limb: Limb
@@ -66,6 +72,7 @@ class LimbPlacements:
     bits: np.ndarray
     cost: np.ndarray
     body: int = 0
+    spare: float = 0.0
 
     @property
     def movable_area(self) -> np.ndarray:
@@ -74,15 +81,22 @@ class LimbPlacements:
         .. math::
             :label: iiyama-2
 
-            M_p = \bigcup_{\theta \in \Theta_p} V_p(\theta)
+            M_p = \bigcup_{\theta \in \Theta_p} V_p(\theta),
+            \quad s_p(\theta) \ge \min(0, \max s_p - \delta)
 
-        where :math:`\Theta_p` are the sampled angles of part :math:`p` within its range, and
-        :math:`V_p(\theta)` the free voxels that it covers at angles :math:`\theta`.
+        where :math:`\Theta_p` are the sampled angles of part :math:`p` within its range,
+        :math:`V_p(\theta)` the free voxels that it covers at angles :math:`\theta`, and
+        :math:`s_p(\theta)` these less its cost (:eq:`iiyama-5`). Where a part would lie mostly in
+        empty space or in another part, no voxel is its, unless the best combination could place it
+        there (:math:`\delta`, `spare`).
 
         Source: Iiyama, Kameda and Minoh, step (2): section 3. The area as a set of the hull's
-        voxels is ours; the paper does not say how it is represented.
+        voxels, and that a part must lie mostly in them, are ours; the paper does not say how it is
+        represented.
         """
-        return np.bitwise_or.reduce(self.bits, axis=0)  # step (2)
+        scores = np.bitwise_count(self.bits).sum(axis=1) - self.cost
+        possible = scores >= min(0.0, float(scores.max()) - self.spare)
+        return np.bitwise_or.reduce(self.bits[possible], axis=0)  # step (2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,14 +255,17 @@ class _Search:
                 for limb in volume.limbs
                 if limb.name not in decided and limb.parent in decided
             ]
-        return found
+        if not found or not self.settings.interference:
+            return found
+        spare = spare_score([one.bits for one in found], [one.cost for one in found])
+        return [replace(one, spare=spare) for one in found]
 
     def placements(self, body: int, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
         """Placements of a limb at angles (K, D), with the voxels they cover and what they cost."""
         volume = self.volumes[body]
         placed = volume.placements(limb, self.poses[body], angles_rad)
         bits, empty, inside = self.voxel_set.cover(volume.points[limb.name], *placed)
-        cost = empty + MATCHING.taken_cost * inside
+        cost = summable(empty + MATCHING.taken_cost * inside)
         return LimbPlacements(limb, angles_rad, bits, cost, body)
 
     def decide(

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.matching.body_volume import BodyVolume
@@ -38,11 +39,12 @@ class _Overlap:
             self.grid,
             self.occupancy,
             self.points,
-            np.full(len(self.points), 1 / len(self.points)),
+            np.ones(len(self.points)),  # counts, whose sums are exact
             rotations,
             positions - rotations @ self.middle,
         )
-        scores = inside - outside - MATCHING.lying_cost * (1 - rotations[:, 2, 2])
+        share = (inside - outside) / len(self.points)
+        scores = rounded(share - MATCHING.lying_cost * (1 - rotations[:, 2, 2]))
         order = np.argsort(-scores, kind="stable")
         return positions[order], rotations[order], scores[order]
 
@@ -79,7 +81,7 @@ def find_torso(
     )
     inner = None if body_volume.is_person else _inner_radius(body_volume, middle)
     positions = _deep_positions(grid, depth, inner)
-    rotations = _upright_turns() if model.tree.root_fixed else _orientations()
+    rotations = _orientations(model.tree.root_fixed)
     # Every position with every orientation on few points, then the best again turned in steps;
     # only the best of those in smaller steps on more points.
     ranked = coarse.ranked(
@@ -121,30 +123,13 @@ def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -
     return grid.centres(kept if len(kept) else deep[:1])
 
 
-def _upright_turns() -> np.ndarray:
-    return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
-
-
-def _orientations() -> np.ndarray:
-    turns = [
-        Rotation.from_euler("zxy", [yaw, pitch, roll], degrees=True)
-        for yaw in range(0, 360, 30)
-        for pitch, roll in (
-            (0, 0),
-            (30, 0),
-            (60, 0),
-            (90, 0),
-            (-30, 0),
-            (0, 30),
-            (0, -30),
-            (30, 30),
-            (30, -30),
-            (0, 70),
-            (0, -70),
-            (180, 0),
-        )
-    ]
-    return Rotation.concatenate(turns).as_matrix()
+def _orientations(upright: bool) -> np.ndarray:
+    if upright:
+        return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
+    leans_deg = [(0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30),
+                 (30, -30), (0, 70), (0, -70), (180, 0)]  # fmt: skip
+    turns_deg = [(yaw, *lean) for yaw in range(0, 360, 30) for lean in leans_deg]
+    return Rotation.from_euler("zxy", turns_deg, degrees=True).as_matrix()
 
 
 def _polish(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.optimize import linear_sum_assignment
 
+from silhouette_core.ranking import rounded
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
@@ -106,7 +107,7 @@ class PresenceSearch:
         highest[*before.T] |= (apart & possible)[*before.T]
         places = np.argwhere(highest)
         thick = volume_m3[*places.T]
-        places = places[np.argsort(-thick, kind="stable")[:_MOST_AXES]]
+        places = places[np.argsort(rounded(-thick), kind="stable")[:_MOST_AXES]]
         axes = np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
         return axes, reaches(PEOPLE.upright_m)[*places.T]
 
@@ -118,7 +119,7 @@ class PresenceSearch:
         x, y, _ = grid.axes()
         near = np.hypot(x[:, None] - axis_m[0], y - axis_m[1]) <= PEOPLE.reach_m
         own, pairs = hull & near[:, :, None], zip(self._cameras, seen, strict=True)
-        return [mask & footprint(own, grid, camera) for camera, mask in pairs]
+        return [footprint(own, grid, camera, mask) for camera, mask in pairs]
 
     def _ranked(
         self,
@@ -138,7 +139,7 @@ class PresenceSearch:
                 for k in range(members[-1] + 1 if members else 0, len(explained))
             ]
             found += grown
-        cost = np.array([self._cost(len(members), union, whole) for members, union in found])
+        cost = rounded([self._cost(len(members), union, whole) for members, union in found])
         order = np.argsort(cost, kind="stable")[:_MOST_SETS]
         return [np.array(found[k][0], np.int64) for k in order], cost[order]
 
@@ -182,7 +183,7 @@ def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: NDArray[np.float64])
     total, came = frames[0].cost, []
     for before, after, seconds in zip(frames[:-1], frames[1:], elapsed_s, strict=True):
         steps = _step_costs(before, after, float(seconds))
-        whole = total[:, None] + steps
+        whole = rounded(total[:, None] + steps)
         came.append(whole.argmin(axis=0))
         total = whole.min(axis=0) + after.cost
     taken = [int(total.argmin())]
@@ -288,7 +289,7 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
             away_s = float(times_s[first] - times_s[last])
             cost = moving_costs(person[last : last + 1], track[first : first + 1], away_s)[0, 0]
             costs.append(cost if 0 < away_s <= HIDDEN_S else np.inf)
-        best = int(np.argmin(costs)) if costs else 0
+        best = int(np.argmin(rounded(costs))) if costs else 0
         if not costs or costs[best] >= PEOPLE.appearing:
             people.append(track.copy())
             continue

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.moments import even_moments
 from silhouette_core.image.head_colours import coarse_histogram, quantise, unlikeness
+from silhouette_core.ranking import rounded
 from voxelpose.multiview.people.own_silhouettes import hull_pieces
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES
@@ -70,7 +71,7 @@ def rejoined(
 
     def cost(pair: tuple[list[int], list[int]]) -> float:
         """How different two look."""
-        return float(unlike[np.ix_(*pair)].mean())
+        return float(rounded(unlike[np.ix_(*pair)].mean()))
 
     while True:
         pairs = [pair for pair in combinations(found, 2) if apart[np.ix_(*pair)].all()]

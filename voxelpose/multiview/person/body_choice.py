@@ -19,6 +19,7 @@ from silhouette_core.motion.dynamics import relaxed_rad
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter
+from silhouette_core.ranking import rounded
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.posterior import still_root
@@ -131,7 +132,7 @@ class Start:
     def cost_of(self, errors: list[float], proposed: Sequence[float] = ()) -> float:
         """Cost by the silhouette errors of other frames, and the costs of proposed poses."""
         at = self.candidate, self.body.model, self.prior, errors, self.evidence
-        return sum(cost_terms(*at, proposed).values())
+        return float(rounded(sum(cost_terms(*at, proposed).values())))
 
 
 def choose_body(
@@ -376,7 +377,7 @@ class _Search:
         if fits and t in self.proposals:
             poses = [fit.pose for fit in fits]
             costs = costs + self.proposals[t].cost(joints_of(body.model, poses))
-        return [fits[k] for k in np.argsort(costs, kind="stable")]
+        return [fits[k] for k in np.argsort(rounded(costs), kind="stable")]
 
     @property
     def _templates(self) -> tuple[str, ...]:

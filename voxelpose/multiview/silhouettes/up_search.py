@@ -23,6 +23,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.progress import Reporter
+from silhouette_core.ranking import rounded
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
@@ -72,7 +73,7 @@ def choose_upright(
         # A body is found in a wrong world, too, if only with some luck: its trunk may tell what was
         # not searched.
         others = possible if own else [*possible, *AXES.values()]
-        up = max(others, key=lambda up: float(up @ trunk))
+        up = max(others, key=lambda up: float(rounded(up @ trunk)))
         if up @ trunk < possible[0] @ trunk + UP_SEARCH.clearly:
             up = possible[0]
         reason = "by how the cameras and the person stand"

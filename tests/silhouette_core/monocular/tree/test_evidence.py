@@ -105,24 +105,3 @@ def test_a_frame_is_weighed_in_the_librarys_rectangle(library, windows, monkeypa
 def test_resolutions_are_reduced_as_the_librarys(windows):
     for reduction, mask in zip((4, 2, 1), silhouette_levels(windows[0].mask), strict=True):
         assert (relative_weights(windows[0], "xor", reduction)[0] == mask).all()
-
-
-def test_the_silhouette_itself_has_no_distance(library):
-    """A representative's own picture, as if it were seen, is found again without shift."""
-    camera = camera_at((0, -4, 1.2))
-    window = look_at(camera, films(performed("walk"), camera, [5])[0], 4.0, STATURE_PX / STATURE_M)
-    mask = masks_of(library.levels[2].spans, np.array([33]))[0]
-    copied = type(window)(
-        mask,
-        np.ones_like(mask),
-        window.world_from_virtual,
-        window.center_m,
-        window.focal_px,
-        window.axis_px,
-        4.0,
-    )
-    result = Evidence([copied], CpuBackend()).distances(
-        library.levels[2].spans, np.arange(len(library.levels[2])), 1
-    )
-    assert result.distance[33] == pytest.approx(0, abs=1e-9) and (result.shift_px[33] == 0).all()
-    assert (result.distance > 1e-3).sum() >= len(result.distance) - 3

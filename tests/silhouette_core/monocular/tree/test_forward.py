@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter, candidates_of, slim
 from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.scoring.cpu import CpuBackend
-from tests.silhouette_core.monocular.filming import camera_at, films, performed
+from tests.silhouette_core.monocular.filming import camera_at, films, performed, window_pixels
 
 CAMERA = camera_at((0, -4.0, 1.3))
 
@@ -57,18 +57,49 @@ def test_what_resembles_nothing_is_lost_and_found_again(tree, walk):
     masks = list(walk[1][:20])
     box = np.zeros_like(masks[0])
     box[150:210, 100:380] = True
-    masks[5] = box
+    masks[5:14] = [box] * 9  # longer than what was seen before
     lost = [filter_frame.lost for filter_frame in follow(ForwardFilter(tree, CAMERA), masks)]
-    assert lost == [k == 5 for k in range(len(masks))]
+    assert lost == [5 <= k < 14 for k in range(len(masks))]
 
 
-def test_candidates_stand_where_the_silhouette_is(tree, walk):
-    places, masks = walk
-    filter_frame = follow(ForwardFilter(tree, CAMERA), masks[:1])[0]
-    result = candidates_of(tree, filter_frame, np.arange(5))
-    pixels, _ = CAMERA.project(result.root_m)
-    true, _ = CAMERA.project(places[:1])
-    assert np.linalg.norm(pixels - true, axis=1).max() < 15
+def test_a_share_of_the_measured_distance_is_believed_and_all_of_a_first(tree, walk):
+    masks = list(walk[1][:6])
+    masks[3] = np.zeros_like(masks[3])
+    masks[3][150:210, 100:380] = True  # lost
+    forward, last = ForwardFilter(tree, CAMERA), None
+    for k, mask in enumerate(masks):
+        frame = forward.step(k / 30, mask)
+        restarted = last is None or last.lost
+        places = np.array([window.distance_m for window in frame.windows])
+        middle = places[4] if restarted else last.distance_m
+        if last is not None and last.lost:
+            area_m = forward._first_distance(mask)
+            assert middle == pytest.approx(np.sqrt(last.distance_m * area_m))
+        scale, probability = frame.posterior.scale, frame.posterior.probability
+        change = probability @ np.log(places[scale] / middle)
+        expected = middle * np.exp(change * (1.0 if restarted else DISTANCES.gain))
+        assert frame.distance_m == pytest.approx(expected)
+        last = frame
+    assert not frame.lost and not restarted
+
+
+def test_of_a_frame_the_likeliest_and_the_best_samples_are_kept(tree, walk):
+    frame = ForwardFilter(tree, CAMERA).step(0.0, walk[1][0])
+    kept = slim(frame, 5).posterior
+    whole = frame.posterior
+    best = set(whole.samples[np.argsort(whole.distance, kind="stable")[:5]])
+    assert set(kept.samples) == best | set(whole.samples[:5])
+    assert (np.diff(kept.probability) <= 0).all()
+
+
+def test_candidates_stand_where_their_silhouettes_are_moved_to(tree, walk):
+    filter_frame = follow(ForwardFilter(tree, CAMERA), walk[1][:1])[0]
+    result, posterior = candidates_of(tree, filter_frame, np.arange(5)), filter_frame.posterior
+    for k, root_m in enumerate(result.root_m):
+        pelvis = tree.library.pelvis_px[posterior.samples[k]] + posterior.shift_px[k]
+        window = filter_frame.windows[posterior.scale[k]]
+        np.testing.assert_allclose(window_pixels(window, root_m)[0], pelvis, atol=1e-3)
+    assert posterior.shift_px[:5].any()
     np.testing.assert_allclose(np.linalg.det(result.root_rotation), 1.0, atol=1e-6)
     assert result.angles_rad.shape == (5, tree.library.model.dof_count)
 

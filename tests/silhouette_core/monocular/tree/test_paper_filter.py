@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
+from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
+from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.motion.dynamics import ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
 from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's
 INTERVAL_S = 1 / 30
@@ -56,28 +58,6 @@ def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, backend=Non
     return tracker, frames
 
 
-def test_distance_is_the_density_of_weighted_disagreement(library, camera):
-    """Eq. (7) with (9), in one place, relative to nothing."""
-    mask, given = seen(library, 7), []
-
-    class Listening(CpuBackend):
-        def span_distances(self, target, spans, which):
-            given.append((target, spans, which))
-            return super().span_distances(target, spans, which)
-
-    stay = identity(len(library), format="csr")
-    _, (frame,) = follow(library, camera, stay, [mask], in_place=True, backend=Listening())
-    assert len(given) == 3
-    for number, (target, _, _) in enumerate(given):
-        reduced, reached = frame.window.mask, frame.window.seen
-        for _ in range(2 - number):
-            reduced, reached = reduce_silhouette(reduced), reduce_silhouette(reached)
-        weights = pixel_weights(reduced, "nwxor", library.bounds_px) * reached
-        np.testing.assert_array_equal(target.masks[0], reduced)
-        np.testing.assert_array_equal(target.weights[0], weights)
-        assert target.scale == 1 / reduced.size and not target.shifts_px.any()
-
-
 def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     prior = initial_prior(library)
     assert prior.sum() == pytest.approx(1)
@@ -92,26 +72,73 @@ def test_initial_prior_is_a_gaussian_about_upright_and_facing(library):
     np.testing.assert_allclose(np.log(prior / prior.max()), expected, atol=1e-6)
 
 
-def test_posterior_is_likelihood_times_prior(library, camera):
-    """Eq. (1), (10), (12), (13), over the leaves that survive; sigma is that of the first frame."""
+def literal_posterior(library, window, prior, sigma):
+    """Section 6 pixel by pixel: the posterior (N, C) of every sample in every position, by the
+    prior (N, C), and the numbers of nodes that survive. All leaves of equal silhouettes are alike.
+    """
+    steps = (-4, 0, 4) if prior.shape[1] == 9 else (0,)
+    shifts = [(right, down) for down in steps for right in steps]
+    home = np.empty(len(library), int)
+    leaves = np.arange(len(library.levels[-1]))
+    home[library.leaf_samples] = np.repeat(leaves, np.diff(library.leaf_offsets))
+    homes = [home]
+    for level in library.levels[:0:-1]:
+        homes.insert(0, level.parent[homes[0]])
+    masks, reached = silhouette_levels(window.mask), silhouette_levels(window.seen)
+    survivors, numbers = np.ones(1, bool), []
+    for depth, level in enumerate(library.levels):
+        weights = pixel_weights(masks[depth], "nwxor", library.bounds_px) * reached[depth].astype(
+            float
+        )
+        shown = masks_of(level.spans, np.arange(len(level)), level.size_px)
+        # The weight of P, and over Q that of what P lacks less that of what it has: instead of
+        # every Q the weights are moved, the other way.
+        signed = np.where(masks[depth], -weights, weights)
+        moved = [
+            np.roll(signed, -np.array([down, right]) // 2 ** (2 - depth), (0, 1)).ravel()
+            for right, down in shifts
+        ]
+        distance = weights[masks[depth]].sum() + shown.reshape(len(level), -1) @ np.transpose(moved)
+        likelihood = np.exp(-0.5 * (distance / masks[depth].size / sigma) ** 2)  # (7), (9)-(11)
+        posterior = np.zeros(len(level))
+        np.add.at(posterior, homes[depth], (likelihood[homes[depth]] * prior).sum(axis=1))
+        posterior *= survivors[level.parent if depth else np.zeros(len(level), int)]
+        survivors = posterior >= FILTER.survivors * posterior.max()
+        numbers.append((int(survivors.sum()), len(level)))
+    result = likelihood[home] * prior * survivors[home, None]  # (12), (13)
+    return result / result.sum(), numbers  # (1)
+
+
+@pytest.mark.parametrize("in_place", [False, True])
+@pytest.mark.parametrize("sigma", [0.1, 0.6])
+def test_posterior_is_the_literal_one(library, camera, in_place, sigma):
+    """Over the leaves that survive; sigma is that of the first frame."""
+    stay = identity(len(library), format="csr")
+    masks = [seen(library, 7), seen(library, 8), seen(library, 150)]
+    tracker, frames = follow(library, camera, stay, masks, sigma=sigma, in_place=in_place)
+    first = frames[0].window.mask
+    weight = pixel_weights(first, "nwxor", library.bounds_px).astype(float)[first].sum()
+    pruned = 0
+    for frame, prior in zip(frames, tracker.priors, strict=True):
+        given = frame.window, prior, sigma * weight / first.size
+        expected, numbers = literal_posterior(library, *given)
+        result = np.zeros_like(expected)
+        result[frame.samples] = frame.probability
+        np.testing.assert_allclose(result, expected, rtol=1e-4, atol=1e-9)
+        assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
+        pruned += sum(count < most for count, most in numbers)
+    assert pruned > 3 or sigma > 0.2
+
+
+def test_posterior_does_not_depend_on_the_order_of_sums(library, camera):
     stay = identity(len(library), format="csr")
     masks = [seen(library, 7), seen(library, 150)]
-    tracker, frames = follow(library, camera, stay, masks, sigma=0.6, in_place=True)
-    weights = [pixel_weights(one.window.mask, "nwxor", library.bounds_px) for one in frames]
-    weights = [np.where(one.window.seen, w, 0.0) for one, w in zip(frames, weights, strict=True)]
-    first = pixel_weights(frames[0].window.mask, "nwxor", library.bounds_px)
-    sigma = 0.6 * first.astype(float)[frames[0].window.mask].sum()
-    leaves = library.levels[-1]
-    leaf_of = np.empty(len(library), int)
-    leaf_of[library.leaf_samples] = np.repeat(np.arange(len(leaves)), np.diff(library.leaf_offsets))
-    for frame, weight, prior in zip(frames, weights, tracker.priors, strict=True):
-        assert len(frame.samples) > 20
-        leaf = leaves.representative[leaf_of[frame.samples]]
-        shown = library.render(leaf).windows > 0
-        apart = np.array([weight[frame.window.mask ^ one].sum() for one in shown])
-        expected = np.exp(-0.5 * (apart / sigma) ** 2) * prior[frame.samples, 0]
-        np.testing.assert_allclose(frame.probability[:, 0], expected / expected.sum(), rtol=1e-5)
-        assert (np.diff(frame.probability.max(axis=1)) <= 0).all()
+    (_, one), (_, other) = (
+        follow(library, camera, stay, masks, backend=own()) for own in (CpuBackend, BackwardBackend)
+    )
+    for mine, theirs in zip(one, other, strict=True):
+        np.testing.assert_array_equal(mine.samples, theirs.samples)
+        np.testing.assert_array_equal(mine.probability, theirs.probability)
 
 
 def test_the_position_is_a_random_walk(library, camera):
@@ -189,3 +216,35 @@ def test_a_wrong_distance_is_mended(library, factor):
     matrix = transitions(library, True)
     _, frames = follow(library, near, matrix, [seen(library, 5)] * 12)
     assert abs(frames[-1].window.distance_m / DISTANCE_M / factor - 1) < 0.4 * abs(factor - 1)
+    # Each time by a share of a step, first toward the true one.
+    moved = np.diff(np.log([frame.window.distance_m for frame in frames]))
+    steps = moved / (DISTANCES.gain * DISTANCES.step)
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+    assert np.abs(steps).max() == pytest.approx(1) and steps[0] == pytest.approx(
+        np.sign(factor - 1)
+    )
+
+
+def test_a_wrong_pose_is_neither_drawn_nearer_nor_farther(library, camera):
+    """Somebody at the known distance, of whom another pose is believed."""
+    stay, away = identity(len(library), format="csr"), []
+    for believed, true in np.random.default_rng(0).integers(0, len(library), (12, 2)):
+        first = np.zeros(len(library))
+        first[believed] = 1.0
+        tracker = PaperFilter(library, stay, camera, DISTANCE_M, first, CpuBackend())
+        for frame in range(10):
+            last = tracker.step(frame * INTERVAL_S, seen(library, true))
+        away.append(np.log(last.window.distance_m / DISTANCE_M))
+    assert np.ptp(away) > 0.1 and abs(np.mean(away)) < 0.05
+
+
+def test_leaves_have_the_posterior_of_their_samples(library, camera):
+    matrix = transitions(library, True)
+    masks = [seen(library, 5), seen(library, 9)]
+    tracker, (_, frame) = follow(library, camera, matrix, masks, sigma=0.5)
+    leaves, of_leaves, samples, probability = tracker._update(tracker.priors[1], frame.window)
+    assert len(leaves) > 3 and of_leaves.sum() == pytest.approx(1)
+    for leaf, expected in zip(leaves, of_leaves, strict=True):
+        inside = library.leaf_samples[slice(*library.leaf_offsets[leaf : leaf + 2])]
+        among = probability[np.isin(samples, inside)]
+        np.testing.assert_allclose(among.sum(axis=0), expected, rtol=1e-5)

@@ -84,8 +84,9 @@ def test_pictures_are_those_of_a_camera_of_calib(scene):
     assert (pictures.cut == 0).all()
 
 
-def test_an_upright_body_is_as_tall_as_said(scene):
-    clip = scene[0]
+@pytest.mark.parametrize("stature_m", [1.2, 1.75, 2.1])
+def test_an_upright_body_is_as_tall_as_said(stature_m):
+    clip = waving(1, stature_m)
     upright = pose_surfaces(
         clip.model, np.array([[1.0, 0, 0, 0]]), np.zeros((1, clip.model.dof_count))
     )

@@ -79,18 +79,7 @@ def test_variances_grow_in_proportion_to_the_frame_interval(made):
     np.testing.assert_allclose(half_rate.toarray(), wider.toarray(), rtol=1e-5)
 
 
-def test_hidden_parts_move_more(made):
-    assert made.occluded.any() and not made.occluded.all()
-    occluded = np.flatnonzero(made.occluded.sum(1) > 3)
-    dm1, dm2 = (
-        np.asarray(made.neighbours[f"{name}.square"])[occluded, 1:] for name in ("dm1", "dm2")
-    )
-    assert (dm2.mean(1) < dm1.mean(1)).mean() > 0.9
-
-
 def test_parts_that_show_little_are_hidden(made):
     share = made.areas / np.percentile(made.areas, 99, axis=0)
     assert (made.occluded == (share < 0.15)).all()
-    # In profile, of two hands of a body standing still one is behind the trunk more often than from
-    # the front.
     assert made.areas.dtype == np.uint16

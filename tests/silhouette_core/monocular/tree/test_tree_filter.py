@@ -4,17 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from silhouette_core.monocular.tree.evidence import SHIFTS_PX, UNMOVED, Evidence
+from silhouette_core.monocular.tree.evidence import UNMOVED, Evidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
-from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.monocular.tuning import MOTION_MODEL, FilterSettings
 from silhouette_core.monocular.window import look_at
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
-
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")
@@ -42,67 +40,86 @@ def leaves(library):
     return of
 
 
-def dense_posterior(library, prior, evidence, sigma):
-    """Every sample's prior times the likelihood of its leaf's representative, (10)-(13)."""
-    distance = evidence.distances(
-        library.levels[-1].spans, np.arange(len(library.levels[-1])), 1
-    ).distance
-    likelihood = np.exp(-(distance[leaves(library)] ** 2) / (2 * sigma**2))
-    return likelihood * prior / (likelihood * prior).sum(), distance
-
-
 def filled(posterior, count):
     every = np.zeros(count)
     every[posterior.samples] = posterior.probability
     return every
 
 
-def test_without_pruning_the_posterior_is_the_dense_one(library, tree, evidence, prior):
-    result = TreeFilter(library, tree.transitions, CpuBackend(), EVERY_NODE).update(prior, evidence)
-    expected, distance = dense_posterior(library, prior, evidence, EVERY_NODE.sigma)
-    assert result.scored == tuple(len(level) for level in library.levels)
-    assert sorted(result.samples) == list(range(len(library)))
-    np.testing.assert_allclose(filled(result, len(library)), expected, rtol=1e-6, atol=1e-15)
-    np.testing.assert_allclose(result.distance, distance[leaves(library)][result.samples])
+@pytest.fixture(scope="module")
+def alignments(library, evidence):
+    """Of all nodes of every level: moved to where they fit best, and not moved."""
+    result = []
+    for level, reduction in zip(library.levels, (4, 2, 1), strict=True):
+        case = level.spans, np.arange(len(level)), reduction
+        result.append((evidence.distances(*case), evidence.distances(*case, UNMOVED)))
+    return result
+
+
+def literal_posterior(library, prior, alignments, settings):
+    """Section 6 node by node, with the program's pruning: each sample's probability, the least
+    distance of its leaf, with window and shift; NaN where the leaf did not survive; nodes scored.
+    """
+    homes = [leaves(library)]
+    for level in library.levels[:0:-1]:
+        homes.insert(0, level.parent[homes[0]])
+    scored, survivors = [], np.ones(1, bool)
+    for depth, (level, home) in enumerate(zip(library.levels, homes, strict=True)):
+        moved, unmoved = alignments[depth]
+        distance, scale = unmoved.distance, unmoved.scale
+        parent = level.parent if depth else np.zeros(len(level), int)
+        share = np.where(survivors[parent], np.bincount(home, prior, len(level)), np.nan)
+        sigma = settings.sigma * settings.coarse ** (2 - depth)  # grows with every level above
+        scored.append(np.isfinite(share).sum())
+        order = np.argsort(-np.exp(-0.5 * (distance / sigma) ** 2) * share)  # NaN are last
+        best = order[: settings.moved if scored[-1] > 2 * settings.moved else scored[-1]]
+        rows = np.column_stack([distance, scale, np.zeros((len(level), 2))])
+        rows[best] = np.column_stack([moved.distance, moved.scale, moved.shift_px])[best]
+        likelihood = np.exp(-0.5 * (rows[:, 0] / sigma) ** 2)  # (10), (11)
+        posterior = likelihood * share
+        survivors = posterior >= settings.survivors * np.nanmax(posterior)
+        survivors &= np.isin(np.arange(len(level)), np.argsort(-posterior)[: settings.most])
+    home = homes[-1]
+    probability = np.where(survivors[home], likelihood[home] * prior, 0.0)  # (12), (13)
+    rows = np.where(survivors[home, None], rows[home], np.nan)
+    return probability / probability.sum(), rows, scored  # (1)
+
+
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([0.0, 1e-3, 0.05]),
+    st.sampled_from([1, 7, 40, 10**9]),
+    st.sampled_from([30, 10**9]),
+)
+@settings(max_examples=100, deadline=None)
+def test_the_posterior_is_the_literal_one(
+    library, tree, evidence, alignments, seed, survivors, most, moved
+):
+    """Whatever is pruned, and however few nodes are moved; impossible poses stay so."""
+    rng = np.random.default_rng(seed)
+    prior = rng.dirichlet(np.full(len(library), 0.3)) * (rng.random(len(library)) < 0.9)
+    chosen = replace(tree.settings, survivors=survivors, most=most, moved=moved)
+    result = TreeFilter(library, tree.transitions, tree.backend, chosen).update(prior, evidence)
+    probability, rows, scored = literal_posterior(library, prior, alignments, chosen)
+    np.testing.assert_array_equal(np.sort(result.samples), np.flatnonzero(np.isfinite(rows[:, 0])))
+    np.testing.assert_allclose(filled(result, len(library)), probability, rtol=1e-6, atol=1e-15)
+    own = np.column_stack([result.distance, result.scale, result.shift_px])
+    np.testing.assert_allclose(own, rows[result.samples], rtol=1e-9)
+    assert list(result.scored) == scored
     assert (np.diff(result.probability) <= 0).all()
 
 
-def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, prior):
+def test_pruning_scores_less_and_keeps_what_counts(library, tree, evidence, alignments, prior):
+    """Of the dense posterior: every sample's prior times the likelihood of its leaf, (10)-(13)."""
     result = tree.update(prior, evidence)
-    expected, _ = dense_posterior(library, prior, evidence, tree.settings.sigma)
+    every = replace(tree.settings, survivors=0.0, most=10**9, moved=10**9)
+    expected, rows, _ = literal_posterior(library, prior, alignments, every)
+    assert np.isfinite(rows).all()
     assert result.scored[0] == len(library.levels[0])
     assert result.scored[-1] < 0.6 * len(library.levels[-1])
     assert result.probability.sum() == pytest.approx(1.0)
     assert result.samples[0] == expected.argmax()
     assert np.abs(filled(result, len(library)) - expected).sum() < 0.05
-
-
-def test_moving_only_likely_nodes_changes_nothing_that_counts(library, tree, evidence, prior):
-    few = TreeFilter(library, tree.transitions, CpuBackend(), replace(tree.settings, moved=30))
-    assert len(library.levels[0]) > 2 * few.settings.moved
-    result, every = (one.update(prior, evidence) for one in (few, tree))
-    assert result.samples[0] == every.samples[0]
-    shares = [filled(one, len(library)) for one in (result, every)]
-    assert np.abs(shares[0] - shares[1]).sum() < 0.1
-    moved, unmoved = (
-        evidence.distances(library.levels[0].spans, np.arange(9), 4, shifts_px).distance
-        for shifts_px in (SHIFTS_PX, UNMOVED)
-    )
-    assert (moved <= unmoved + 1e-9).all() and (moved < unmoved).any()
-
-
-@pytest.mark.parametrize("most", [1, 7])
-def test_not_more_nodes_are_kept_than_allowed(library, tree, evidence, prior, most):
-    result = TreeFilter(
-        library, tree.transitions, CpuBackend(), replace(EVERY_NODE, most=most)
-    ).update(prior, evidence)
-    assert len(np.unique(leaves(library)[result.samples])) == most
-
-
-def test_a_pose_that_is_impossible_stays_so(library, tree, evidence, prior):
-    prior = np.where(np.arange(len(library)) % 2, prior, 0.0)
-    result = tree.update(prior, evidence)
-    assert (result.probability[result.samples % 2 == 0] == 0).all()
 
 
 @pytest.mark.parametrize("steps", [1, 3])
@@ -116,33 +133,3 @@ def test_the_prior_is_the_dense_sum(library, tree, evidence, prior, steps):
     floor = tree.settings.floor
     expected = (1 - floor) * belief / belief.sum() + floor / len(library)
     np.testing.assert_allclose(tree.predict(posterior, steps), expected, rtol=1e-5, atol=1e-12)
-
-
-def test_hidden_parts_go_farther_in_dm2_and_only_they_do(library):
-    dm1, dm2 = (
-        transitions(library, aware, 4 * MOTION_MODEL.sigma_scale) for aware in (False, True)
-    )
-    moving = np.unique(library.model.tree.dof_part[library.base_angles.std(0) > np.radians(3)])
-    some, none = library.occluded[:, moving].any(1), ~library.occluded.any(1)
-    assert some.any() and none.any()
-    differs = np.array([abs(dm1[[n]] - dm2[[n]]).max() > 1e-6 for n in range(len(library))])
-    assert not differs[none].any()
-    assert differs[some].mean() > 0.98
-    # (5): the source stays less likely where it hides something.
-    assert dm2.diagonal()[some].mean() < dm1.diagonal()[some].mean()
-
-
-def test_a_node_survives_by_likelihood_and_prior(library, evidence, prior):
-    """Eq. (10) and (11), with a sigma that grows with every level above the last."""
-    settings = FilterSettings(survivors=0.05, most=10**9, moved=10**9)
-    tree = TreeFilter(library, None, CpuBackend(), settings)
-    for depth, level in enumerate(library.levels):
-        nodes = np.arange(len(level))
-        share = np.random.default_rng(depth).dirichlet(np.full(len(level), 0.2))
-        alignment, log_likelihood, kept = tree.score_level(depth, nodes, share, evidence)
-        sigma = settings.sigma * settings.coarse ** (2 - depth)
-        np.testing.assert_allclose(log_likelihood, -0.5 * (alignment.distance / sigma) ** 2)
-        posterior = np.exp(log_likelihood) * share
-        np.testing.assert_array_equal(kept, np.flatnonzero(posterior >= 0.05 * posterior.max()))
-        likely = np.exp(log_likelihood)
-        assert set(kept) != set(np.flatnonzero(likely >= 0.05 * likely.max()))

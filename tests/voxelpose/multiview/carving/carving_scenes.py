@@ -1,5 +1,6 @@
 """Rigs and masks for the carving tests."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -26,6 +27,22 @@ def look_at(
     return Camera(
         name, size, matrix, np.array(distortion, float), rotation, -rotation @ centre, fisheye
     )
+
+
+def any_lens(rng: np.random.Generator) -> dict:
+    """Draws the distortion of a camera, of any of the models, or none."""
+    if rng.random() < 0.3:
+        return {"distortion": rng.uniform(-0.15, 0.15, 4), "fisheye": True}
+    sigma = np.array([0.4, 0.2, 0.01, 0.01, 0.1, 0.4, 0.2, 0.05, *[0.01] * 4, 0.05, 0.05])
+    return {"distortion": (sigma * rng.uniform(-1, 1, 14))[: rng.choice([0, 4, 5, 8, 12, 14])]}
+
+
+def any_camera(rng: np.random.Generator, name: str, centre, target) -> Camera:
+    """Draws a camera with a skew and any lens at a place."""
+    size, focal = tuple(rng.integers(30, 90, 2).tolist()), rng.uniform(25, 120)
+    camera = look_at(name, centre, target, size, focal, **any_lens(rng))
+    skew = np.outer([1, 0, 0], [0, rng.uniform(-9, 9), 0])
+    return replace(camera, matrix=camera.matrix + skew)
 
 
 def ring(count=4, radius=3.0, height=1.4, **camera) -> Rig:

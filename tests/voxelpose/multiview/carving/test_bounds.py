@@ -1,10 +1,18 @@
 import numpy as np
 import pytest
-from carving_scenes import figure_points, look_at, ring, silhouettes
+from carving_scenes import any_camera, figure_points, look_at, ring, silhouettes
+from scipy.spatial.transform import Rotation
 
-from calib.camera import Rig
+from calib.camera import Camera, Rig
 from calib.errors import InputError
-from voxelpose.multiview.carving.bounds import grid_within, place_grid
+from voxelpose.multiview.carving.bounds import (
+    _dilated,
+    _outline,
+    _pyramid,
+    _shrink,
+    grid_within,
+    place_grid,
+)
 from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 
@@ -22,6 +30,58 @@ def test_the_box_holds_the_whole_hull_and_little_more(lens):
     low, high = grid.origin_m, grid.origin_m + grid.size_m
     assert (hull.min(axis=0) > low).all() and (hull.max(axis=0) < high).all()
     assert (hull.min(axis=0) - low < 0.15).all() and (high - hull.max(axis=0) < 0.15).all()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_pyramid_holds_every_pixel_of_its_silhouette_under_any_lens(seed):
+    rng = np.random.default_rng(seed)
+    camera = any_camera(rng, "any", rng.normal(size=3), rng.normal(size=3))
+    mask = np.zeros(camera.size[::-1], bool)
+    row, column = rng.integers(0, 24, 2)
+    mask[row : row + 12, column : column + 9] = rng.random(mask.shape)[:12, :9] < 0.2
+    outline = _outline(mask.view(np.uint8))
+    corners = np.argwhere(mask)[:, None, ::-1] + 0.5 * np.array(
+        [[-1, -1], [-1, 1], [1, -1], [1, 1]]
+    )
+    origin, rays = camera.rays(corners.reshape(-1, 2))
+    planes = _pyramid(camera, outline)
+    seen = np.isfinite(rays).all(axis=1)
+    assert planes is not None and seen.any()
+    places = origin + rng.uniform(0.1, 9, (seen.sum(), 1)) * rays[seen]
+    assert (places @ planes[:, :3].T + planes[:, 3] < 1e-3).all()
+    # And all pixels of its border touch the pyramid.
+    assert (np.abs(places @ planes[:, :3].T + planes[:, 3]).min(axis=0) < 1e-3).all()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_widened_silhouette_holds_the_middle_of_every_voxel_that_it_shows_a_point_of(seed):
+    rng = np.random.default_rng(seed)
+    turn = Rotation.random(random_state=seed).as_matrix()
+    matrix = np.array([[2000.0, 0, 399.5], [0, 2000, 319.5], [0, 0, 1]])
+    grid = VoxelGrid(rng.normal(size=3), 0.03, (6, 7, 5))
+    middle = grid.origin_m + 0.5 * grid.size_m
+    camera = Camera("c", (800, 640), matrix, np.zeros(0), turn, [0, 0, 3.0] - turn @ middle)
+    centres = grid.centres(np.argwhere(np.ones(grid.shape)))
+    corners = 0.499 * grid.voxel_size_m * (2 * np.array(list(np.ndindex(2, 2, 2))) - 1)
+    shown = np.rint(camera.project((centres[:, None] + corners).reshape(-1, 3))[0]).astype(int)
+    middles = np.repeat(np.rint(camera.project(centres)[0]).astype(int), 8, axis=0)
+    for k in np.abs(shown - middles).max(axis=1).argsort()[-5:]:
+        mask = np.zeros((640, 800), np.uint8)
+        mask[shown[k, 1], shown[k, 0]] = 1
+        assert _dilated(camera, mask, grid)[middles[k, 1], middles[k, 0]]
+
+
+@pytest.mark.parametrize("reach_m", [2.5, 12.0, 60.0])
+def test_a_box_is_shrunk_until_it_hardly_shrinks(reach_m):
+    """Where it began makes no difference."""
+    rig, rule = ring(4), CarveRule()
+    masks = [mask.view(np.uint8) for mask in silhouettes(rig).values()]
+    begun = np.array([-1.0, -0.8, -0.7]) * reach_m, np.array([0.9, 1.0, 1.1]) * reach_m
+    low, high = _shrink(rig, masks, rule, begun, None)
+    points = figure_points()
+    assert (low < points.min(axis=0)).all() and (high > points.max(axis=0)).all()
+    once_more = np.subtract(*_shrink(rig, masks, rule, (low, high), None)[::-1])
+    assert once_more.prod() > 0.8 * (high - low).prod()
 
 
 def test_the_resolution_divides_the_longest_edge():

@@ -17,7 +17,13 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import COMPONENT, HullObserver, _small_components
+from voxelpose.multiview.carving.observe import (
+    COMPONENT,
+    HullObserver,
+    _label_bodies,
+    _small_components,
+    _without_crumbs,
+)
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
@@ -66,6 +72,43 @@ def test_of_what_only_some_cameras_show_small_pieces_stay():
     mask[20:30, 20:30] = True
     found = _small_components(mask, 20)
     assert found[5:8, 5:8].all() and found.sum() == 9
+
+
+@pytest.mark.parametrize("joined_m", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_pieces_are_one_that_lie_above_one_another_or_near(axis, joined_m):
+    """Up to 0.25 m above one another, up to `joined_m` in any direction."""
+    grid = VoxelGrid(np.zeros(3), 0.02, (40, 40, 40))
+    most_m = max(joined_m, 0.25 if axis == 2 else 0.0)
+    for gap in range(1, 25):
+        occupancy = np.zeros((40, 40, 40), bool)
+        occupancy[5:8, 5:8, 5:8] = True
+        place = [slice(5, 8)] * 3
+        place[axis] = slice(8 + gap, 11 + gap)
+        occupancy[tuple(place)] = True
+        one = len(_label_bodies(occupancy, grid, joined_m).sizes) == 2
+        if abs(gap * 0.02 - most_m) > 0.03:
+            assert one == (gap * 0.02 <= most_m)
+
+
+def test_the_window_reaches_beyond_the_coarse_hull(observer, masks):
+    components = observer.components(masks)
+    body = observer.body(components, None)
+    grid = observer.window(components, body)
+    low, high = components["bounds_m"][body]
+    assert (grid.origin_m <= low - 0.1 + 1e-9).all()
+    assert (grid.origin_m + grid.size_m >= high + 0.1 - 1e-9).all()
+    assert (grid.size_m < high - low + 0.3).all()
+
+
+def test_crumbs_of_a_hull_are_left_out():
+    occupancy = np.zeros((60, 12, 12), bool)
+    occupancy[:10, :10, :10] = True
+    for k, edge in enumerate((1, 2, 3, 4)):  # cubes; 27 of 1000 are a crumb
+        occupancy[20 + 10 * k : 20 + 10 * k + edge, :edge, :edge] = True
+    kept = _without_crumbs(occupancy)
+    assert [int(kept[20 + 10 * k : 30 + 10 * k].sum()) for k in range(4)] == [0, 0, 0, 64]
+    assert kept[:10].sum() == 1000
 
 
 def test_the_hull_holds_the_body(observer, masks):
@@ -141,6 +184,31 @@ def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
     assert not observed.observation.masks[1][5:40, 5:40].any()
     for kept, mask in zip(observed.observation.masks, masks, strict=True):
         assert np.count_nonzero(kept ^ mask) < 0.02 * np.count_nonzero(mask)
+
+
+@pytest.mark.parametrize("blind", [0, 2])
+def test_limbs_that_one_camera_misses_stay_in_the_others(observer, blind):
+    """That one alone is explained then: the hull lacks the limbs, and not the other cameras."""
+    actor, aside = other_body(), {"left_upper_arm.abduction": 95.0, "left_thigh.abduction": 40.0}
+    whole = photograph(
+        observer.views, actor, stance(actor, aside | {"right_upper_arm.abduction": 95.0})
+    )
+    trunk = photograph(observer.views, actor, stance(actor))
+    masks = [own & trunk[c] if c == blind else own for c, own in enumerate(whole)]
+    observed = observer.observe(masks)
+    for c, (kept, mask) in enumerate(zip(observed.masks, masks, strict=True)):
+        assert c == blind or kept[mask & ~trunk[c]].mean() > 0.8
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 3)])
+def test_what_two_of_four_cameras_show_is_dropped_where_the_others_are_explained(observer, pair):
+    masks = photograph(observer.views, *body_at(0.0))
+    stray = [mask.copy() for mask in masks]
+    for c in pair:
+        stray[c][5:60, 5:60] = True
+        assert not masks[c][5:60, 5:60].any()
+    for kept in observer.observe(stray).masks:
+        assert not kept[5:55, 5:55].any()
 
 
 def test_nothing_and_specks_are_no_body(observer, masks):

@@ -45,13 +45,6 @@ def test_carving_is_the_references(seed, rule):
     np.testing.assert_array_equal(carve(RIG, MASKS, PERSON, rule, unknown), expected)
 
 
-def test_nothing_unknown_changes_nothing():
-    nowhere = [np.zeros_like(mask) for mask in MASKS]
-    np.testing.assert_array_equal(
-        carve(RIG, MASKS, PERSON, None, nowhere), carve(RIG, MASKS, PERSON)
-    )
-
-
 @pytest.mark.parametrize("outside", ["keep", "carve"])
 def test_what_is_hidden_from_one_camera_is_not_carved_by_it(outside):
     unknown = lower_part(0)
@@ -63,16 +56,6 @@ def test_what_is_hidden_from_one_camera_is_not_carved_by_it(outside):
     assert (whole & ~found).sum() == 0
     three = carve(RIG.select(RIG.names[1:]), MASKS[1:], PERSON, CarveRule(0, outside, 3))
     assert (found & ~three).sum() == 0  # what the others do not see is no part of it
-
-
-def test_a_camera_that_knows_nothing_does_not_agree():
-    everything = [np.ones_like(mask) for mask in MASKS]
-    nothing = hidden(everything)
-    for least in (1, 2):
-        assert not carve(RIG, nothing, PERSON, CarveRule(least_agreeing=least), everything).any()
-    one = [*everything[:3], np.zeros_like(MASKS[3])]
-    assert not carve(RIG, hidden(one), PERSON, CarveRule(least_agreeing=2), one).any()
-    assert carve(RIG, hidden(one), PERSON, CarveRule(least_agreeing=1), one).any()
 
 
 def test_the_volume_holds_what_is_hidden():

@@ -7,35 +7,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silhouette_core.scoring.cpu import CpuBackend
-from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
-from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.matching.body_volume import FREE_FROM_BODY, TAKEN, VoxelSet
 from voxelpose.multiview.matching.joint_search import best_together
 from voxelpose.multiview.matching.kernels.bits import (
-    count_common,
-    count_new,
     find_dominated,
-    popcount,
 )
 
 
 @st.composite
 def groups(draw):
     """Up to four parts with up to six placements on up to two words of voxels, with costs that tie
-    often.
+    often; most placements take after a few sets that all parts like.
     """
-    words = draw(st.integers(1, 2))
+    width = 64 * draw(st.integers(1, 2))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    density = draw(st.sampled_from([0.02, 0.1, 0.5]))
+    density, alike = (
+        draw(st.sampled_from([0.02, 0.1, 0.5])),
+        draw(st.sampled_from([0.0, 0.8, 0.95])),
+    )
+    liked = rng.random((3, width)) < density
     bits, costs = [], []
     for _ in range(draw(st.integers(1, 4))):
         count = draw(st.integers(1, 6))
-        bits.append(
-            np.packbits(rng.random((count, 64 * words)) < density, axis=1, bitorder="little").view(
-                np.uint64
-            )
-        )
+        sets = rng.random((count, width)) < density
+        sets = np.where(rng.random(sets.shape) < alike, liked[rng.integers(0, 3, count)], sets)
+        bits.append(np.packbits(sets, axis=1, bitorder="little").view(np.uint64))
         costs.append(rng.integers(0, 8, count) * draw(st.sampled_from([0.0, 0.7, 2.0])))
     return bits, costs
 
@@ -48,7 +43,7 @@ def score_of(bits, costs, choice):
 
 
 @given(groups())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_search_is_as_good_as_trying_everything(group):
     bits, costs = group
     choice, score, exact = best_together(bits, costs)
@@ -58,79 +53,10 @@ def test_search_is_as_good_as_trying_everything(group):
     assert score_of(bits, costs, choice) == pytest.approx(score)
 
 
-def test_two_parts_that_both_like_the_same_voxels_share_them_out():
-    """What Fig. 2 of the paper is about: each part alone would take the larger set."""
-    large, small = np.uint64(0b1111), np.uint64(0b110000)
-    bits = [np.array([[large], [small]]), np.array([[large], [small]])]
-    costs = [np.zeros(2), np.array([0.0, 0.5])]
-    assert [
-        int(np.argmax(np.bitwise_count(part)[:, 0] - cost))
-        for part, cost in zip(bits, costs, strict=True)
-    ] == [0, 0]
-    assert best_together(bits, costs) == ((1, 0), 6.0, True)
-
-
-def test_thousands_of_placements_of_three_parts():
-    """Enumeration would need 8 thousand million unions."""
-    rng = np.random.default_rng(5)
-    bits = [
-        np.packbits(rng.random((2000, 512)) < 0.05, axis=1, bitorder="little").view(np.uint64)
-        for _ in range(3)
-    ]
-    choice, score, exact = best_together(bits, [np.full(2000, 1.5)] * 3)
-    assert exact and score_of(bits, [np.full(2000, 1.5)] * 3, choice) == score
-    # No single exchange is better.
-    for part in range(3):
-        others = np.bitwise_or.reduce([bits[i][choice[i]] for i in range(3) if i != part])
-        assert np.bitwise_count(bits[part] | others).sum(1).max() - 4.5 <= score
-
-
 @pytest.mark.parametrize("bits", [[], [np.zeros((0, 1), np.uint64)]])
 def test_nothing_to_choose_from_is_refused(bits):
     with pytest.raises(ValueError, match="at least one placement"):
         best_together(bits, [np.zeros(len(part)) for part in bits])
-
-
-@given(st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=40))
-@settings(deadline=None)
-def test_counting_bits(values):
-    words = np.array(values, np.uint64)
-    assert [int(popcount(word)) for word in words] == [value.bit_count() for value in values]
-    other = words[::-1].copy()
-    assert count_common(words, other) == sum(
-        (a & b).bit_count() for a, b in zip(values, values[::-1], strict=True)
-    )
-    new = np.empty(1, np.int64)
-    count_new(words[None], other, new)
-    assert new[0] == sum((a & ~b).bit_count() for a, b in zip(values, values[::-1], strict=True))
-
-
-def test_cover_against_sets_of_indices():
-    rng = np.random.default_rng(2)
-    grid = VoxelGrid(np.array([-0.5, -0.4, 0.0]), 0.1, (10, 8, 12))
-    occupancy = rng.random(grid.shape) < 0.4
-    voxel_set = VoxelSet(grid, occupancy, CpuBackend())
-    first = np.zeros(voxel_set.words, np.uint64)
-    first[0] = 0b1011
-    voxel_set.take(first)
-    assert (voxel_set.ids == TAKEN).sum() == 3 and (voxel_set.ids == FREE_FROM_BODY).sum() == (
-        ~occupancy
-    ).sum()
-    assert (voxel_set.ids >= 0).sum() == len(voxel_set) - 3
-    points = rng.uniform(-0.6, 0.6, (200, 3))
-    rotations, translations = (
-        np.linalg.qr(rng.normal(size=(7, 3, 3)))[0],
-        rng.uniform(0, 0.5, (7, 3)),
-    )
-    bits, empty, inside = voxel_set.cover(points, rotations, translations)
-    for k in range(7):
-        index = voxels_at(grid, points @ rotations[k].T + translations[k])
-        within = ((index >= 0) & (index < grid.shape)).all(axis=1)
-        result = voxel_set.ids[tuple(index[within].T)]
-        assert empty[k] == (~within).sum() + (result == FREE_FROM_BODY).sum()
-        assert inside[k] == (result == TAKEN).sum()
-        flat = np.unpackbits(bits[k].view(np.uint8), bitorder="little")
-        assert set(np.flatnonzero(flat)) == set(result[result >= 0])
 
 
 def test_a_placement_falls_only_to_one_that_is_better_whatever_is_taken():

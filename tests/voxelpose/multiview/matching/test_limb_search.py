@@ -1,5 +1,6 @@
 """A limb searched on the silhouettes where its two parts are hard to tell apart."""
 
+import numpy as np
 import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -11,7 +12,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.limb_search import place_limb
+from voxelpose.multiview.matching.limb_search import _scores, place_limb
 from voxelpose.multiview.matching.limbs import CHAINS, within_limits
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
@@ -44,3 +45,13 @@ def test_both_parts_of_a_limb_are_found(limb, above_deg, below_deg, cameras):
     ends = [LANDMARK_NAMES.index(name) for name in ENDS[limb].split()]
     assert joint_errors_m(BODY.model, result, BODY.model, truth)[ends].max() < 0.1
     assert within_limits(result.angles_rad)
+
+
+def test_limbs_count_by_their_volume():
+    """All of whose points are seen where nothing is explained, however many are looked up."""
+    seen_by, pose = views(3), stance(BODY.model)
+    observation = observe(seen_by, BODY.model, pose)
+    images = np.full((3, 320, 320), 2, np.int8)
+    for limb in BODY.limbs[1:]:
+        (score,) = _scores(BODY, observation, images, limb, pose, pose.angles_rad[None])
+        assert score == pytest.approx(2 * 3 * len(BODY.points[limb.name]), rel=0.06)

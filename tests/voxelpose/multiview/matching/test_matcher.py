@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PART_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
 from silhouette_core.motion.kinematics import forward, quaternions
-from silhouette_core.scoring.cpu import CpuBackend
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
+    groups_apart,
     hull,
     joint_errors_m,
     other_body,
@@ -53,14 +56,25 @@ def scene():
     return body, pose, *hull(views(), body, pose, 0.025)
 
 
-@pytest.mark.parametrize("name", [limb.name for limb in LIMBS if limb.parent])
-def test_samples_stay_within_limits_and_hold_the_present_angles(name):
-    result = sample_angles(LIMB[name], RELAXED_RAD, STEP)
-    np.testing.assert_array_equal(result[0], RELAXED_RAD)
-    assert within_limits(result).all() and len(result) > 5
-    own = {name, LIMB[name].twist_of}
-    strange = [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] not in own]
-    assert (result[:, strange] == RELAXED_RAD[strange]).all()
+def dofs_of(*names):
+    return [k for k, dof in enumerate(HUMAN.dof_names) if dof.partition(".")[0] in names]
+
+
+@given(st.sampled_from([limb for limb in LIMBS if limb.parent]), st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_samples_hold_the_present_angles_and_turn_the_limb_alone(limb, seed):
+    angles = np.random.default_rng(seed).uniform(LOW, HIGH)
+    result = sample_angles(limb, angles, STEP)
+    np.testing.assert_array_equal(result[0], angles)
+    assert within_limits(result).all()
+    own = dofs_of(limb.name, limb.twist_of)
+    np.testing.assert_array_equal(
+        np.delete(result, own, 1), np.delete(result[:1] + 0 * result, own, 1)
+    )
+    if limb.swing:  # over the whole range the present twist means nothing
+        swung = [HUMAN.dof_names.index(name) for name in limb.swing]
+        assert not np.delete(result[1:, own], [own.index(k) for k in swung], 1).any()
+        assert len(result) > 5
 
 
 def test_a_full_search_reaches_both_ends_of_every_swing():
@@ -72,16 +86,26 @@ def test_a_full_search_reaches_both_ends_of_every_swing():
             assert np.diff(angles).max() <= STEP + 1e-9
 
 
-def test_twist_turns_the_bone_about_itself(body_volume):
-    """Whatever bend and twist are tried, the knee stays where the thigh has put it."""
-    turned = RELAXED_RAD.copy()
-    turned[HUMAN.dof_names.index("left_thigh.flexion")] = 0.9
-    turned[HUMAN.dof_names.index("left_thigh.abduction")] = 0.3
-    samples = sample_hinge(LIMB["left_shin"], turned[None], STEP)[0]
-    _, knees = body_volume.placements(LIMB["left_shin"], stance(body_volume.model), samples)
-    # The axis of the twist is the vertical of the resting body; the bone slants away from it by 3
-    # degrees.
-    assert np.linalg.norm(knees - knees.mean(0), axis=1).max() < 0.06
+@given(st.sampled_from([limb for limb in LIMBS if limb.hinge]), st.integers(0, 10**6))
+@settings(max_examples=40, deadline=None)
+def test_twist_turns_the_bone_about_itself(body_volume, limb, seed):
+    """Up to 100 degrees to either side; the bone above points where it pointed."""
+    angles = np.random.default_rng(seed).uniform(LOW, HIGH)
+    samples = sample_hinge(limb, angles[None], STEP)[0]
+    above, root = LIMB[limb.twist_of], stance(body_volume.model)
+    (own,), _ = body_volume.placements(above, root, angles[None])
+    turned, _ = body_volume.placements(above, root, samples)
+    kinds = ("twist", "rotation")
+    axis = next(
+        dof.axis for p, dof in HUMAN.dofs if PART_NAMES[p] == above.name and dof.name in kinds
+    )
+    np.testing.assert_allclose(turned @ axis, (own @ axis) + np.zeros((len(samples), 3)), atol=1e-9)
+    twists = np.unique(np.round(Rotation.from_matrix(own.T @ turned).as_rotvec() @ axis, 6))
+    np.testing.assert_allclose([twists[0], twists[-1]], np.radians([-100, 100]), atol=1e-5)
+    assert np.diff(twists).max() <= 2 * STEP + 1e-5
+    bends = np.unique(samples[:, HUMAN.dof_names.index(limb.hinge)])
+    np.testing.assert_allclose([bends[0], bends[-1]], HUMAN.dof_limits_rad[dofs_of(limb.name)[0]])
+    assert len(samples) == len(twists) * len(bends) and np.diff(bends).max() <= STEP + 1e-9
 
 
 def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
@@ -98,15 +122,28 @@ def test_limbs_are_placed_where_the_whole_body_would_have_them(body_volume):
         np.testing.assert_allclose(origins, origin[:, PART_NAMES.index(limb.name)], atol=1e-12)
 
 
-def candidates_of(bits, limb="neck"):
+def candidates_of(bits, limb="neck", cost=0, **more):
     words = np.packbits(np.asarray(bits, bool), axis=1, bitorder="little")
     words = np.pad(words, ((0, 0), (0, -words.shape[1] % 8))).view(np.uint64)
-    return LimbPlacements(LIMB[limb], np.zeros((len(words), len(LOW))), words, np.zeros(len(words)))
+    angles = np.zeros((len(words), len(LOW)))
+    return LimbPlacements(LIMB[limb], angles, words, np.broadcast_to(cost, len(words)), **more)
 
 
 def test_movable_area_is_what_some_placement_covers():
     area = candidates_of([[1, 0, 0, 0], [0, 0, 1, 0]]).movable_area
     assert area[0] == 0b101
+
+
+@pytest.mark.parametrize(
+    ("cost", "spare", "area"),
+    [((0, 1, 3), 0, 0b0111), ((2, 4, 3), 0, 0b1101), ((2, 4, 3), 1, 0b1111)],
+)
+def test_no_voxel_is_a_limbs_where_it_would_lie_mostly_elsewhere(cost, spare, area):
+    """Placements that cost more than they explain do not count, unless the best combination may
+    need them.
+    """
+    bits = [[1, 0, 0, 0], [0, 1, 1, 0], [0, 0, 1, 1]]
+    assert candidates_of(bits, cost=cost, spare=spare).movable_area[0] == area
 
 
 def test_interference_is_passed_on_from_part_to_part():
@@ -119,18 +156,46 @@ def test_interference_is_passed_on_from_part_to_part():
     assert count_common(areas[0], areas[1]) == 1
 
 
-def test_forearms_apart_are_matched_singly_and_shins_together(body_volume, scene):
-    _, _, grid, occupancy = scene
-    start = stance(body_volume.model, TURNS)
-    result = match(body_volume, grid, occupancy, start)
-    groups = [set(group) for group in result.groups]
-    assert {"left_forearm"} in groups and {"right_forearm"} in groups
-    assert {"left_shin", "right_shin"} in groups
-    assert sorted(name for group in result.groups for name in group) == sorted(
-        limb.name for limb in LIMBS
+CROSSED = {
+    f"{side}_{name}": angle
+    for side, angles in (("left", (20.0, -14.0, 14.0)), ("right", (-5.0, -12.0, 14.0)))
+    for name, angle in zip(
+        ("thigh.flexion", "thigh.abduction", "shin.flexion"), angles, strict=True
     )
-    plain = match(body_volume, grid, occupancy, start, MatchSettings(interference=False))
+}
+RAISED = {f"{side}_upper_arm.abduction": 150.0 for side in ("left", "right")}
+
+
+@pytest.mark.parametrize(
+    ("turns", "together"),
+    [
+        ({}, [{"left_thigh", "right_thigh"}]),
+        (TURNS, [{"left_thigh", "right_thigh"}]),
+        (CROSSED, [{"left_thigh", "right_thigh"}, {"left_shin", "right_shin"}]),
+        (RAISED, [{"neck", "left_upper_arm", "right_upper_arm"}, {"left_thigh", "right_thigh"}]),
+    ],
+    ids=["upright", "raised leg", "crossed legs", "raised arms"],
+)
+def test_only_limbs_that_could_lie_in_each_others_voxels_are_matched_at_once(
+    body_volume, turns, together
+):
+    body, start = other_body(1), stance(body_volume.model)
+    scene = hull(views(), body, stance(body, turns), 0.025)
+    result = match(body_volume, *scene, start)
+    groups = [set(group) for group in result.groups]
+    assert all(group in groups for group in together)
+    assert {"left_forearm"} in groups or turns is RAISED
+    assert sorted(name for group in groups for name in group) == sorted(limb.name for limb in LIMBS)
+    plain = match(body_volume, *scene, start, MatchSettings(interference=False))
     assert all(len(group) == 1 for group in plain.groups)
+    assert result.score >= plain.score
+
+
+@pytest.mark.parametrize("turns", [{}, TURNS, CROSSED, RAISED])
+def test_limbs_matched_apart_score_as_all_of_a_level_at_once(body_volume, turns):
+    body, start = other_body(2), stance(body_volume.model)
+    scene = hull(views(), body, stance(body, turns), 0.025)
+    assert 1 < groups_apart(body_volume, start, *scene) < 5
 
 
 @pytest.mark.parametrize("interference", [True, False])
@@ -193,24 +258,28 @@ def test_points_in_empty_space_and_in_placed_parts_cost_what_is_said(body_volume
     assert full.placements(0, limb, angles).cost == pytest.approx(0.7 * points)
 
 
-def test_explained_share_counts_a_voxel_once(body_volume, scene):
+@pytest.mark.parametrize("interference", [True, False])
+def test_share_and_score_count_a_voxel_once(body_volume, scene, monkeypatch, interference):
+    """Also one that several groups of a level claim."""
     _, _, grid, occupancy = scene
-    for interference in (True, False):
-        result = match(
-            body_volume,
-            grid,
-            occupancy,
-            stance(body_volume.model),
-            MatchSettings(interference=interference),
-        )
-        voxel_set = VoxelSet(grid, occupancy, CpuBackend())
-        union = np.zeros(voxel_set.words, np.uint64)
-        for limb in LIMBS:
-            placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
-            union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
-        assert result.explained == pytest.approx(
-            np.bitwise_count(union).sum() / len(voxel_set), abs=0.01
-        )  # a twist moves the bone above a little
+    costs, decide = [], _Search.decide
+
+    def noted(search, group, choice, *others):
+        costs.extend(float(one.cost[k]) for one, k in zip(group, choice, strict=True))
+        return decide(search, group, choice, *others)
+
+    monkeypatch.setattr(_Search, "decide", noted)
+    start, chosen = stance(body_volume.model), MatchSettings(interference=interference)
+    result = match(body_volume, grid, occupancy, start, chosen)
+    voxel_set = VoxelSet(grid, occupancy, body_volume.backend)
+    union = np.zeros(voxel_set.words, np.uint64)
+    for limb in LIMBS:
+        placed = body_volume.placements(limb, result.pose, result.pose.angles_rad[None])
+        union |= voxel_set.cover(body_volume.points[limb.name], *placed)[0][0]
+    share = np.bitwise_count(union).sum() / len(voxel_set)
+    # A twist moves the bone above a little.
+    assert result.explained == pytest.approx(share, abs=0.01)
+    assert result.score == pytest.approx(result.explained * len(voxel_set) - sum(costs))
 
 
 def test_same_answer_for_any_number_of_threads(body_volume, scene):
@@ -273,7 +342,7 @@ def test_movable_areas_of_a_posed_body(body_volume, scene):
     theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
     assert (
         len(theirs & set(map(tuple, result["left_forearm"].voxels.tolist())))
-        > 0.9 * len(theirs)
+        > 0.8 * len(theirs)
         > 0
     )
     assert not theirs & set(map(tuple, result["right_shin"].voxels.tolist()))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.pose import Pose
+from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other_body, stance, views
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.torso_search import find_torso
@@ -11,9 +12,9 @@ from voxelpose.multiview.matching.torso_search import find_torso
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 
 
-def turned(pose: Pose, yaw_deg: float) -> Pose:
+def turned(pose: Pose, yaw_deg: float, pitch_deg: float = 0.0) -> Pose:
     step = np.zeros(6 + len(pose.angles_rad))
-    step[5] = np.radians(yaw_deg)
+    step[5], step[3] = np.radians(yaw_deg), np.radians(pitch_deg)
     return pose.moved(step)
 
 
@@ -40,3 +41,13 @@ def test_of_two_placements_one_is_the_other_way_round(yaw_deg):
     found = find_torso(BODY, *hull(views(), actor, truth), 2)
     facing = sorted(pose.root_rotation[:, 1] @ truth.root_rotation[:, 1] for pose in found)
     assert facing[0] < -0.8 and facing[1] > 0.8
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 40.0, -80.0])
+def test_torsos_lie_in_the_hull_however_the_body_leans(pitch_deg):
+    actor = other_body(2)
+    grid, occupancy = hull(views(), actor, turned(stance(actor), 0.0, pitch_deg))
+    for pose in find_torso(BODY, grid, occupancy, 4):
+        points = BODY.points["pelvis"] @ pose.root_rotation.T + pose.root_m
+        cells = voxels_at(grid, points).clip(0, np.array(grid.shape) - 1)
+        assert occupancy[tuple(cells.T)].mean() > 0.7
