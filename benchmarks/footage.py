@@ -42,7 +42,6 @@ from silhouette_core.jit import set_threads
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.network_files import NetworkUse
 from silhouette_core.progress import SilentReporter
-from silhouette_core.tuning import PEOPLE
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.frame_reader import VIDEOS
@@ -171,7 +170,7 @@ def measure(
 ) -> dict[str, Measured]:
     """Silhouettes of the checked frames, or of some, by camera name."""
     started = time.perf_counter()
-    people = people_seen(recording, Settings(network=network), SilentReporter(), PEOPLE.most)
+    people = people_seen(recording, Settings(network=network), SilentReporter())
     silhouettes = Silhouettes(recording, "auto", LONG_SIDE_PX, people=people)
     taken_s = time.perf_counter() - started
     spread = even_moments(recording.frame_count, _FRAMES, margin=0).tolist()

@@ -4,9 +4,8 @@
 
 Every third frame of every camera of recordings with truth.json, in which the network (see
 `voxelpose network install`) follows one person. Prints for each joint how far off it is relative to
-the pelvis: across its viewing ray and along it, medians, mm, where its points are seen and where
-they are not.
---fit first writes weights and deviations anew into silhouette_core/image/seen_joints.toml: each
+the pelvis across its viewing ray: medians, mm, where its points are seen and where they are not.
+--fit first writes weights and deviations anew into silhouette_core/image/pose_network.toml: each
 joint an affine combination of the points, by least squares with a ridge toward the points that have
 its name.
 """
@@ -22,11 +21,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.weights_file import write_weights
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.fitted_weights import write_weights
 from silhouette_core.image.person_windows import PeopleWindows
-from silhouette_core.image.pose_network import POINTS, PoseNetwork
-from silhouette_core.image.seen_joints import FILE, SeenJoints, joint_weights
+from silhouette_core.image.pose_network import FILE, POINTS, PoseNetwork
+from silhouette_core.image.seen_joints import SeenJoints, joint_weights, point_rays
 from silhouette_core.network_files import installed_network
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
@@ -52,17 +51,16 @@ _NAMED = {
 }
 _RIDGE_M2 = 0.03  # m²: scored on seeds 41 to 46, 0.3e-3 to 30e-3 differ by 10 %
 _SEEN, _HIDDEN = 0.8, 0.5  # visibilities
-_OF_RADIUS, _OF_LENGTH = 1.25, 0.74  # medians over scales of Student's t with 4 degrees of freedom
+_OF_RADIUS = 1.25  # median of a radius over the scale of Student's t of 4 degrees of freedom
 
 
 @dataclass(frozen=True, eq=False)
 class SeenFrame:
-    """A frame: rays (33, 3) and metres (33, 3) of the points, their visibility (33,), joints (15,
-    3), all in axes of the camera.
+    """A frame: rays (33, 3) of the points, their visibility (33,), joints (15, 3), m; in axes of
+    the camera.
     """
 
     rays: NDArray[np.float64]
-    points_m: NDArray[np.float64]
     visibility: NDArray[np.float64]
     joints_m: NDArray[np.float64]
 
@@ -88,11 +86,8 @@ def seen_frames(folder: Path, network: Path) -> Iterator[SeenFrame]:
             if step % _EVERY or not people:
                 continue
             person = next(iter(people.values()))
-            pixels = camera.undistort(person.points_px)
-            matrix = np.linalg.inv(camera.pinhole(1.0).matrix)
             yield SeenFrame(
-                np.column_stack([pixels, np.ones(len(pixels))]) @ matrix.T,
-                person.points_m,
+                point_rays(person, camera),
                 person.visibility,
                 truth[number] @ camera.rotation.T + camera.translation,
             )
@@ -115,18 +110,15 @@ def fitted(frames: Sequence[SeenFrame]) -> NDArray[np.float64]:
 
 def errors(
     frames: Sequence[SeenFrame], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Errors (N, 15) across the rays and along them, m, relative to the pelvis, and visibility."""
-    across, along, seen = [], [], []
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Errors (N, 15) across the rays, m, relative to the pelvis, and visibility (N, 15)."""
+    across, seen = [], []
     for frame in frames:
-        joints = SeenJoints.from_points(frame.rays, frame.points_m, frame.visibility, weights)
-        true_rays = frame.joints_m / frame.joints_m[:, 2:]
-        off = (joints.rays - true_rays)[:, :2] * frame.joints_m[:, 2:]
+        joints = SeenJoints.from_points(frame.rays, frame.visibility, weights)
+        off = (joints.rays - frame.joints_m / frame.joints_m[:, 2:])[:, :2] * frame.joints_m[:, 2:]
         across.append(np.linalg.norm(off - off[0], axis=1))
-        placed = joints.placed(float(frame.joints_m[0, 2]))
-        along.append((placed - (frame.joints_m - frame.joints_m[0]))[:, 2])
         seen.append(joints.visibility)
-    return np.array(across), np.array(along), np.array(seen)
+    return np.array(across), np.array(seen)
 
 
 def medians_mm(away_m: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -136,14 +128,14 @@ def medians_mm(away_m: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
 
 
 def deviations(
-    away_m: NDArray[np.float64], visibility: NDArray[np.float64], of_scale: float
+    away_m: NDArray[np.float64], visibility: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Deviations (15,), mm, of joints that are seen, and what is added for those that are not."""
     seen = medians_mm(away_m, visibility > _SEEN)
     seen = np.where(np.isnan(seen), medians_mm(away_m, visibility >= 0), seen)
     hidden = medians_mm(away_m, visibility < _HIDDEN)
     hidden = np.where(np.isnan(hidden), 1.5 * seen, hidden)
-    return np.maximum(seen, 10) / of_scale, np.maximum(hidden - seen, 0) / of_scale
+    return np.maximum(seen, 10) / _OF_RADIUS, np.maximum(hidden - seen, 0) / _OF_RADIUS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -159,24 +151,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     frames = [frame for folder in given.recordings for frame in seen_frames(folder, network)]
     if given.fit:
         weights = fitted(frames)
-        across, along, seen = errors(frames, weights)
-        sigmas = deviations(across, seen, _OF_RADIUS), deviations(along, seen, _OF_LENGTH)
-        values = {
-            "points": weights.ravel(),
-            **dict(zip(("across_mm", "across_hidden_mm"), sigmas[0], strict=True)),
-            **dict(zip(("along_mm", "along_hidden_mm"), sigmas[1], strict=True)),
-        }
+        sigmas = deviations(*errors(frames, weights))
+        names = "points", "across_mm", "across_hidden_mm"
+        values = dict(zip(names, (weights.ravel(), *sigmas), strict=True))
         data = f"{len(frames)} frames of {len(given.recordings)} recordings drawn at random"
         write_weights(FILE, values, data, "python -m benchmarks.seen_joints RECORDING ... --fit")
-    across, along, seen = errors(frames, joint_weights())
-    print(f"{len(frames)} frames\n{'joint':<16}{'across':>8}{'hidden':>8}{'along':>8}{'hidden':>8}")
-    columns = [
-        medians_mm(away, chosen)
-        for away in (across, along)
-        for chosen in (seen > _HIDDEN, seen <= _HIDDEN)
-    ]
-    for joint, name in enumerate(LANDMARK_NAMES):
-        print(f"{name:<16}" + "".join(f"{column[joint]:8.0f}" for column in columns))
+    across, seen = errors(frames, joint_weights())
+    columns = medians_mm(across, seen > _HIDDEN), medians_mm(across, seen <= _HIDDEN)
+    print(f"{len(frames)} frames\n{'joint':<16}{'seen':>8}{'hidden':>8}")
+    for name, *values in zip(LANDMARK_NAMES, *columns, strict=True):
+        print(f"{name:<16}" + "".join(f"{value:8.0f}" for value in values))
     return 0
 
 

@@ -167,8 +167,7 @@ class Cut:
     """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
     beside: float = 3.0
     """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
-    colours are first learned; a segmenter. With 5 for that, woman_white's least IoU is 0.82 instead
-    of 0.95."""
+    colours are first learned."""
     typical: float = 0.25
     """1. Of the scene's density of a colour, from which the person's makes it one of clothes."""
     worn: float = 0.03
@@ -179,9 +178,6 @@ class Cut:
     """1. How often a pixel lies in a shadow."""
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
-    segmented: float = 0.01
-    """1. Of the picture: a segmenter that is sure of fewer pixels overlooks who is there. Without
-    it, le2i_c2's IoU is 0.39 instead of 0.64."""
 
 
 @dataclass(frozen=True)
@@ -212,61 +208,13 @@ class Colours:
 
 
 @dataclass(frozen=True)
-class People:
-    """People looked for and followed by the pose network (`image.person_windows`)."""
+class Presence:
+    """People followed by the pose network (`image.person_windows`)."""
 
-    most: int = 4
-    """People followed by each camera."""
-    margin: float = 1.25
-    """1. Side of the square that is looked at, of the person's longer side."""
-    visible: float = 0.5
-    """1. Probability from which a point counts for the square."""
-    maybe: float = 0.3
-    """1. Presence in a first square from which it is looked at again, about the mask."""
-    sure: float = 0.8
-    """1. Presence in the second square from which somebody new is followed."""
-    present: float = 0.5
-    """1. Presence from which somebody who is followed is still there."""
-    patience: int = 5
-    """Frames that somebody is looked for in the same place."""
-    same: float = 0.6
-    """1. Of the smaller box: two that share more are one person."""
-    looks: int = 6
-    """Frames in which the picture is looked at once for others, where somebody is known."""
-    changed: float = 12.0
-    """Grey levels by which a place changes between frames."""
-    moves_s: float = 0.5
-    """s. Time in which somebody moves."""
-    moves: float = 0.05
-    """1. Of the mask's pixels, changed within that time: who moves less may be a thing. The chairs
-    of le2i_c2 have at most 0.02."""
-    still: float = 0.97
-    """1. Median presence from which somebody who does not move is no thing: chairs have at most
-    0.87, people who stand or sit still at least 0.999."""
-    reliance: float = 0.4
-    """1. Factor on the mask's logits: by the checked outlines of datasets/footage and by rendered
-    recordings, a pixel's log odds are 0.4 times what the network says."""
-    shares: tuple[float, ...] = (1.0, 0.7, 0.45)
-    """1. Sides of the squares, of the picture's height; the first, of its longer side."""
-
-
-@dataclass(frozen=True)
-class SeenJoints:
-    """Joints that the pose network sees (`image.seen_joints`), seeds 1 to 14 of one camera."""
-
-    presence: float = 0.99
-    """1. Least presence with which points count. Below it joints are 140 mm off and more in the
-    median, above it 44 (seeds 1 to 14 and 41 to 46, 395 frames)."""
-    independence: float = 0.25
-    """1. Power of their evidence: the points of a frame err together."""
-    pull: float = 0.25
-    """1. Weight of what is seen in the modes themselves."""
-    freedom: float = 4.0
-    """1. Degrees of freedom of a joint's t distribution, as of the proposal's."""
-    other: float = 0.1
-    """1. Probability that no mode of the proposal is the pose, and the network's own is."""
-    any_pose_m: float = 0.15
-    """m. Deviation of a joint from the network's in that mode."""
+    sure: float = 0.99
+    """1. Presence from which the network is sure. Chairs of le2i_c2 have at most 0.96, people who
+    stand or sit still at least 0.993. Below it joints are 140 mm off and more in the median, above
+    it 44 (395 frames of seeds 1 to 14 and 41 to 46)."""
 
 
 @dataclass(frozen=True)
@@ -447,8 +395,7 @@ SCENE = EmptyScene()
 BACKDROP = Backdrop()
 CUT = Cut()
 COLOURS = Colours()
-PEOPLE = People()
-SEEN_JOINTS = SeenJoints()
+PRESENCE = Presence()
 PLAUSIBILITY = Plausibility()
 CAMERA_MOTION = CameraMotion()
 MEASURING = Measuring()

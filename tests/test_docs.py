@@ -55,7 +55,7 @@ def test_rows_of_tables_are_whole(page):
 def test_names_in_tables_and_the_papers_map_exist():
     cells = [cell for page in PAGES for table in tables(page) for row in table for cell in row]
     cells += [(ROOT / "docs" / "papers.md").read_text(encoding="utf-8")]
-    others = r"voxelpose\.toml|silhouette_core\.(?:backends|estimators|pose_proposers|segmenters)"
+    others = r"voxelpose\.toml|silhouette_core\.(?:backends|estimators|pose_proposers)"
     packages = "calib|silhouette_core|voxelpose|papers|benchmarks"
     names = set(re.findall(rf"`(?!(?:{others})`)((?:{packages})\.[\w.]+)`", " ".join(cells)))
     assert len(names) > 60

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from silhouette_core.estimator import Frame
 from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
-from silhouette_core.tuning import PEOPLE
 
-_TURNS = np.pi / 2, -np.pi / 2
+MOST = 4
+"""People who are followed by a camera."""
+_TURNS = np.radians([0, 90, -90]).tolist()  # somebody stands, or lies on either side
+_EVERY = 4  # frames in which others are looked for once, where somebody is known
+_CHANGED = 12  # grey levels by which a place changes: more than noise and flicker do
 _SMALL_PX = 160  # shorter side of the pictures by which changes are found
 
 
@@ -44,7 +47,7 @@ class PeopleWindows:
         most: people to be followed at most.
     """
 
-    def __init__(self, network: PoseNetwork, most: int = 1) -> None:
+    def __init__(self, network: PoseNetwork, most: int = MOST) -> None:
         self._network, self._most = network, most
         self._people: list[FollowedWindow] = []
         self._gone: list[FollowedWindow] = []
@@ -66,20 +69,24 @@ class PeopleWindows:
         return {person.number: person.seen for person in self._people if not person.absent}
 
     def _seen(self, picture: Frame, before: PersonSeen) -> PersonSeen | None:
-        """The person who was seen before, if still there."""
+        """The person who was seen before, if still there: turned as before; but where that is not
+        sure, as it is, else as it is likeliest.
+        """
         crop = next_crop(before)
         if crop is None:
             return None
-        for turn in (0.0, *_TURNS):  # somebody falls, or turns over
-            seen = self._network.look(picture, replace(crop, turn_rad=crop.turn_rad + turn))
-            if is_there(seen):
-                return seen
-        return None
+        tried: list[PersonSeen] = []
+        for turn in (crop.turn_rad, *_TURNS):
+            tried.append(self._network.look(picture, replace(crop, turn_rad=turn)))
+            if tried[-1].is_sure:
+                return tried[-1]
+        likeliest = max(tried, key=lambda seen: seen.presence)
+        return next((seen for seen in (tried[0], likeliest) if seen.is_there), None)
 
     def _leave(self) -> None:
         """Forgets who is away for long, and who has the mask of somebody else."""
-        self._gone += [one for one in self._people if one.absent > PEOPLE.patience]
-        self._people = [one for one in self._people if one.absent <= PEOPLE.patience]
+        self._gone += [one for one in self._people if one.absent > _EVERY]
+        self._people = [one for one in self._people if one.absent <= _EVERY]
         kept: list[FollowedWindow] = []
         for person in sorted(self._people, key=lambda one: (one.absent, one.number)):
             if not any(same_person(person.seen, other.seen) for other in kept):
@@ -87,17 +94,17 @@ class PeopleWindows:
         self._people = sorted(kept, key=lambda one: one.number)
 
     def _look_for_others(self, picture: Frame, changed: list[Crop], whole: bool) -> None:
-        """Looks where the picture changes, and in the next squares of it; in all where `whole`."""
-        crops = list(self._unseen(changed, picture.shape[1::-1], whole))
+        """Looks for more people: they are sure to be some, or the picture changes there."""
         found: list[PersonSeen] = []
-        for crop in crops:
+        for crop, moves in self._unseen(changed, picture.shape[1::-1], whole):
             seen = self._network.look(picture, crop)
-            if seen.presence < PEOPLE.maybe or (near := next_crop(seen)) is None:
+            near = next_crop(seen)
+            if near is None:
                 continue
             seen = self._network.look(picture, near)
             known = [*(person.seen for person in self._people), *found]
-            if is_there(seen, PEOPLE.sure) and not any(same_person(seen, one) for one in known):
-                found.append(seen)
+            if seen.is_sure or (moves and seen.is_there):
+                found += [] if any(same_person(seen, one) for one in known) else [seen]
         found.sort(key=lambda seen: -seen.presence * float(seen.visibility.mean()))
         for seen in found[: self._most - len(self._people)]:
             self._people.append(self._known_or_new(seen))
@@ -111,26 +118,28 @@ class PeopleWindows:
         self._count += 1
         return FollowedWindow(self._count - 1, seen)
 
-    def _unseen(self, changed: list[Crop], size: tuple[int, int], whole: bool) -> Iterator[Crop]:
-        """Squares that are looked at for others in this frame: all over the picture where `whole`,
-        else one after the other where the picture changes, where somebody was lost, and anywhere.
+    def _unseen(
+        self, changed: list[Crop], size: tuple[int, int], whole: bool
+    ) -> Iterator[tuple[Crop, bool]]:
+        """Squares that are looked at for others in this frame, and whether it is there that the
+        picture changes: all over the picture where `whole`, else one after the other where it
+        changes, where somebody was lost, and anywhere.
         """
         if whole:
-            yield from squares(*size)
+            yield from ((crop, False) for crop in squares(*size))
             return
         self._frame += 1
-        if self._people and self._frame % PEOPLE.looks:
+        if self._people and self._frame % _EVERY:
             return
-        self._turn = (self._turn + 1) % 3
-        turn = (0.0, *_TURNS)[self._turn]
+        self._turn = (self._turn + 1) % len(_TURNS)
         lost = [one for person in self._gone[-1:] if (one := next_crop(person.seen)) is not None]
         for crop in [*lost, *changed[:1]]:
-            yield replace(crop, turn_rad=crop.turn_rad + turn)
+            yield replace(crop, turn_rad=crop.turn_rad + _TURNS[self._turn]), True
         crop = next(self._squares, None)
         if crop is None:
             self._squares = squares(*size)
             crop = next(self._squares)
-        yield crop
+        yield crop, False
 
     def _changed(self, picture: Frame) -> list[Crop]:
         """Squares about what changed since the last frame, largest first."""
@@ -142,13 +151,13 @@ class PeopleWindows:
         before, self._small = self._small, np.asarray(small)
         if before is None:
             return []
-        changed = cv2.absdiff(small, before) > PEOPLE.changed
+        changed = cv2.absdiff(small, before) > _CHANGED
         grown = cv2.dilate(changed.view(np.uint8), np.ones((9, 9), np.uint8))
         _, _, boxes, _ = cv2.connectedComponentsWithStats(grown)
         large = [box for box in boxes[1:] if box[3] > _SMALL_PX / 8]
         large.sort(key=lambda box: -int(box[cv2.CC_STAT_AREA]))
         return [
-            Crop.around(np.array([[x, y], [x + w, y + h]]) / scale, PEOPLE.margin)
+            Crop.around(np.array([[x, y], [x + w, y + h]]) / scale)
             for x, y, w, h, _ in large[: self._most]
         ]
 
@@ -162,17 +171,10 @@ def next_crop(seen: PersonSeen) -> Crop | None:
     turn = float(np.arctan2(up[0], -up[1]))
     cos, sin = np.cos(turn), np.sin(turn)
     upright = np.array([[cos, -sin], [sin, cos]])  # picture from upright
-    places = np.concatenate([outline, seen.points_px[seen.visibility > PEOPLE.visible]]) @ upright
+    places = np.concatenate([outline, seen.points_px[seen.visibility > 0.5]]) @ upright
     low, high = places.min(axis=0), places.max(axis=0)
     x, y = (upright @ ((low + high) / 2)).tolist()
-    return Crop(x, y, max(PEOPLE.margin * float((high - low).max()), 16.0), turn)
-
-
-def is_there(seen: PersonSeen, least: float | None = None) -> bool:
-    """Whether somebody is seen."""
-    return seen.presence >= (PEOPLE.present if least is None else least) and bool(
-        (seen.logits > 0).any()
-    )
+    return Crop.about(x, y, float((high - low).max()), turn)
 
 
 def same_person(one: PersonSeen, other: PersonSeen) -> bool:
@@ -181,20 +183,20 @@ def same_person(one: PersonSeen, other: PersonSeen) -> bool:
     if a is None or b is None:
         return False
     common = np.prod(np.maximum(np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]), 0))
-    return bool(common > PEOPLE.same * min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
+    return bool(2 * common > min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
 
 
 def squares(width: int, height: int) -> Iterator[Crop]:
     """Squares over a picture, the largest first, so close that a person is whole in one of them."""
-    for share in PEOPLE.shares:
+    for share in (1.0, 2**-0.5, 0.5):  # of the picture's height; the first, of its longer side
         side = max(width, height) if share == 1 else share * height
         x, y = (
             np.linspace(
                 min(side, length) / 2,
                 max(length - side / 2, length / 2),
-                max(int(np.ceil((length / side - 1) * 2.5)), 0) + 1,
+                max(int(np.ceil(2 * (length / side - 1))), 0) + 1,
             )
             for length in (width, height)
         )
-        for turn in (0.0, *_TURNS) if share == 1 else (0.0,):
+        for turn in _TURNS if share == 1 else (0.0,):
             yield from (Crop(left, top, side, turn) for top in y.tolist() for left in x.tolist())

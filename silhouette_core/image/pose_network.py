@@ -17,12 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.estimator import Frame
+from silhouette_core.fitted_weights import fitted_weights
+from silhouette_core.tuning import PRESENCE
 
+FILE = Path(__file__).with_suffix(".toml")
+"""What was fitted to its outputs: log odds of pixels over what the mask says; of the joints weights
+of the points, deviations across viewing rays, and what is added for those that are not seen."""
 POINTS = 33
 """Points of the body that the network gives, MediaPipe's numbers 0 to 32."""
 _SIDE_PX = 256  # of the square that the network takes
 _STEPS, _MOST = 8, 127  # of a nat, in which logits are kept, and the most of them
-_HEADS = "Identity", "Identity_1", "Identity_2", "Identity_4"
+_HEADS = "Identity", "Identity_1", "Identity_2"
 
 
 @dataclass(frozen=True)
@@ -42,10 +47,16 @@ class Crop:
     turn_rad: float = 0.0
 
     @classmethod
-    def around(cls, box_px: NDArray[np.float64], factor: float, turn_rad: float = 0.0) -> Crop:
-        """The square about a box (2, 2) of corners, `factor` times as long as its longer side."""
+    def about(cls, x_px: float, y_px: float, longer_px: float, turn_rad: float = 0.0) -> Crop:
+        """The square about a person's middle, by the longer side of the person."""
+        (margin,) = fitted_weights(FILE)["margin"]
+        return cls(x_px, y_px, max(margin * longer_px, 16.0), turn_rad)
+
+    @classmethod
+    def around(cls, box_px: NDArray[np.float64]) -> Crop:
+        """The square about a person in a box (2, 2) of corners."""
         x, y = box_px.mean(axis=0).tolist()
-        return cls(x, y, max(factor * float((box_px[1] - box_px[0]).max()), 16.0), turn_rad)
+        return cls.about(x, y, float((box_px[1] - box_px[0]).max()))
 
     @property
     def from_network(self) -> NDArray[np.float64]:
@@ -66,7 +77,6 @@ class PersonSeen:
         logits: (256, 256) int8, eighths of a nat: odds of the person in the square's pixels.
         points_px: (33, 2), in the picture.
         visibility: (33,), probability that a point is seen.
-        points_m: (33, 3) m from the middle of the hips, axes of the camera.
         circle_px: (2, 2) centre of the person and a point above it, on the circle that holds the
             whole body.
     """
@@ -76,8 +86,17 @@ class PersonSeen:
     logits: NDArray[np.int8]
     points_px: NDArray[np.float64]
     visibility: NDArray[np.float64]
-    points_m: NDArray[np.float64]
     circle_px: NDArray[np.float64]
+
+    @property
+    def is_there(self) -> bool:
+        """Whether somebody is more likely there than not."""
+        return self.presence > 0.5 and bool((self.logits > 0).any())
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether somebody is there for sure."""
+        return self.presence >= PRESENCE.sure and self.is_there
 
     @cached_property
     def outline_px(self) -> NDArray[np.float64] | None:
@@ -107,6 +126,8 @@ class PersonSeen:
         matrix = self.crop.from_network * scale
         matrix[:, 2] += 0.5 * (scale - 1)
         logits, outside = self.logits.astype(np.float32) / _STEPS, -_MOST / _STEPS
+        if not self.is_sure:  # what it misses then says nothing
+            logits = np.maximum(logits, 0)
         return cv2.warpAffine(logits, matrix, size, flags=cv2.INTER_LINEAR, borderValue=outside)  # type: ignore[return-value]
 
 
@@ -123,12 +144,9 @@ class PoseNetwork:
         """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR."""
         square = cropped(picture, crop)[..., ::-1].astype(np.float32) / 255
         self._net.setInput(np.ascontiguousarray(square.transpose(2, 0, 1)[None]))
-        points, presence, mask, metres = self._net.forward(_HEADS)
+        points, presence, mask = self._net.forward(_HEADS)
         points, back = points.reshape(-1, 5), crop.from_network
         places_px = points[:, :2] @ back[:, :2].T + back[:, 2]
-        turned = back[:, :2] / (crop.side_px / _SIDE_PX)
-        points_m = metres.reshape(-1, 3)[:POINTS].astype(float)
-        points_m[:, :2] = points_m[:, :2] @ turned.T
         logits = np.rint(_STEPS * mask[0, 0]).clip(-_MOST, _MOST).astype(np.int8)
         return PersonSeen(
             crop,
@@ -136,7 +154,6 @@ class PoseNetwork:
             logits,
             places_px[:POINTS],
             1 / (1 + np.exp(-points[:POINTS, 3].clip(-30, 30).astype(float))),
-            points_m,
             places_px[POINTS : POINTS + 2],
         )
 

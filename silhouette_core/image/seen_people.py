@@ -7,40 +7,32 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.estimator import Frame, FrameSource, Settings
+from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.person_windows import PeopleWindows
-from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
+from silhouette_core.image.pose_network import FILE, Crop, PersonSeen, PoseNetwork
 from silhouette_core.network_files import installed_network
 from silhouette_core.progress import Reporter
 from silhouette_core.scratch_file import ScratchFile
-from silhouette_core.tuning import PEOPLE
 
-_SHAPES = (4,), (1,), (33, 2), (33,), (33, 3), (2, 2)  # of what is stored of a person, float32
-_LONG_SIDE_PX = 160  # of pictures by which movement is judged
+_SHAPES = (4,), (1,), (33, 2), (33,), (2, 2)  # of what is stored of a person, float32
 
 
 class SeenPeople:
-    """People seen in T frames of C cameras; what is seen lies on disk.
+    """People seen in T frames of C cameras; what is seen lies on disk."""
 
-    Somebody who never moves, and of whom the network is never sure, is a thing, and left out.
-    """
-
-    def __init__(self, names: Sequence[str], fps: float, network: Path, most: int) -> None:
+    def __init__(self, names: Sequence[str], network: Path) -> None:
         """Begins to look.
 
         Args:
             names: of the cameras.
-            fps: frames per second that will be looked at.
             network: the network's file.
-            most: people who are followed at most in each camera.
         """
-        self._windows = {name: PeopleWindows(PoseNetwork(network), most) for name in names}
-        self._movement = {name: Movement(fps) for name in names}
+        self._windows = {name: PeopleWindows(PoseNetwork(network)) for name in names}
         self._widths: dict[str, int] = {}
         self._file = ScratchFile()
         self._places: dict[tuple[str, int, int], tuple[int, int]] = {}
@@ -55,7 +47,6 @@ class SeenPeople:
         def look(name: str) -> None:
             people = self._windows[name].see(frames[name])
             self._widths[name] = frames[name].shape[1]
-            self._movement[name].add(frames[name], people)
             self._numbers[name, step] = []
             for number, person in people.items():
                 self.put(name, step, number, person)
@@ -64,19 +55,13 @@ class SeenPeople:
         with ThreadPoolExecutor(max(min(numba.get_num_threads(), len(names)), 1)) as pool:
             list(pool.map(look, names))
 
-    def leave_things_out(self) -> None:
-        """Forgets what does not move, and is not surely a person."""
-        things = {name: movement.things() for name, movement in self._movement.items()}
-        for (name, step), numbers in self._numbers.items():
-            self._numbers[name, step] = [one for one in numbers if one not in things[name]]
-
     def put(self, name: str, step: int, number: int, person: PersonSeen) -> None:
         """Stores what is seen of a person in a frame of a camera."""
         crop = person.crop
         arrays = (
             np.array([crop.x_px, crop.y_px, crop.side_px, crop.turn_rad]),
             np.array([person.presence]),
-            *(person.points_px, person.visibility, person.points_m, person.circle_px),
+            *(person.points_px, person.visibility, person.circle_px),
         )
         head = b"".join(array.astype(np.float32).tobytes() for array in arrays)
         content = head + zlib.compress(person.logits.tobytes(), 1)
@@ -105,60 +90,13 @@ class SeenPeople:
             array = np.frombuffer(content, np.float32, count, first).astype(float)
             arrays.append(array.reshape(shape))
             first += 4 * count
-        crop, presence, points_px, visibility, points_m, circle_px = arrays
+        crop, presence, points_px, visibility, circle_px = arrays
         logits = np.frombuffer(zlib.decompress(content[first:]), np.int8).reshape(256, 256)
-        return PersonSeen(
-            Crop(*crop.tolist()),
-            float(presence[0]),
-            logits,
-            points_px,
-            visibility,
-            points_m,
-            circle_px,
-        )
+        place = Crop(*crop.tolist())
+        return PersonSeen(place, float(presence[0]), logits, points_px, visibility, circle_px)
 
 
-class Movement:
-    """How much moves where people are seen by a camera.
-
-    Args:
-        fps: frames per second.
-    """
-
-    def __init__(self, fps: float) -> None:
-        self._interval = max(round(PEOPLE.moves_s * fps), 1)
-        self._before: list[NDArray[np.int16]] = []
-        self._changed: dict[int, list[float]] = {}
-        self._presence: dict[int, list[float]] = {}
-
-    def add(self, frame: Frame, people: dict[int, PersonSeen]) -> None:
-        """Takes in the people of the next frame (H, W, 3) uint8, BGR."""
-        scale = _LONG_SIDE_PX / max(frame.shape[:2])
-        size = tuple(max(round(scale * length), 1) for length in frame.shape[1::-1])
-        small = cv2.cvtColor(
-            cv2.resize(frame, size, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
-        )
-        self._before = [*self._before[-self._interval :], np.asarray(small).astype(np.int16)]
-        changed = np.abs(self._before[-1] - self._before[0]) > PEOPLE.changed
-        for number, person in people.items():
-            mask = person.odds((size[0], size[1]), scale) > 0
-            self._changed.setdefault(number, []).append(
-                float(changed[mask].mean() if mask.any() else 0)
-            )
-            self._presence.setdefault(number, []).append(person.presence)
-
-    def things(self) -> list[int]:
-        """Numbers of what does not move, and is not surely a person."""
-        return [
-            number
-            for number, changed in self._changed.items()
-            if np.mean(changed) < PEOPLE.moves and np.median(self._presence[number]) < PEOPLE.still
-        ]
-
-
-def people_seen(
-    source: FrameSource, settings: Settings, reporter: Reporter, most: int
-) -> SeenPeople | None:
+def people_seen(source: FrameSource, settings: Settings, reporter: Reporter) -> SeenPeople | None:
     """People seen in a recording; None without the network, of given silhouettes, and where frames
     do not wait for later ones.
 
@@ -166,7 +104,6 @@ def people_seen(
         source: the frames.
         settings: of the estimation.
         reporter: told the progress, and where a network would help.
-        most: people who are followed at most in each camera.
 
     Raises:
         InputError: what is installed is not the network.
@@ -178,16 +115,15 @@ def people_seen(
         missing = set(source.rig.names) - set(source.backgrounds())
         if missing and settings.network == "auto":
             reporter.note(
-                f"{', '.join(sorted(missing))}: without an empty view, a pose network finds the person"
+                f"{', '.join(sorted(missing))}: no empty view, and no pose network to find people"
                 " more surely: `voxelpose network install` (6 MB, Apache-2.0) gets it"
             )
         return None
-    people = SeenPeople(source.rig.names, source.fps, network, most)
+    people = SeenPeople(source.rig.names, network)
     reporter.stage("people", source.frame_count)
     for step, (_, _, frames) in enumerate(source):
         people.look(step, frames)
         reporter.advance()
-    people.leave_things_out()
     return people
 
 
@@ -203,5 +139,5 @@ def people_odds(
     """
     if not people:
         return np.zeros(size[::-1], np.float32)
-    odds = [person.odds(size, scale) for person in people.values()]
-    return PEOPLE.reliance * np.max(odds, axis=0)
+    (reliance,) = fitted_weights(FILE)["mask"]
+    return reliance * np.max([person.odds(size, scale) for person in people.values()], axis=0)

@@ -23,7 +23,6 @@ from silhouette_core.estimator import (
     read_options,
 )
 from silhouette_core.image.plausibility import check_plausible, telling_frames
-from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
@@ -60,7 +59,6 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scratch_file import ScratchFile
-from silhouette_core.tuning import PEOPLE
 
 _BLOCK = 150  # frames copied into arrays together
 _COUNT = 5  # hypotheses that are stored of a frame, at most
@@ -261,7 +259,7 @@ def _silhouettes(source: FrameSource, settings: Settings, reporter: Reporter) ->
         settings.background,
         LONG_SIDE_PX,
         ahead=settings.smooth,
-        people=people_seen(source, settings, reporter, PEOPLE.most),
+        people=people_seen(source, settings, reporter),
     )
     silhouettes.note(reporter)
     if silhouettes.unknown:
@@ -309,10 +307,6 @@ def _people(
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
             person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
-            if person is not None and silhouettes.people is not None:
-                seen = silhouettes.people.nearest(name, step, person.mask)
-                joints = None if seen is None else SeenJoints.of(seen, finder.camera)
-                person = replace(person, joints=joints)
         yield number, seconds, person
 
 

@@ -36,7 +36,6 @@ class PersonFinder:
     """
 
     def __init__(self, camera: Camera, coloured: bool):
-        self.camera = camera
         self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
         self._near_px: NDArray[np.float64] | None = None
         self._usual_px: float | None = None

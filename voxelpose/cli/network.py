@@ -9,7 +9,7 @@ from tyro.conf import arg
 
 @dataclass(frozen=True)
 class Install:
-    """Installs the pose network, which finds people where silhouettes alone do not.
+    """Installs the pose network, for rooms with poor silhouettes.
 
     pip gets a wheel of 36 MB by your own settings; one file of 6 MB is taken out of it, checked and
     kept for your user: MediaPipe's pose landmark network, Apache License 2.0. From then on fit,

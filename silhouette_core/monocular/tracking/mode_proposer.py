@@ -74,7 +74,7 @@ class ModeProposer:
         if not self._views:
             self._distance_m = self._finder.first_distance(person.mask, time_s)
         window = self._finder.window(person.mask, self._distance_m)
-        view = replace(self._finder.view(window, time_s), joints=person.joints)
+        view = self._finder.view(window, time_s)
         if not self._smooth:
             view = self._coloured(view, person)
         self._views.append(view)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
-from silhouette_core.image.seen_joints import SeenJoints, evidence
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.proposal.mixture_network import Mixture
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
@@ -38,7 +37,7 @@ from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.proposed_poses import ProposedPoses
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.tuning import REFINEMENT, SEEN_JOINTS
+from silhouette_core.tuning import REFINEMENT
 
 _STARTED = 4  # modes of a frame that become hypotheses, at most
 _ROUNDS = 3  # in which the distance of a first frame is corrected
@@ -76,13 +75,11 @@ class ModeView:
     Attributes:
         window: of the silhouette at an assumed distance.
         codes: of the window's silhouette and of its mirror image.
-        joints: as the pose network sees them; None: it does not.
     """
 
     window: Window
     codes: SilhouetteCodes
     time_s: float
-    joints: SeenJoints | None = None
 
 
 class ModeFinder:
@@ -138,7 +135,7 @@ class ModeFinder:
         offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
         distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
         return [
-            replace(self.view(self.window(mask, own), view.time_s), joints=view.joints)
+            self.view(self.window(mask, own), view.time_s)
             for mask, own, view in zip(masks, distance, views, strict=True)
         ]
 
@@ -157,14 +154,14 @@ class ModeFinder:
         """
         features, last = _features(views, self.stature_m), _last(views)
         modes = self._modes(views, features, True, last)
-        (gaussians,) = self._gaussians(views[-1:], modes, features.heading_rad[last])
+        joints, axes = self._turned(modes, features.heading_rad[last])
         probability = self._headings.update(
-            body_headings(gaussians.relative_m),
-            gaussians.probability,
+            body_headings(joints)[0],
+            np.asarray(modes.probability[0], float),
             views[-1].time_s,
             features.heading_rad[-1] - np.pi / 2 if facing else None,
         )
-        return gaussians.proposed(probability)
+        return self._in_world(views[-1].window, modes, 0, joints[0], axes[0], probability)
 
     def find(self, views: Sequence[ModeView], facing: bool = False) -> list[FrameModes]:
         """Modes of consecutive frames, each from all of them.
@@ -174,25 +171,17 @@ class ModeFinder:
         """
         features = _features(views, self.stature_m)
         modes = self._modes(views, features, False)
-        gaussians = self._gaussians(views, modes, features.heading_rad)
+        joints, axes = self._turned(modes, features.heading_rad)
         probability = smooth_headings(
-            body_headings(np.stack([one.relative_m for one in gaussians])),
-            np.stack([one.probability for one in gaussians]),
+            body_headings(joints),
+            np.asarray(modes.probability, float),
             np.asarray(features.time_s, float),
             first_rad=features.heading_rad[0] - np.pi / 2 if facing else None,
         )
-        return [one.proposed(own) for one, own in zip(gaussians, probability, strict=True)]
-
-    def _gaussians(
-        self, views: Sequence[ModeView], modes: Mixture, heading_rad: NDArray[np.floating]
-    ) -> list[_Gaussians]:
-        """Modes of all frames in the world, with what the pose network sees of them."""
-        joints, axes = self._turned(modes, heading_rad)
-        frames = [
-            self._in_world(view, modes, t, joints[t], axes[t]) for t, view in enumerate(views)
+        return [
+            self._in_world(view.window, modes, t, joints[t], axes[t], probability[t])
+            for t, view in enumerate(views)
         ]
-        most = max(len(one.probability) for one in frames)
-        return [one.padded(most) for one in frames]
 
     def _turned(
         self, modes: Mixture, heading_rad: NDArray[np.floating]
@@ -230,70 +219,31 @@ class ModeFinder:
 
     def _in_world(
         self,
-        view: ModeView,
+        window: Window,
         modes: Mixture,
         t: int,
         joints: NDArray[np.float64],
         axes: NDArray[np.float64],
-    ) -> _Gaussians:
+        probability: NDArray[np.float64],
+    ) -> FrameModes:
         """Frame t of the modes; `joints` (M, 15, 3) relative to the pelvis, in the world."""
-        window = view.window
+        joints, probability, nearby = merge_modes(joints, probability)
         depth = window.distance_m * float(np.exp(modes.offset[t, 2]))
         pixel = window.axis_px + modes.offset[t, :2] * STATURE_PX
         pelvis = window.unproject(pixel, depth)[0]
         along = np.outer(axes[1], axes[1])
-        sigma = modes.sigma[t].astype(float)
+        sigma = np.einsum("nm,mlk->nlk", nearby, modes.sigma[t].astype(float))
         sigma = np.maximum(sigma * self.stature_m, REFINEMENT.contour_m)
         precision = (
             along / sigma[..., 1, None, None] ** 2
             + (np.eye(3) - along) / sigma[..., 0, None, None] ** 2
         )
-        probability = np.asarray(modes.probability[t], float)
-        if view.joints is not None:
-            place = self.camera.rotation @ pelvis + self.camera.translation
-            seen = view.joints.placed(float(place[2])) @ self.camera.rotation
-            joints = np.concatenate([joints, seen[None]])
-            any_pose = np.tile(np.eye(3) / SEEN_JOINTS.any_pose_m**2, (1, 15, 1, 1))
-            precision = np.concatenate([precision, any_pose])
-            probability = np.append((1 - SEEN_JOINTS.other) * probability, SEEN_JOINTS.other)
-            told, joints, precision = evidence(
-                view.joints, self.camera, float(place[2]), joints, precision
-            )
-            probability = probability * np.exp(told - told.max())
-            probability /= probability.sum()
-        return _Gaussians(probability, joints, precision, pelvis, depth)
-
-
-@dataclass(frozen=True, eq=False)
-class _Gaussians:
-    """M modes of a frame: probabilities (M,), means (M, 15, 3) relative to the pelvis and their
-    precisions (M, 15, 3, 3), pelvis (3,) in the world, its distance along the window's axis.
-    """
-
-    probability: NDArray[np.float64]
-    relative_m: NDArray[np.float64]
-    precision: NDArray[np.float64]
-    pelvis_m: NDArray[np.float64]
-    distance_m: float
-
-    def padded(self, count: int) -> _Gaussians:
-        """The same with modes of no probability, so that there are `count`."""
-        missing = [-1] * (count - len(self.probability))
-        chosen = [*range(len(self.probability)), *missing]
-        probability = np.append(self.probability, np.zeros(len(missing)))
-        arrays = self.relative_m[chosen], self.precision[chosen]
-        return replace(self, probability=probability, relative_m=arrays[0], precision=arrays[1])
-
-    def proposed(self, probability: NDArray[np.float64]) -> FrameModes:
-        """The modes with other probabilities (M,), those that are alike merged."""
-        joints, probability, nearby = merge_modes(self.relative_m, probability)
-        precision = np.linalg.inv(np.einsum("nm,mlij->nlij", nearby, np.linalg.inv(self.precision)))
         pelvis_precision = np.eye(3) / MODES.pelvis_sigma_m**2
         priors = [
-            LandmarkPrior(*mode, self.pelvis_m, pelvis_precision)
-            for mode in zip(joints, precision, strict=True)
+            LandmarkPrior(joints[mode], precision[mode], pelvis, pelvis_precision)
+            for mode in range(len(joints))
         ]
-        return FrameModes(probability, priors, self.distance_m)
+        return FrameModes(probability, priors, depth)
 
 
 def _last(views: Sequence[ModeView]) -> NDArray[np.int64]:

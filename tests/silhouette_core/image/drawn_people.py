@@ -31,7 +31,6 @@ class BrightPeople:
             np.where(mask, 80, -80).astype(np.int8),
             places,
             np.ones(POINTS),
-            np.zeros((POINTS, 3)),
             np.array([places[0], places[0] - [0, 1]]),
         )
 

@@ -28,7 +28,7 @@ def test_the_mask_lies_where_it_was_seen_at_any_scale(turn):
     crop = Crop(150, 100, 128, turn)
     logits = np.full((256, 256), -127, np.int8)
     logits[60:200, 100:150] = 90
-    seen = PersonSeen(crop, 1.0, logits, *4 * [np.zeros(0)])
+    seen = PersonSeen(crop, 1.0, logits, *3 * [np.zeros(0)])
     back = crop.from_network
     middle = back[:, :2] @ (124.5, 129.5) + back[:, 2]
     for scale in (1.0, 0.5, 2.0):
@@ -46,5 +46,5 @@ def test_the_mask_lies_where_it_was_seen_at_any_scale(turn):
 def test_the_network_sees_nobody_in_an_even_picture(pose_network):
     seen = PoseNetwork(pose_network).look(np.full((200, 200, 3), 90, np.uint8), Crop(100, 100, 200))
     assert seen.presence < 0.5
-    assert seen.points_px.shape == (POINTS, 2) and seen.points_m.shape == (POINTS, 3)
-    assert seen.logits.shape == (256, 256) and np.isfinite(seen.points_m).all()
+    assert seen.points_px.shape == (POINTS, 2)
+    assert seen.logits.shape == (256, 256) and np.isfinite(seen.points_px).all()

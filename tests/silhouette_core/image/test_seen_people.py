@@ -3,18 +3,14 @@ import pytest
 
 from silhouette_core.image import seen_people
 from silhouette_core.image.pose_network import Crop, PersonSeen
-from silhouette_core.image.seen_people import Movement, SeenPeople, people_odds
+from silhouette_core.image.seen_people import SeenPeople, people_odds
 from tests.silhouette_core.image.drawn_people import BrightPeople, picture
 
 
 @pytest.fixture
 def people(monkeypatch, tmp_path):
     monkeypatch.setattr(seen_people, "PoseNetwork", lambda path: BrightPeople())
-    return SeenPeople(["cam_1", "cam_2"], 10.0, tmp_path, most=2)
-
-
-def noisy(rng, image):
-    return np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
+    return SeenPeople(["cam_1", "cam_2"], tmp_path)
 
 
 def test_what_is_seen_is_read_as_it_was_written(people):
@@ -25,14 +21,13 @@ def test_what_is_seen_is_read_as_it_was_written(people):
         rng.integers(-127, 128, (256, 256)).astype(np.int8),
         rng.normal(size=(33, 2)).astype(np.float32),
         rng.random(33).astype(np.float32),
-        rng.normal(size=(33, 3)).astype(np.float32),
         rng.normal(size=(2, 2)).astype(np.float32),
     )
     people._numbers["cam_2", 3] = []
     people.put("cam_2", 3, 1, person)
     (read,) = people.of("cam_2", 3).values()
     assert read.crop == person.crop and read.presence == person.presence
-    for name in ("logits", "points_px", "visibility", "points_m", "circle_px"):
+    for name in ("logits", "points_px", "visibility", "circle_px"):
         np.testing.assert_array_equal(getattr(read, name), getattr(person, name))
     assert people.of("cam_1", 3) == {}
 
@@ -43,25 +38,6 @@ def test_each_camera_is_followed_for_itself(people):
         people.look(step, {"cam_1": picture((left, 60, 30, 90)), "cam_2": picture()})
     assert [len(people.of("cam_1", step)) for step in range(4)] == [1] * 4
     assert not any(people.of("cam_2", step) for step in range(4))
-
-
-def test_a_thing_that_never_moves_is_left_out_and_a_still_person_stays(people):
-    rng = np.random.default_rng(1)
-    doubtful = picture((40, 60, 30, 90), value=150)  # presence 0.85
-    sure = picture((240, 60, 30, 90))
-    for step in range(8):
-        people.look(step, {"cam_1": noisy(rng, np.maximum(doubtful, sure))})
-    assert len(people.of("cam_1", 5)) == 2
-    people.leave_things_out()
-    (person,) = people.of("cam_1", 5).values()
-    assert person.box_px.mean(axis=0)[0] == pytest.approx(255, abs=5)
-
-
-def test_who_is_doubtful_but_moves_is_no_thing(people):
-    for step in range(8):
-        people.look(step, {"cam_1": picture((40 + 15 * step, 60, 30, 90), value=150)})
-    people.leave_things_out()
-    assert len(people.of("cam_1", 7)) == 1
 
 
 def test_the_person_of_a_silhouette_is_who_shares_most_of_it(people):
@@ -81,12 +57,3 @@ def test_odds_are_the_surest_persons_and_nothing_where_nobody_is_seen():
     odds = people_odds({0: seen}, 0.5, (160, 120))
     assert odds.shape == (120, 160)
     assert odds[52, 57] > 2 and odds[10, 10] < -5
-
-
-def test_movement_counts_within_the_mask_alone():
-    movement, looks = Movement(10.0), BrightPeople()
-    still = picture((40, 60, 30, 90), value=150)
-    for step in range(8):
-        frame = np.maximum(still, picture((200, 20 * step, 40, 20)))  # beside it something moves
-        movement.add(frame, {0: looks.look(still, Crop(55, 105, 120))})
-    assert movement.things() == [0]

@@ -10,12 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.networks import red_network
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, run
 from voxelpose.cli.options import load_command, options_of
 from voxelpose.demo.room import make_recording
-from voxelpose.results import load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
@@ -137,15 +135,6 @@ def test_fit_writes_and_says_where(desk):
     assert left(desk) == ["fitted"]
 
 
-def test_the_settings_of_a_result_name_its_segmenter(desk):
-    (desk / "red.onnx").write_bytes(red_network())
-    words = "fit", "walk", "--out", "fitted", "--estimator", "standing", "--segmenter", "red.onnx"
-    returned, _, err = ended(start(desk, *words))
-    assert returned == 0, err
-    settings = load_settings(desk / "fitted" / "settings.toml")
-    assert settings["segmenter"] == str((desk / "red.onnx").resolve())
-
-
 @pytest.mark.parametrize(
     ("words", "line"),
     [
@@ -164,11 +153,7 @@ def test_the_settings_of_a_result_name_its_segmenter(desk):
             ["track", "walk", "--camera", "cam_1", "--out", "x", "--backend", "abacus"],
             "no backend is called 'abacus': installed are cpu",
         ),
-        (["fit", "walk", "--out", "x", "--segmenter", "no.onnx"], "no.onnx cannot be read"),
-        (
-            ["track", "walk", "--camera", "cam_1", "--out", "x", "--segmenter", "me"],
-            "no segmenter is called 'me': installed are none; or give a network's file",
-        ),
+        (["network", "install", "--from", "no.whl"], "no.whl cannot be read"),
         (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
         (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
         (

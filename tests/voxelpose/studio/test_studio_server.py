@@ -110,8 +110,7 @@ def test_no_name_leads_out_of_the_folder(studio, desk, name):
     [
         ({"body": "/etc/passwd"}, "lies outside of"),
         ({"body": "../../away.toml"}, "lies outside of"),
-        ({"segmenter": "../../away.toml"}, "lies outside of"),
-        ({"segmenter": "away.onnx"}, "no 'away.onnx' in"),
+        ({"network": "on"}, "must be one of auto, off"),
         ({"out": "elsewhere"}, "has no setting 'out' on this page"),
         ({"overwrite": True}, "has no setting 'overwrite' on this page"),
         ({"stature": "tall"}, "stature = 'tall' must be a number"),

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M, BodySizes
-from silhouette_core.image.seen_joints import SeenJoints, joint_deviations
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
+from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.proposed_poses import ProposedPoses
-from silhouette_core.tuning import MEASURING, SEEN_JOINTS
+from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.person.proposals import FrameProposals
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 
@@ -86,9 +87,9 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
     centres = views.center_m[[*seen]]
     rays = np.stack([one.rays @ views.rotation[c] for c, one in seen.items()])
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-    sigma = np.stack([joint_deviations(one.visibility)[0] for one in seen.values()])
+    sigma = np.stack([one.deviations_m for one in seen.values()])
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
-    freedom, weight = SEEN_JOINTS.freedom, sigma**-2
+    freedom, weight = REFINEMENT.student_freedom, sigma**-2
     for _ in range(_ROUNDS):
         precision = np.einsum("cl,clij->lij", weight, across)
         target = np.einsum("cl,clij,cj->li", weight, across, centres)

@@ -24,7 +24,6 @@ from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, Undistorted
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.tuning import PEOPLE
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
@@ -169,7 +168,7 @@ def prepare_silhouettes(
     sizes = [lens.pinhole.size for lens in lenses]
     with mask_stores(2, sizes, source.frame_count) as stores:
         reporter.stage("masks" if source.silhouettes_given else "background")
-        people = people_seen(source, settings, reporter, PEOPLE.most)
+        people = people_seen(source, settings, reporter)
         silhouettes = Footage(source, settings, lenses, {}, people).silhouettes()
         silhouettes.note(reporter)
         unknown = unknown_views(silhouettes.unknown, lenses)
