@@ -3,6 +3,7 @@
 import gc
 import importlib
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -26,6 +27,10 @@ TOGETHER = (
     "tests/silhouette_core/monocular/tracking/",
     "tests/silhouette_core/monocular/making/test_learning.py",
 )
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # As under `nohup … &`: what tests begin would ignore interrupts, too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Hardly any of what is imported, collected and compiled is garbage: it is looked for less often.
 gc.set_threshold(100_000)

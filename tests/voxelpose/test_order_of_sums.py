@@ -23,11 +23,14 @@ def motions(tmp_path, monkeypatch):
         found = []
         for way in (CpuBackend, BackwardBackend):
             monkeypatch.setattr(backend, "load_registered", lambda *_, way=way: way())
+            backend.load_backend.cache_clear()
+            assert type(backend.load_backend("cpu")) is way
             output = Output(tmp_path / way.__name__, pictures=False)
             found.append(fit(recording, output, Settings(stature_m=1.7), *estimator).motion)
         return found
 
-    return of
+    yield of
+    backend.load_backend.cache_clear()
 
 
 def assert_same(one, other):

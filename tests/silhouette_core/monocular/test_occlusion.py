@@ -7,6 +7,7 @@ from silhouette_core.monocular.occlusion import occluded_parts, standing_areas, 
 from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.window import look_at
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     STATURE_M,
     body,
@@ -45,7 +46,7 @@ def test_areas_are_those_of_the_full_resolution_in_smaller_pictures():
     window = look_at(camera, silhouette(body(), pose, camera), 4.0, STATURE_PX / STATURE_M)
     areas = []
     for reduction in (1, 2, 4):
-        weights = SignedWeights.from_window(window, reduction)
+        weights = SignedWeights.from_window(window, CpuBackend(), reduction)
         areas += [weights.part_areas(weights.part_images(body(), [pose]), 27)[0]]
     large = areas[0] > 200
     assert large.sum() > 8

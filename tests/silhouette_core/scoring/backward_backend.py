@@ -28,7 +28,7 @@ class BackwardBackend(CpuBackend):
 
     def drawn_weights(self, weights, vertices_cam, faces, matrix):
         labels, size = np.zeros(len(faces), np.int32), weights.shape[::-1]
-        drawn = render_many(vertices_cam, faces, labels, matrix, size, False) > 0
+        drawn = render_many(vertices_cam, faces, labels, matrix, size) > 0
         return np.array([np.cumsum(weights[one][::-1])[-1] if one.any() else 0.0 for one in drawn])
 
     def silhouette_errors(self, masks, matrices, vertices_cam, faces, unknown=None):
