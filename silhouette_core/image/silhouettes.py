@@ -285,15 +285,13 @@ class Silhouettes:
         self, name: str, frame: NDArray[np.uint8], step: int | None = None
     ) -> NDArray[np.float32] | None:
         """What the pose network, and the body, say of a frame of the silhouettes' size."""
-        size = cut_size(self._sizes[name])
-        terms = []
+        size, terms = cut_size(self._sizes[name]), []
         if self.people is not None and step is not None:
             seen = self.people.of(name, step)
             terms.append(people_odds(seen, size[0] / self._widths[name], size))
         if self._bodies is not None and step is not None:
             terms.append(self._bodies(name, step, size))
-        terms = [term for term in terms if term is not None]
-        return sum(terms) if terms else None
+        return np.asarray(np.sum(terms, axis=0), np.float32) if terms else None
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)

@@ -90,13 +90,18 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
     sigma = np.stack([one.deviations_m for one in seen.values()])
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
     freedom, weight = REFINEMENT.student_freedom, sigma**-2
-    for _ in range(_ROUNDS):
+
+    def nearest() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         precision = np.einsum("cl,clij->lij", weight, across)
         target = np.einsum("cl,clij,cj->li", weight, across, centres)
-        joints = np.linalg.solve(precision, target[..., None])[..., 0]
+        return np.linalg.solve(precision, target[..., None])[..., 0], precision
+
+    joints, precision = nearest()
+    for _ in range(_ROUNDS):
         away = np.einsum("clij,clj->cli", across, joints - centres[:, None])
         square = (away**2).sum(axis=2) / sigma**2
         weight = sigma**-2 * (freedom + 2) / (freedom + square)
+        joints, precision = nearest()
     return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
 
 
