@@ -55,8 +55,10 @@ class PeopleWindows:
         self._small: NDArray[np.uint8] | None = None
         self._count = self._frame = self._turn = 0
 
-    def see(self, picture: Frame) -> dict[int, PersonSeen]:
-        """People in the next frame (H, W, 3) uint8, BGR, by number."""
+    def see(self, picture: Frame, skipped: bool = False) -> dict[int, PersonSeen]:
+        """People in the next frame (H, W, 3) uint8, BGR, by number; or in one that follows after
+        others are skipped, where they may be anywhere.
+        """
         first = self._small is None
         changed = self._changed(picture)
         for person in self._people:
@@ -65,7 +67,8 @@ class PeopleWindows:
             person.seen = seen or person.seen
         self._leave()
         if len(self._people) < self._most:
-            self._look_for_others(picture, changed, whole=first)
+            there = any(not person.absent for person in self._people)
+            self._look_for_others(picture, changed, whole=first or (skipped and not there))
         return {person.number: person.seen for person in self._people if not person.absent}
 
     def _seen(self, picture: Frame, before: PersonSeen) -> PersonSeen | None:
@@ -148,7 +151,7 @@ class PeopleWindows:
             cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
             cv2.COLOR_BGR2GRAY,
         )
-        before, self._small = self._small, np.asarray(small)
+        before, self._small = self._small, np.asarray(small, np.uint8)
         if before is None:
             return []
         changed = cv2.absdiff(small, before) > _CHANGED

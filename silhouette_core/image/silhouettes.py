@@ -212,6 +212,8 @@ class Silhouettes:
             step: The number of the frames, by which bodies are asked.
         """
 
+        self._look(step, frames)
+
         def silhouette(name: str) -> NDArray[np.bool_]:
             if near is None or self._given:
                 return self._known(name, self._silhouette(name, frames[name], step))
@@ -223,6 +225,8 @@ class Silhouettes:
         self, frames: Mapping[str, Frame], step: int | None = None
     ) -> dict[str, SoftSilhouette]:
         """Soft silhouettes of frames (H, W, 3) uint8, BGR, by camera name; `step` as of `of`."""
+
+        self._look(step, frames)
 
         def soft_silhouette(name: str) -> SoftSilhouette:
             if self._given:
@@ -247,6 +251,7 @@ class Silhouettes:
         """
         if self._given:
             raise InputError("masks/ holds silhouettes: they are used as they are")
+        self._look(step, {name: frame})
         frame = self._registered(name, frame)
         told = self._evidence(name, frame, step)
         stages = self._models[name].stages(frame, self._regions.get(name), told)
@@ -280,6 +285,11 @@ class Silhouettes:
     def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mask without what is unknown, where holes may have been filled."""
         return mask & ~self.unknown[name] if name in self.unknown else mask
+
+    def _look(self, step: int | None, frames: Mapping[str, Frame]) -> None:
+        """Looks for people in frames that the pose network was not yet asked about."""
+        if self.people is not None and step is not None:
+            self.people.look(step, frames)
 
     def _evidence(
         self, name: str, frame: NDArray[np.uint8], step: int | None = None
@@ -356,7 +366,8 @@ class Silhouettes:
         samples: dict[str, list[Frame]] = {name: [] for name in names}
         told: dict[str, list[NDArray[np.float32]]] = {}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
-        for frames in source.at(steps):
+        for step, frames in zip(steps, source.at(steps), strict=False):
+            self._look(step, {name: frames[name] for name in names})
             for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
         for name, seen in samples.items():

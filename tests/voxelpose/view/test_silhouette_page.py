@@ -49,7 +49,7 @@ class Told:
     def of(self, frames, step=None):
         return {name: self.masks[name] for name in frames}
 
-    def soft(self, frames):
+    def soft(self, frames, step=None):
         nowhere = np.zeros(SIZE[::-1], bool)
         return {
             name: SoftSilhouette(self.masks[name], self.tint.get(name, nowhere)) for name in frames

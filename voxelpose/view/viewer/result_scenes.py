@@ -16,6 +16,7 @@ from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion, posed_times
 from silhouette_core.motion.pose import Pose
+from silhouette_core.network_files import installed_network
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.multiview.carving.bounds import place_grid
@@ -154,7 +155,8 @@ class ResultScenes:
         self.background = settings.get("background", "auto").replace("refined", "auto")
         self.reader = None  # of pictures and silhouettes
         if self.recording:
-            self.reader = CameraFrames(self.recording, self.background, self.lenses)
+            network = installed_network() if self.facts.get("network") else None
+            self.reader = CameraFrames(self.recording, self.background, self.lenses, network)
         self._cameras = tuple(view.pinhole for view in self.lenses.values())
         self._fitted = [FittedBody(motion, self.voxel_size_m) for motion in self.motions]
         #: time, s, of every frame in which somebody has a pose

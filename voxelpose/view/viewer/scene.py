@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.estimator import BackgroundKind
+from silhouette_core.image.seen_people import SeenPeople
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView, scaled_unknown
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -161,11 +163,14 @@ class CameraFrames:
         recording: Recording,
         kind: BackgroundKind,
         views: Mapping[str, UndistortedView],
+        network: Path | None = None,
     ) -> None:
-        """Prepares; nothing is read before the first frame. Views are those of every camera."""
+        """Prepares; nothing is read before the first frame. Views are those of every camera; the
+        pose network is that which the fit asked.
+        """
         self._recording = recording
         self._kind: BackgroundKind = kind
-        self._views = views
+        self._views, self._network = views, network
         self._next, self._frames = 0, None
         self._pictures: dict[str, Frame] = {}
 
@@ -176,7 +181,10 @@ class CameraFrames:
 
     def silhouettes_with(self, bodies: BodyOdds | None) -> Silhouettes:
         """Background models learned anew, with what is known of bodies, see `Silhouettes`."""
-        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, bodies=bodies)
+        known: dict[str, Any] = {"bodies": bodies}
+        if self._network is not None:
+            known["people"] = SeenPeople(self._recording.rig.names, self._network)
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, **known)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
@@ -187,7 +195,7 @@ class CameraFrames:
     def read(self, frame: int) -> tuple[CameraFrame, ...]:
         """Undistorted pictures and silhouettes of a frame, one per camera."""
         pictures = self._read(frame)
-        masks = self.silhouettes.of(pictures)
+        masks = self.silhouettes.of(pictures, step=self._next - 1)
         given, unknown = self._recording.silhouettes_given, self.unknown or [None] * len(masks)
         return tuple(
             CameraFrame(

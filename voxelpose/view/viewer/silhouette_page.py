@@ -129,7 +129,7 @@ class FitSilhouettes:
         """
         if self._evidence is None:
             return {}
-        alone = plain.of(frames)
+        alone = plain.of(frames, step=moment)
         used, reasons, odds = alone, ("", ""), {}
         bodies = {
             name: self._evidence.silhouette(name, moment + self.late[name], mask.shape[::-1])
@@ -145,7 +145,7 @@ class FitSilhouettes:
             }
         elif self._scenes.estimator == "multiview":
             used, reasons = (
-                self._completed(frames, plain, alone),
+                self._completed(moment, frames, plain, alone),
                 ("added: other cameras show it", ""),
             )
         elif self._scenes.estimator in ONE_CAMERA:
@@ -157,11 +157,15 @@ class FitSilhouettes:
         }
 
     def _completed(
-        self, frames: Mapping[str, Frame], plain: Silhouettes, alone: Mapping[str, Mask]
+        self,
+        moment: int,
+        frames: Mapping[str, Frame],
+        plain: Silhouettes,
+        alone: Mapping[str, Mask],
     ) -> dict[str, Mask]:
         """Silhouettes completed by what the cameras see together."""
         scenes = self._scenes
-        soft = plain.soft(frames)
+        soft = plain.soft(frames, moment)
         silhouettes, tint = (
             scenes.views.without_unknown(
                 [scenes.lenses[k].undistort(getattr(found, kind)) for k, found in soft.items()]
@@ -269,7 +273,8 @@ class SilhouettePage:
         if not self._recording.silhouettes_given:
             key = asked.camera, asked.moment
             if self._staged is None or self._staged[0] != key:
-                self._staged = key, models[0].stages(asked.camera, frames[asked.camera])
+                frame = frames[asked.camera]
+                self._staged = key, models[0].stages(asked.camera, frame, asked.moment)
             alone = previews.StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
