@@ -1,6 +1,8 @@
+import cv2
 import numpy as np
 import pytest
 
+from silhouette_core.image.person_windows import PeopleWindows
 from silhouette_core.image.pose_network import POINTS, Crop, PersonSeen, PoseNetwork, cropped
 
 
@@ -48,3 +50,22 @@ def test_the_network_sees_nobody_in_an_even_picture(pose_network):
     assert seen.presence < 0.5
     assert seen.points_px.shape == (POINTS, 2)
     assert seen.logits.shape == (256, 256) and np.isfinite(seen.points_px).all()
+
+
+def test_a_woman_who_walks_is_followed_and_cut_out(pose_network, shared, beside):
+    """Real footage, whose outlines were checked by hand."""
+    masks = beside("checked_masks")
+    checked = masks.read_checked(masks.FOOTAGE / "woman_white.json")["cam_1"]
+    video = cv2.VideoCapture(str(shared / "data" / "woman_white" / "cam_1.mp4"))
+    windows, overlaps = PeopleWindows(PoseNetwork(pose_network)), []
+    for number in range(sorted(checked)[2] + 1):
+        frame = video.read()[1]
+        (person,) = windows.see(frame).values()
+        if number in checked:
+            size = frame.shape[1::-1]
+            seen, people = (
+                person.odds(size, 1.0) > 0,
+                checked[number].masks_of_people(size, size)[0],
+            )
+            overlaps.append((seen & people).sum() / (seen | people).sum())
+    assert person.is_sure and len(overlaps) == 3 and min(overlaps) > 0.93
