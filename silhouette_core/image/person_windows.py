@@ -105,6 +105,8 @@ class PeopleWindows:
             if near is None:
                 continue
             seen = self._network.look(picture, near)
+            if seen.is_sure:  # a thing is so from one square, and not from the next
+                seen = self._network.look(picture, next_crop(seen) or near)
             known = [*(person.seen for person in self._people), *found]
             if seen.is_sure or (moves and seen.is_there):
                 found += [] if any(same_person(seen, one) for one in known) else [seen]

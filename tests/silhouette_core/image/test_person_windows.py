@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,3 +95,17 @@ def test_what_never_moves_and_is_doubtful_is_a_thing():
     for step in range(12):  # until it moves
         people = windows.see(picture((40 + 12 * step, 60, 30, 90), value=150))
     assert len(people) == 1
+
+
+def test_what_is_sure_from_one_square_alone_is_nobody():
+    class OneSquare(BrightPeople):
+        """Sure of a thing from every square but a small one about it."""
+
+        def look(self, picture, crop):
+            seen = super().look(picture, crop)
+            return replace(seen, presence=seen.presence if crop.side_px > 130 else 0.6)
+
+    windows = PeopleWindows(OneSquare())
+    assert not any(windows.see(picture((100, 40, 90, 160))) == {} for _ in range(3))
+    windows = PeopleWindows(OneSquare())
+    assert all(windows.see(picture((100, 60, 30, 90))) == {} for _ in range(12))
