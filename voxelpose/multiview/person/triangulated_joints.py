@@ -22,22 +22,11 @@ from voxelpose.multiview.person.proposals import FrameProposals
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 
 _ROUNDS = 5  # of reweighting
-_BONES = [
-    (LANDMARK_NAMES.index(first), LANDMARK_NAMES.index(second))
-    for first, second in (
-        ("pelvis", "neck"),
-        *(
-            (f"{side}_{first}", f"{side}_{second}")
-            for side in ("left", "right")
-            for first, second in (
-                ("hip", "knee"),
-                ("knee", "ankle"),
-                ("shoulder", "elbow"),
-                ("elbow", "wrist"),
-            )
-        ),
-    )
-]
+_LIMBS = "hip knee", "knee ankle", "shoulder elbow", "elbow wrist"
+_ENDS = [f"{side}_{name}" for side in ("left", "right") for limb in _LIMBS for name in limb.split()]
+_BONES = np.array([LANDMARK_NAMES.index(name) for name in ("pelvis", "neck", *_ENDS)]).reshape(
+    -1, 2
+)
 
 
 def triangulated_proposals(
@@ -107,7 +96,7 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
 
 def bone_length_m(joints_m: NDArray[np.float64]) -> float:
     """Length of trunk and limbs together, of joints (15, 3), m."""
-    first, second = np.array(_BONES).T
+    first, second = _BONES.T
     return float(np.linalg.norm(joints_m[first] - joints_m[second], axis=1).sum())
 
 
