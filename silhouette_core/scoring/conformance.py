@@ -77,8 +77,8 @@ class BackendConformance:
             meshes = _meshes(np.random.default_rng(seed), 3)
             meshes[0, 4, 1] = np.nan
             for cull in (False, True):
-                given = meshes, _FACES, np.arange(10)[::-1], _MATRIX, (64, 48), cull
-                result = self._same("part_images", *given)
+                parts = np.arange(10)[::-1]
+                result = self._same("part_images", meshes, _FACES, parts, _MATRIX, (64, 48), cull)
                 assert_array_equal(len(np.unique(result)) > 3, True)
 
     def test_pixels_on_an_edge_belong_to_one_triangle(self) -> None:
@@ -104,8 +104,8 @@ class BackendConformance:
         corners = [(0, 0, 1), (0, 9, 1), (9, 0, 1), (0, 0, 0.5), (0, 9, 0.5), (9, 0, 0.5)]
         near, far = (3, 4, 5), (0, 1, 2)
         for faces, drawn in (((far, near), 2), ((near, far), 1), ((far, far), 1)):
-            scene = *_scene(corners, faces), np.arange(2), _PIXELS, (8, 8)
-            images = self._same("part_images", *scene)
+            mesh, triangles = _scene(corners, faces)
+            images = self._same("part_images", mesh, triangles, np.arange(2), _PIXELS, (8, 8))
             assert_array_equal(np.unique(images), [0, drawn])
 
     def test_weights_under_drawn_meshes(self) -> None:
@@ -130,8 +130,8 @@ class BackendConformance:
             meshes[2] += (0, 0, 4)  # before all cameras
             meshes[3] -= (0, 0, 9)  # behind them
             for where in (None, unknown):
-                given = masks, matrices, meshes, _FACES, where
-                assert_array_equal(self._same("silhouette_errors", *given)[3], 1)
+                errors = self._same("silhouette_errors", masks, matrices, meshes, _FACES, where)
+                assert_array_equal(errors[3], 1)
 
     def test_a_camera_without_silhouettes_is_left_out(self) -> None:
         """The error is that of the others, and 1 where there are none."""
@@ -153,8 +153,8 @@ class BackendConformance:
             views = _views(rng.uniform(20, 60, (3, 4)), *_placements(rng, 3))
             views.translation_m[:, 2] += 1
             images = rng.integers(-3, 3, (3, 50, 70)).astype(np.int8)
-            given = views, images, rng.normal(size=(40, 3)), *_placements(rng, 20 * seed)
-            self._same("pixel_scores", *given)
+            points, placements = rng.normal(size=(40, 3)), _placements(rng, 20 * seed)
+            self._same("pixel_scores", views, images, points, *placements)
 
     def test_points_are_in_the_nearest_pixel(self) -> None:
         """Halves up, half a pixel beyond the image, and from 0.05 m on."""
@@ -164,8 +164,9 @@ class BackendConformance:
         for depth_m, expected in ((1.0, [1, 10, 50, 0, 0, 100]), (0.049, [0] * 6)):
             translations_m = np.column_stack([depth_m * places, np.full(6, depth_m)])
             turns = np.repeat(np.eye(3)[None], 6, axis=0)
-            given = views, images, np.zeros((1, 3)), turns, translations_m
-            assert_array_equal(self._same("pixel_scores", *given), expected)
+            point = np.zeros((1, 3))
+            scores = self._same("pixel_scores", views, images, point, turns, translations_m)
+            assert_array_equal(scores, expected)
 
     def test_voxels_of_placements(self) -> None:
         """Overlap and cover, in small grids, of few points and of none."""
@@ -191,11 +192,12 @@ class BackendConformance:
         grid = SimpleNamespace(origin_m=np.array([0.5, 0, -0.5]), voxel_size_m=0.125)
         points = (np.argwhere(numbers >= 0) + 0.5) * 0.125
         moved = np.array([[0, 0, 0], [0.125, 0, 0], [0, 0, 0.25], [5, 0, 0]])
-        placed = np.repeat(np.eye(3)[None], 4, axis=0), grid.origin_m + moved
-        overlap = self._same("voxel_overlap", grid, numbers >= 0, points, np.ones(36), *placed)
+        turns, places_m = np.repeat(np.eye(3)[None], 4, axis=0), grid.origin_m + moved
+        weights = np.ones(36)
+        overlap = self._same("voxel_overlap", grid, numbers >= 0, points, weights, turns, places_m)
         assert_array_equal(overlap, [[36, 24, 18, 0], [0, 12, 18, 36]])
         numbers[2] = np.where(numbers[2] >= 0, -2, -1)
-        bits, empty, taken = self._same("voxel_cover", grid, numbers, 1, points, *placed)
+        bits, empty, taken = self._same("voxel_cover", grid, numbers, 1, points, turns, places_m)
         free = 2**36 - 2**12
         upper = sum(1 << n for n in range(12, 36) if n % 4 > 1)
         assert_array_equal(bits[:, 0], np.array([free, free, upper, 0], np.uint64))

@@ -32,8 +32,10 @@ def body_masks(
     vertices, masks = posed_meshes(model, [pose]), []
     for camera in views.rig:
         seen = vertices @ camera.rotation.T + camera.translation
-        mesh = seen, model.faces, model.face_part
-        masks.append(backend.part_images(*mesh, camera.matrix, camera.size)[0] > 0)
+        (image,) = backend.part_images(
+            seen, model.faces, model.face_part, camera.matrix, camera.size
+        )
+        masks.append(image > 0)
     return masks
 
 
