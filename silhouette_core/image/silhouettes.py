@@ -232,7 +232,7 @@ class Silhouettes:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
             frame = self._registered(name, frames[name])
-            told = self._evidence(name, frame, step)
+            told = self._evidence(name, step)
             soft = self._models[name].soft_silhouette(frame, self._regions.get(name), told)
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
@@ -253,7 +253,7 @@ class Silhouettes:
             raise InputError("masks/ holds silhouettes: they are used as they are")
         self._look(step, {name: frame})
         frame = self._registered(name, frame)
-        told = self._evidence(name, frame, step)
+        told = self._evidence(name, step)
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
@@ -291,22 +291,22 @@ class Silhouettes:
         if self.people is not None and step is not None:
             self.people.look(step, frames)
 
-    def _evidence(
-        self, name: str, frame: NDArray[np.uint8], step: int | None = None
-    ) -> NDArray[np.float32] | None:
-        """What the pose network, and the body, say of a frame of the silhouettes' size."""
+    def _evidence(self, name: str, step: int | None) -> NDArray[np.float32] | None:
+        """What the pose network, and the body, say of a frame in the size in which it is cut."""
+        if step is None:
+            return None
         size, terms = cut_size(self._sizes[name]), []
-        if self.people is not None and step is not None:
+        if self.people is not None:
             seen = self.people.of(name, step)
             terms.append(people_odds(seen, size[0] / self._widths[name], size))
-        if self._bodies is not None and step is not None:
+        if self._bodies is not None:
             terms.append(self._bodies(name, step, size))
         return np.asarray(np.sum(terms, axis=0), np.float32) if terms else None
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
-            told = self._evidence(name, frame, step)
+            told = self._evidence(name, step)
             return self._models[name].silhouette(frame, region, evidence=told)
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
@@ -378,7 +378,7 @@ class Silhouettes:
             self.moving += (name,) if motion.moves else ()
             self._shaking |= {name: motion} if motion.shakes else {}
             samples[name] = [self._registered(name, frame) for frame in seen]
-            odds = [self._evidence(name, *at) for at in zip(samples[name], steps, strict=False)]
+            odds = [self._evidence(name, step) for step in steps[: len(seen)]]
             told[name] = [one for one in odds if one is not None]
         return {name: (samples[name], told[name] or None) for name in told}
 
