@@ -61,7 +61,8 @@ def sample(library: Path, recording: Path) -> dict[str, np.ndarray]:
     occluded = motion.quality["occluded"][:, motion.model.tree.landmark_part]
     agreement = np.asarray(motion.quality["outline_agreement"])
     relative = (estimate - estimate[:, :1]) - (true - true[:, :1])
-    evidence = spreads(result, motion.frames), agreement, occluded
+    apart_m = np.asarray(motion.quality["seen_apart_mm"]) / 1000
+    evidence = spreads(result, motion.frames), agreement, occluded, apart_m
     said = joint_errors(*evidence)
     summary = json.loads((result / "summary.json").read_text())
     summary["quality"]["pose_error_mm"] = {"median": float(np.median(said.pose_mm))}

@@ -26,6 +26,7 @@ from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.image.seen_people import SeenPeople, people_odds
 from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
@@ -84,7 +85,7 @@ class Silhouettes:
             kinds = ", ".join(get_args(BackgroundKind))
             raise InputError(f"background = {str(background)[:40]!r} must be one of {kinds}")
         self._sizes = {camera.name: scaled_size(camera, long_side_px) for camera in source.rig}
-        self._widths = {camera.name: camera.size[0] for camera in source.rig}
+        self._cameras = {camera.name: camera for camera in source.rig}
         method: Method = "paper" if background == "paper" else "refined"
         kind: Kind = "auto" if background == "paper" else background
         self._given, self._refined = source.silhouettes_given, method == "refined"
@@ -298,10 +299,17 @@ class Silhouettes:
         size, terms = cut_size(self._sizes[name]), []
         if self.people is not None:
             seen = self.people.of(name, step)
-            terms.append(people_odds(seen, size[0] / self._widths[name], size))
+            terms.append(people_odds(seen, size[0] / self._cameras[name].size[0], size))
         if self._bodies is not None:
             terms.append(self._bodies(name, step, size))
         return np.asarray(np.sum(terms, axis=0), np.float32) if terms else None
+
+    def joints(self, name: str, step: int, mask: NDArray[np.bool_]) -> SeenJoints | None:
+        """Joints that the network sees, in a frame of a camera, of the person with a silhouette
+        (h, w) bool; None where it does not.
+        """
+        person = None if self.people is None else self.people.nearest(name, step, mask)
+        return None if person is None else SeenJoints.of(person, self._cameras[name])
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)

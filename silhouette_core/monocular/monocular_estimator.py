@@ -307,6 +307,8 @@ def _people(
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
             person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
+            if person is not None:
+                person = replace(person, joints=silhouettes.joints(name, step, person.mask))
         yield number, seconds, person
 
 
@@ -365,8 +367,9 @@ def _motion(
         **{name: whole[name] for name in ("occluded", "cut", "lost")},
     }
     if trajectory.model.person is not None:  # others were not compared with the truth
-        errors = joint_errors(whole["spread"], agreement, hidden)
+        errors = joint_errors(whole["spread"], agreement, hidden, whole["apart_m"])
         quality |= {
+            "seen_apart_mm": 1000 * whole["apart_m"],
             "pose_probability": whole["probability"],
             "pose_error_mm": errors.pose_mm,
             "joint_error_mm": errors.joint_mm,
@@ -381,7 +384,7 @@ def _motion(
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
     """Arrays of frames, which keep nothing else of them in memory."""
     poses = PoseArrays.from_poses([frame.pose for frame in frames])
-    plain = "number", "time_s", "error", "occluded", "cut", "lost"
+    plain = "number", "time_s", "error", "occluded", "cut", "lost", "apart_m"
     return {name: np.array([getattr(frame, name) for frame in frames]) for name in plain} | {
         "root": poses.root_m,
         "rotation": quaternions(poses.root_rotation),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.components import label_components
 from silhouette_core.image.head_colours import ColourCrop
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.monocular.tuning import PERSON
 
 _BORDER_PX = 2
@@ -26,11 +27,13 @@ class Person:
         mask: (h, w) bool, the silhouette.
         cut: whether the border of the image cuts the person.
         colours: of the picture about the person; None: they are not known, or not to be used.
+        joints: as a pose network sees them; None: it does not.
     """
 
     mask: NDArray[np.bool_]
     cut: bool
     colours: ColourCrop | None = None
+    joints: SeenJoints | None = None
 
 
 def find_person(

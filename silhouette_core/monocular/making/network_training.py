@@ -40,6 +40,7 @@ class TrainingSettings:
         steps: number of steps.
         batch: samples of a step, a multiple of 4.
         rate: largest learning rate; it falls as a half cosine.
+        kept_rate: that of what has learned before, relative to it.
         units: units of the hidden layers.
         blocks: residual blocks.
         modes: modes of the mixture.
@@ -50,6 +51,7 @@ class TrainingSettings:
     steps: int = 16_000
     batch: int = 320
     rate: float = 2e-3
+    kept_rate: float = 0.25
     units: int = 768
     blocks: int = 2
     modes: int = 8
@@ -200,11 +202,20 @@ def train_network(
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
         found = loss_gradient(network, noisy, share)
-        return found.loss, [*found.weights, *found.biases]
+        return found.loss, [*_parted(found.weights, learned), *found.biases]
 
+    # Of inputs that nothing has learned to read, all weights are 0.
+    learned = int(network.weights[0].any(axis=1).nonzero()[0][-1]) + 1 if further else 0
+    parameters = [*_parted(network.weights, learned), *network.biases]
+    rates = np.full(len(parameters), settings.kept_rate if further else 1.0)
+    rates[1] = 1.0
     claimed = 0.0 if further else TRAINING.claimed
-    parameters = [*network.weights, *network.biases]
-    return descend(parameters, gradients, settings, rng, reporter, claimed)
+    return descend(parameters, gradients, settings, rng, reporter, claimed, rates.tolist())
+
+
+def _parted(weights: Sequence[NDArray], rows: int) -> list[NDArray]:
+    """Weights by layers, the first in two: so many rows, and the others."""
+    return [weights[0][:rows], weights[0][rows:], *weights[1:]]
 
 
 def descend(
@@ -214,6 +225,7 @@ def descend(
     rng: np.random.Generator,
     reporter: Reporter,
     claimed: float = TRAINING.claimed,
+    rates: Sequence[float] | None = None,
 ) -> float:
     """Lets parameters descend along the gradients of random samples, in place.
 
@@ -224,6 +236,7 @@ def descend(
             several threads.
         reporter: informed of every step, and of the mean loss of each tenth of them.
         claimed: share of the steps in which the nearest mode alone learns.
+        rates: of each array, relative to the settings' rate; None: 1.
 
     Returns:
         Mean loss of the last tenth of the steps.
@@ -252,14 +265,15 @@ def descend(
         scale = min(1.0, TRAINING.largest_gradient / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
         rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + TRAINING.last_rate
-        for array, gradient, one, two in zip(parameters, means, first, second, strict=True):
+        arrays = parameters, means, first, second, rates or [1.0] * len(parameters)
+        for array, gradient, one, two, relative in zip(*arrays, strict=True):
             kernels.adam_step(
                 array.reshape(-1),
                 gradient.reshape(-1),
                 one.reshape(-1),
                 two.reshape(-1),
                 step + 1,
-                rate,
+                relative * rate,
                 settings.decay if array.ndim == 2 else 0.0,
                 scale,
             )

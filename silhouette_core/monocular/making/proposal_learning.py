@@ -49,7 +49,7 @@ _BETWEEN_S = 10  # between takes: no instant that is read lies in another take
 _BASIS_GRIDS = 4000
 _AT_ONCE = 24  # takes that are filmed side by side
 _GRIDS = "coverage", "feet", "skin", "shading"
-_CODES = "outline", "feet", "inside"
+_CODES = "outline", "feet", "inside", "joints"
 _LEAST_STEPS = 200
 
 
@@ -85,9 +85,9 @@ class LearningSettings:
     @classmethod
     def of_begun(cls) -> LearningSettings:
         """For a proposal that has learned of other motion and goes on: an eighth of the frames, a
-        sixth of the steps, and a quarter of the rate.
+        sixth of the steps, and a quarter of the rate of what is new.
         """
-        return cls(frames=100_000, training=TrainingSettings(steps=2_500, rate=5e-4))
+        return cls(frames=100_000, training=TrainingSettings(steps=2_500))
 
 
 def learn_proposal(
@@ -210,6 +210,7 @@ def _codes(encoding: SilhouetteEncoding, take: VirtualTake) -> SilhouetteCodes:
     codes = encoding.with_inside(
         encoding.codes(take.coverage, take.feet), InsideGrids(take.skin, take.shading)
     )
+    codes = replace(codes, joints=take.seen)
     shorter = {name: getattr(codes, name).astype(np.float16) for name in _CODES}
     return replace(codes, **shorter)
 
@@ -295,9 +296,9 @@ def _trained(
     def draw(rng: np.random.Generator, samples: int) -> TrainingBatch:
         frames = rng.integers(0, count, samples)
         causal = rng.random(samples) < TRAINING.withheld
-        coloured = rng.random(samples) >= TRAINING.withheld
+        coloured, jointed = (rng.random(samples) >= TRAINING.withheld for _ in range(2))
         return TrainingBatch(
-            network_inputs(features, frames, nearby[frames], causal, coloured),
+            network_inputs(features, frames, nearby[frames], causal, coloured, jointed),
             joints[frames],
             offset[frames],
         )

@@ -21,6 +21,7 @@ from silhouette_core.monocular.making.virtual_defects import (
     passing_defects,
     wall_coloured_places,
 )
+from silhouette_core.monocular.making.virtual_joints import virtual_seen_joints
 from silhouette_core.monocular.making.virtual_shading import (
     bare_pixels,
     lit_labels,
@@ -34,6 +35,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     counted,
     feet_grid,
     level_axes,
+    mirrored_seen_codes,
     shading_grid,
 )
 from silhouette_core.monocular.tuning import VIRTUAL_CAMERAS as CAMERAS
@@ -76,6 +78,7 @@ class VirtualTake:
         feet: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
         skin: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
         shading: (T, 60, 80) uint8, see `shading_grid`.
+        seen: (T, 45) float32, joints as a pose network sees them, see `seen_codes`.
         pitch_rad: (T,) float32, as in `FrameFeatures`.
         heading_rad: (T,) float32, as in `FrameFeatures`.
         anchor: (T, 3) float32, as in `FrameFeatures`.
@@ -89,6 +92,7 @@ class VirtualTake:
     feet: NDArray[np.uint8]
     skin: NDArray[np.uint8]
     shading: NDArray[np.uint8]
+    seen: NDArray[np.float32]
     pitch_rad: NDArray[np.float32]
     heading_rad: NDArray[np.float32]
     anchor: NDArray[np.float32]
@@ -154,7 +158,8 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     forward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
     down = np.asarray(np.cross(forward, level[:, 0]), float)
     camera_from_world = np.stack([level[:, 0], down, forward], axis=1)
-    pelvis = np.einsum("tij,tj->ti", camera_from_world, joints[:, 0] - centre)
+    placed = np.einsum("tij,tlj->tli", camera_from_world, joints - centre)
+    pelvis = placed[:, 0]
     assumed = pelvis[:, 2] * np.exp(_distance_error(count, rng))
     focal = _STATURE_PX * assumed
     viewed = _viewed(surface - centre.astype(np.float32), camera_from_world, focal)
@@ -173,13 +178,15 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     # The window's middle, relative to the canvas's.
     middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
     ray = np.column_stack([middle / focal[:, None], np.ones(count)])
-    seen = pelvis[:, :2] / pelvis[:, 2:] * focal[:, None] - middle
+    places = placed[..., :2] / placed[..., 2:] * focal[:, None, None] - middle[:, None]
+    places /= _STATURE_PX
     relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
     return VirtualTake(
         coverage,
         feet_grid(masks.astype(bool)),
         _skin_grids(bare & masks, masks, corners, rng),
         _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
+        virtual_seen_joints(places, rng),
         pitch.astype(np.float32),
         heading.astype(np.float32),
         (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
@@ -187,7 +194,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
         ),
         motion.time_s,
         relative.astype(np.float32),
-        np.column_stack([seen / _STATURE_PX, np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
+        np.column_stack([places[:, 0], np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
     )
 
 
@@ -208,6 +215,7 @@ def mirror_image(take: VirtualTake) -> VirtualTake:
         feet=np.concatenate([np.zeros_like(feet[..., :1]), feet[..., :-1]], axis=-1),
         skin=take.skin[..., ::-1],
         shading=take.shading[..., ::-1],
+        seen=mirrored_seen_codes(take.seen),
         heading_rad=-take.heading_rad,
         anchor=take.anchor * across[[1, 0, 2]],
         joints=take.joints[:, exchanged] * across,

@@ -19,6 +19,8 @@ from silhouette_core.monocular.proposal.convolutional_encoder import (
 from silhouette_core.monocular.proposal.mixture_network import Mixture, MixtureNetwork
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
+    OFFSETS_S,
+    SEEN_CODES,
     FrameFeatures,
     InsideGrids,
     SilhouetteBasis,
@@ -33,6 +35,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
 )
 
 _MOST_MODES = 1000
+_JOINT_INPUTS = SEEN_CODES * (1 + len(OFFSETS_S))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +122,18 @@ class PoseProposal:
         joints = arrays["mean_joints"]
         shape = (len(LANDMARK_NAMES) - 1, 3)
         check_array("proposal.mean_joints", joints, shape, np.float32, finite=True)
+        weights = [arrays[f"weight{number}"] for number in layers]
+        inputs = input_count(
+            encoding.outline.codes, encoding.feet.components.shape[1], encoding.inside.codes
+        )
+        if weights and weights[0].ndim == 2 and len(weights[0]) == inputs - _JOINT_INPUTS:
+            # Learned before joints were read: it goes on without them.
+            weights[0] = np.pad(weights[0], ((0, _JOINT_INPUTS), (0, 0)))
         network = MixtureNetwork(
-            tuple(arrays[f"weight{number}"] for number in layers),
+            tuple(weights),
             tuple(arrays[f"bias{number}"] for number in layers),
             joints,
             int(arrays["modes"][0]),
-        )
-        inputs = input_count(
-            encoding.outline.codes, encoding.feet.components.shape[1], encoding.inside.codes
         )
         if not 1 <= network.modes <= _MOST_MODES or not layers:
             raise ValueError(f"proposal.modes is {network.modes}, and it has {len(layers)} layers")
@@ -168,6 +175,7 @@ class SilhouetteEncoding:
             self.feet.encode(feet),
             np.zeros((len(coverage), self.inside.codes), np.float32),
             np.zeros(len(coverage), bool),
+            np.zeros((len(coverage), SEEN_CODES), np.float32),
         )
 
     def with_inside(self, codes: SilhouetteCodes, inside: InsideGrids) -> SilhouetteCodes:

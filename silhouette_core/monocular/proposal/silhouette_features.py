@@ -7,7 +7,8 @@ person is seen from the front or from behind. Where colours are known, a third g
 the colours of the head: mostly the hands and arms, which a silhouette does not show before the
 trunk; and a fourth one how bright every place is relative to others of its colour, which tells
 limbs that point toward the camera from those that point away, and those before the trunk from those
-behind it. Both are read by a second encoder.
+behind it. Both are read by a second encoder. Where a pose network sees joints in the picture, their
+places are read as they are.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 
 GRID = (60, 80)
@@ -35,6 +37,8 @@ OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
 """Instants that are read beside a frame's own, s."""
 OUTLINE_CODES, FEET_COMPONENTS, INSIDE_CODES = 128, 48, 96
 """Codes of the outline, principal components of the feet, codes of what lies inside."""
+SEEN_CODES = 3 * len(LANDMARK_NAMES)
+"""Numbers that state where joints are seen, see `seen_codes`."""
 _FUTURE = OFFSETS_S > 0
 _WINDOW_PX = (240, 320)
 # Codes that are read of the instants beside a frame's own.
@@ -54,12 +58,14 @@ class SilhouetteCodes:
         feet: (T, K'), of its lowest part.
         inside: (T, K''), of what lies inside it; 0 where colours are not known.
         coloured: (T,) bool, where they are known.
+        joints: (T, 45), of the joints that are seen, see `seen_codes`; 0 where none are.
     """
 
     outline: NDArray[np.floating]
     feet: NDArray[np.floating]
     inside: NDArray[np.floating]
     coloured: NDArray[np.bool_]
+    joints: NDArray[np.floating]
 
     @classmethod
     def joined(cls, parts: Sequence[SilhouetteCodes]) -> SilhouetteCodes:
@@ -67,14 +73,18 @@ class SilhouetteCodes:
         return cls(
             *(
                 np.concatenate([getattr(part, name) for part in parts])
-                for name in ("outline", "feet", "inside", "coloured")
+                for name in ("outline", "feet", "inside", "coloured", "joints")
             )
         )
 
     def __getitem__(self, rows: NDArray[np.integer] | slice) -> SilhouetteCodes:
         """Codes of some of the silhouettes."""
         return SilhouetteCodes(
-            self.outline[rows], self.feet[rows], self.inside[rows], self.coloured[rows]
+            self.outline[rows],
+            self.feet[rows],
+            self.inside[rows],
+            self.coloured[rows],
+            self.joints[rows],
         )
 
     def __len__(self) -> int:
@@ -211,6 +221,31 @@ def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return grids
 
 
+def seen_codes(
+    places: NDArray[np.floating], visibility: NDArray[np.floating]
+) -> NDArray[np.float32]:
+    """Codes (..., 45) float32 of joints that are seen.
+
+    Args:
+        places: (..., 15, 2) in the window from its middle, right and down, statures at the assumed
+            distance.
+        visibility: (..., 15), 0 to 1.
+    """
+    flat = 3 * places.reshape(*places.shape[:-2], -1)
+    return np.concatenate([flat, visibility], axis=-1, dtype=np.float32)
+
+
+def mirrored_seen_codes(codes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Codes (..., 45) of the same joints in a mirror."""
+    count = len(LANDMARK_NAMES)
+    places, visibility = codes[..., : 2 * count], codes[..., 2 * count :]
+    exchanged = np.array(EXCHANGED_LANDMARKS)
+    pairs = places.reshape(*places.shape[:-1], count, 2)[..., exchanged, :] * np.array(
+        [-1, 1], codes.dtype
+    )
+    return np.concatenate([pairs.reshape(places.shape), visibility[..., exchanged]], axis=-1)
+
+
 def level_axes(heading_rad: NDArray[np.floating]) -> NDArray[np.float64]:
     """Right, away and up (T, 3, 3), as rows in the world, of level cameras that look along
     headings (T,), atan2(y, x).
@@ -251,6 +286,7 @@ def network_inputs(
     nearby: NDArray[np.int64],
     causal: NDArray[np.bool_],
     coloured: NDArray[np.bool_] | None = None,
+    jointed: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float32]:
     """Inputs (n, I) of the network.
 
@@ -259,10 +295,12 @@ def network_inputs(
         nearby: (n, 8), frames at `OFFSETS_S` about each.
         causal: (n,), whether only the earlier of those are read.
         coloured: (n,), whether the colours are read, where they are known; None: they are.
+        jointed: (n,), whether the joints that are seen are read; None: they are.
     """
     codes = features.codes
-    if coloured is None:
-        coloured = np.ones(len(frames), bool)
+    coloured, jointed = (
+        np.ones(len(frames), bool) if read is None else read for read in (coloured, jointed)
+    )
     known = (coloured & codes.coloured[frames])[:, None]
     nearby = np.where(causal[:, None], past_only(nearby, frames), nearby)
     axes = level_axes(features.heading_rad[frames])
@@ -279,6 +317,8 @@ def network_inputs(
             2 * features.pitch_rad[frames][:, None],
             features.anchor[frames, 2:],
             causal[:, None],
+            codes.joints[frames] * jointed[:, None],
+            codes.joints[nearby].reshape(len(frames), -1) * jointed[:, None],
         ],
         axis=1,
         dtype=np.float32,
@@ -288,8 +328,8 @@ def network_inputs(
 
 def input_count(outline: int, feet: int, inside: int) -> int:
     """Number I of the inputs of `network_inputs` from the numbers of codes."""
-    beside = min(outline, _OUTLINE_BESIDE) + min(inside, _INSIDE_BESIDE) + 3
-    return outline + feet + inside + len(OFFSETS_S) * beside + 4
+    beside = min(outline, _OUTLINE_BESIDE) + min(inside, _INSIDE_BESIDE) + 3 + SEEN_CODES
+    return outline + feet + inside + len(OFFSETS_S) * beside + 4 + SEEN_CODES
 
 
 def fit_basis(grids: NDArray[np.uint8], components: int) -> SilhouetteBasis:

@@ -72,9 +72,9 @@ class ModeProposer:
         """See `observed_frame.Proposer.note`."""
         self._views = [one for one in self._views if time_s - one.time_s <= MEMORY_S]
         if not self._views:
-            self._distance_m = self._finder.first_distance(person.mask, time_s)
+            self._distance_m = self._finder.first_distance(person.mask, time_s, person.joints)
         window = self._finder.window(person.mask, self._distance_m)
-        view = self._finder.view(window, time_s)
+        view = self._finder.view(window, time_s, person.joints)
         if not self._smooth:
             view = self._coloured(view, person)
         self._views.append(view)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.proposal.mixture_network import Mixture
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
@@ -22,6 +23,8 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     InsideGrids,
     SilhouetteCodes,
     level_axes,
+    mirrored_seen_codes,
+    seen_codes,
 )
 from silhouette_core.monocular.tracking.body_heading import (
     HeadingFilter,
@@ -75,11 +78,13 @@ class ModeView:
     Attributes:
         window: of the silhouette at an assumed distance.
         codes: of the window's silhouette and of its mirror image.
+        joints: of the person, as a pose network sees them; None: it does not.
     """
 
     window: Window
     codes: SilhouetteCodes
     time_s: float
+    joints: SeenJoints | None = None
 
 
 class ModeFinder:
@@ -97,23 +102,37 @@ class ModeFinder:
         """Window of a silhouette (h, w) bool at a distance of the person."""
         return look_at(self.camera, mask, distance_m, STATURE_PX / self.stature_m)
 
-    def first_distance(self, mask: NDArray[np.bool_], time_s: float) -> float:
+    def first_distance(
+        self, mask: NDArray[np.bool_], time_s: float, joints: SeenJoints | None = None
+    ) -> float:
         """Distance of a person who was not seen before: upright, then as the network corrects, m.
 
         Args:
             mask: (h, w) bool, the silhouette.
+            joints: as of `view`.
         """
         distance_m = upright_distance(self.camera, mask, self.stature_m)
         for _ in range(_ROUNDS):
-            distance_m = self.distance([self.view(self.window(mask, distance_m), time_s)])
+            distance_m = self.distance([self.view(self.window(mask, distance_m), time_s, joints)])
         return distance_m
 
-    def view(self, window: Window, time_s: float) -> ModeView:
-        """What the proposal reads of a frame, seen through a window about the silhouette."""
+    def view(self, window: Window, time_s: float, joints: SeenJoints | None = None) -> ModeView:
+        """What the proposal reads of a frame, seen through a window about the silhouette, and of
+        the joints that a pose network sees.
+        """
         # Of the windows only the geometry is kept: their pictures would fill the memory.
         empty = np.zeros((0, 0), bool)
         codes = self.proposal.codes(np.stack([window.mask, window.mask[:, ::-1]]))
-        return ModeView(replace(window, mask=empty, seen=empty), codes, time_s)
+        if joints is not None:
+            one = self._seen_codes(window, joints)
+            codes = replace(codes, joints=np.stack([one, mirrored_seen_codes(one)]))
+        return ModeView(replace(window, mask=empty, seen=empty), codes, time_s, joints)
+
+    def _seen_codes(self, window: Window, joints: SeenJoints) -> NDArray[np.float32]:
+        """Codes (45,) of joints in a window, see `seen_codes`."""
+        rays = joints.rays @ self.camera.rotation @ window.world_from_virtual
+        places = rays[:, :2] / np.maximum(rays[:, 2:], 1e-3)
+        return seen_codes(places * window.focal_px / STATURE_PX, joints.visibility)
 
     def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
         """View of a frame with what lies inside the silhouette in its window, grids (60, 80); None:
@@ -135,7 +154,7 @@ class ModeFinder:
         offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
         distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
         return [
-            self.view(self.window(mask, own), view.time_s)
+            self.view(self.window(mask, own), view.time_s, view.joints)
             for mask, own, view in zip(masks, distance, views, strict=True)
         ]
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.pose_network import POINTS, Crop, PersonSeen
-from silhouette_core.image.seen_joints import SeenJoints, joint_weights
+from silhouette_core.image.seen_joints import SeenJoints, deviations_m, joint_weights
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 
 CAMERA = look_at("cam_1", (3.0, -2.0, 1.4), (0.0, 0.0, 1.0), distortion=(-0.1, 0.02, 0, 0, 0))
@@ -32,11 +32,17 @@ def test_rays_lead_through_the_lens_to_where_the_points_are():
 
 
 def test_what_is_hidden_deviates_more():
-    points = np.tile([80.0, 60.0], (POINTS, 1))
-    seen, hidden = (
-        SeenJoints.of(person(points, visibility=one), CAMERA).deviations_m for one in (1.0, 0.0)
-    )
+    seen, hidden = (deviations_m(np.full(15, one)) for one in (1.0, 0.0))
     assert (hidden >= seen).all() and (hidden > seen).any() and 0.005 < seen.max() < 0.1
+
+
+def test_how_far_joints_are_from_where_they_are_seen_is_across_the_picture_and_from_the_pelvis():
+    joints_m = np.random.default_rng(0).normal(0, 0.4, (15, 3)) + [0, 0, 4]
+    seen = SeenJoints(joints_m / joints_m[:, 2:], np.ones(15))
+    joints_m *= 1 + np.linspace(0, 0.2, 15)[:, None]  # along their rays
+    assert seen.apart_m(joints_m) < 1e-9
+    joints_m[4] += [0.3, 0.4, 0]
+    assert abs(seen.apart_m(joints_m) - 0.5 / 15) < 1e-9
 
 
 def test_joints_of_whom_the_network_is_not_sure_do_not_count():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M, BodySizes
-from silhouette_core.image.seen_joints import SeenJoints
+from silhouette_core.image.seen_joints import SeenJoints, deviations_m
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.proposed_poses import ProposedPoses
@@ -76,7 +76,7 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
     centres = views.center_m[[*seen]]
     rays = np.stack([one.rays @ views.rotation[c] for c, one in seen.items()])
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-    sigma = np.stack([one.deviations_m for one in seen.values()])
+    sigma = np.stack([deviations_m(one.visibility) for one in seen.values()])
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
     freedom, weight = REFINEMENT.student_freedom, sigma**-2
 

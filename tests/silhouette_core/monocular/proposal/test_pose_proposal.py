@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
@@ -14,6 +15,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
     GRID,
     OFFSETS_S,
+    SEEN_CODES,
     STATURE_CELLS,
     FrameFeatures,
     SilhouetteBasis,
@@ -21,8 +23,10 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     coverage_grid,
     feet_grid,
     fit_basis,
+    mirrored_seen_codes,
     nearby_frames,
     network_inputs,
+    seen_codes,
     shading_grid,
 )
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, silhouette_levels
@@ -40,6 +44,7 @@ def features(rng, count=40, fps=30.0):
         SilhouetteCodes(
             *(rng.normal(size=(count, k)).astype(np.float32) for k in (128, 48, 96)),
             coloured=np.arange(count) % 3 > 0,
+            joints=rng.normal(size=(count, SEEN_CODES)).astype(np.float32),
         ),
         rng.uniform(-0.2, 0.5, count),
         rng.uniform(-3, 3, count),
@@ -112,6 +117,26 @@ def test_the_causal_ones_differ_from_the_others(proposal, rng):
     assert not np.allclose(
         proposal.modes([given])[0].joints, proposal.modes([given], True)[0].joints
     )
+
+
+def test_what_learned_before_joints_were_read_goes_on_without_them(proposal, rng):
+    arrays = proposal.arrays()
+    arrays["weight0"] = arrays["weight0"][: -9 * SEEN_CODES]
+    before, seen = PoseProposal.from_arrays(arrays), features(rng)
+    blind = replace(seen, codes=replace(seen.codes, joints=np.zeros_like(seen.codes.joints)))
+    one, other = before.modes([seen])[0], proposal.modes([blind])[0]
+    np.testing.assert_array_equal(one.joints, other.joints)
+    assert not np.allclose(one.joints, proposal.modes([seen])[0].joints)
+
+
+def test_joints_in_a_mirror_are_those_of_the_other_side(rng):
+    places, visibility = rng.normal(size=(3, 15, 2)), rng.uniform(size=(3, 15))
+    codes = mirrored_seen_codes(seen_codes(places, visibility))
+    left, right = (LANDMARK_NAMES.index(f"{side}_wrist") for side in ("left", "right"))
+    places[..., 0] *= -1
+    np.testing.assert_allclose(codes[:, 2 * left : 2 * left + 2], 3 * places[:, right], rtol=1e-6)
+    np.testing.assert_allclose(codes[:, 30 + right], visibility[:, left], rtol=1e-6)
+    assert (codes[:, :2] == (3 * places[:, 0]).astype(np.float32)).all()
 
 
 @pytest.mark.parametrize("fps", [30, 60, 120])

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.proposal.silhouette_features import SilhouetteCodes
+from silhouette_core.image.seen_joints import SeenJoints
+from silhouette_core.monocular.proposal.shipped import shipped_proposal
+from silhouette_core.monocular.proposal.silhouette_features import (
+    SilhouetteCodes,
+    mirrored_seen_codes,
+    seen_codes,
+)
 from silhouette_core.monocular.tracking.body_heading import (
     HeadingFilter,
     body_headings,
@@ -11,13 +17,14 @@ from silhouette_core.monocular.tracking.body_heading import (
 )
 from silhouette_core.monocular.tracking.pose_modes import (
     FrameModes,
+    ModeFinder,
     ModeView,
     _features,
     merge_modes,
 )
-from silhouette_core.monocular.window import Window
+from silhouette_core.monocular.window import STATURE_PX, Window
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from tests.silhouette_core.monocular.filming import performed
+from tests.silhouette_core.monocular.filming import camera_at, performed
 
 TIMES = np.arange(20) / 30
 STANDING = performed("walk").landmarks()[0]
@@ -100,13 +107,31 @@ def test_poses_at_a_probable_mode_cost_least():
     assert modes.nearest(other + 0.01) is modes.priors[1]
 
 
+def test_joints_that_are_seen_are_read_where_they_are_in_the_window():
+    camera = camera_at((0, -4, 1.5), size=(320, 240))
+    mask = np.zeros((240, 320), bool)
+    mask[80:200, 150:180] = True
+    finder = ModeFinder(shipped_proposal(), camera, 1.75)
+    window = finder.window(mask, 3.7)
+    pixels = np.random.default_rng(0).uniform(60, 180, (15, 2))
+    seen_m = window.unproject(pixels, 3.0) @ camera.rotation.T + camera.translation
+    joints = SeenJoints(seen_m / seen_m[:, 2:], np.linspace(0, 1, 15))
+    one, mirrored = finder.view(window, 0.0, joints).codes.joints
+    wanted = seen_codes((pixels - window.axis_px) / STATURE_PX, joints.visibility)
+    np.testing.assert_allclose(one, wanted, atol=1e-5)
+    np.testing.assert_allclose(mirrored, mirrored_seen_codes(one))
+    assert not finder.view(window, 0.0).codes.joints.any()
+
+
 def test_without_a_floor_the_person_stands_at_the_usual_height():
     def features(height_m):
         window = Window(
             np.zeros((0, 0), bool), np.zeros((0, 0), bool), np.eye(3)[:, [0, 2, 1]] * [1, -1, 1],
             np.array([0.0, -4.0, height_m]), 360.0, np.array([159.5, 119.5]), 4.0,
         )  # fmt: skip
-        codes = SilhouetteCodes(*np.zeros((3, 2, 3), np.float32), np.zeros(2, bool))
+        codes = SilhouetteCodes(
+            *np.zeros((3, 2, 3), np.float32), np.zeros(2, bool), np.zeros((2, 45))
+        )
         return _features([ModeView(window, codes, 0.1 * k) for k in range(3)], 1.75)
 
     assert features(0.9).anchor[:, 2] == pytest.approx(0.9 / 1.75)
