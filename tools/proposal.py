@@ -28,6 +28,7 @@ from silhouette_core.monocular.making.checkpoint import Checkpoint
 from silhouette_core.monocular.making.from_motion import learned_from, motion_digest, read_clips
 from silhouette_core.monocular.making.network_training import TrainingSettings
 from silhouette_core.monocular.making.proposal_learning import LearningSettings
+from silhouette_core.monocular.making.virtual_joints import SeenErrors
 from silhouette_core.monocular.proposal import shipped
 from silhouette_core.motion.motion import Motion
 from voxelpose.cli.terminal import Progress
@@ -51,13 +52,12 @@ HELD_OUT = tuple(
 NUMBERS = (
     *(tuning.TRAINING, tuning.MIXTURE, tuning.VARIED_MOTION, tuning.VIRTUAL_PEOPLE),
     *(tuning.VIRTUAL_CAMERAS, tuning.VIRTUAL_DEFECTS, tuning.VIRTUAL_SHADING),
-    tuning.VIRTUAL_JOINTS,
 )
 
 
 def recipe() -> str:
     """Digest of all but the recorded motion that decides what is learned."""
-    facts = repr((SIZES, SETTINGS, FURTHER, NUMBERS))
+    facts = repr((SIZES, SETTINGS, FURTHER, NUMBERS, SeenErrors.measured()))
     return hashlib.sha256(facts.encode()).hexdigest()
 
 

@@ -360,28 +360,6 @@ class VirtualCameras:
 
 
 @dataclass(frozen=True)
-class VirtualJoints:
-    """Joints of virtual people as the pose network sees them (`making.virtual_joints`).
-
-    Measured on seeds 1 to 10 of level 1, one camera (docs/log/one-camera.md).
-    """
-
-    hidden: tuple[float, float] = (-3.0, 1.6)
-    """1. Logarithm of the odds of a joint to be hidden: its mean, and the deviations of what stays
-    for a take and of what wanders."""
-    uneven: float = 0.7
-    """1. Logarithm of a joint's deviation in a take, relative to the usual one: its deviation."""
-    shares: tuple[float, float, float] = (0.25, 0.7, 0.05)
-    """1. Of the variance: what stays for a take, what wanders, what is new in every frame."""
-    together_mm: float = 18.0
-    """Millimetres. Deviation of all joints together, likewise."""
-    steady: float = 0.79
-    """1. Share of what wanders that remains in the next frame."""
-    lost: float = 1.3
-    """1. Deviations of something that wanders, from which nobody is seen, in a quarter of takes."""
-
-
-@dataclass(frozen=True)
 class VirtualDefects:
     """Defects of virtual silhouettes (`making.virtual_defects`), in pixels of the virtual pictures.
 
@@ -461,6 +439,5 @@ LIMBS = UncoveredLimbs()
 VARIED_MOTION = VariedMotion()
 VIRTUAL_PEOPLE = VirtualPeople()
 VIRTUAL_CAMERAS = VirtualCameras()
-VIRTUAL_JOINTS = VirtualJoints()
 VIRTUAL_DEFECTS = VirtualDefects()
 VIRTUAL_SHADING = VirtualShading()

@@ -37,7 +37,7 @@ def test_what_is_hidden_deviates_more():
 
 
 def test_how_far_joints_are_from_where_they_are_seen_is_across_the_picture_and_from_the_pelvis():
-    joints_m = np.random.default_rng(0).normal(0, 0.4, (15, 3)) + [0, 0, 4]
+    joints_m = np.random.default_rng(0).normal(0, 0.4, (15, 3)) + np.array([0, 0, 4])
     seen = SeenJoints(joints_m / joints_m[:, 2:], np.ones(15))
     joints_m *= 1 + np.linspace(0, 0.2, 15)[:, None]  # along their rays
     assert seen.apart_m(joints_m) < 1e-9

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.monocular.person import Person, upright_distance
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.tracking import mode_proposer
@@ -35,9 +36,11 @@ class Network(ModeFinder):
     def __init__(self):
         self.camera, self.stature_m = CAMERA, STATURE_M
         self.read_m, self.views, self.facing, self.coloured = [], [], [], []
+        self.joints = []
 
-    def view(self, window, time_s):
+    def view(self, window, time_s, joints):
         self.read_m.append(window.distance_m)
+        self.joints.append(joints)
         return SimpleNamespace(window=window, time_s=time_s, inside=None)
 
     def distance(self, views):
@@ -96,6 +99,14 @@ def test_the_first_distance_is_corrected_three_times(monkeypatch):
     assert off > 0.2
     assert np.log(np.array(network.read_m) / TRUE_M) == pytest.approx(off / 2 ** np.arange(4))
     assert note[0].window.distance_m == network.read_m[-1] and note[1] is None
+
+
+def test_joints_that_are_seen_are_read_with_every_view(monkeypatch):
+    proposer, network, _ = proposer_of(monkeypatch)
+    seen = SeenJoints(np.ones((15, 3)), np.ones(15))
+    proposer.note(0.0, replace(PERSON, joints=seen))
+    proposer.note(0.1, PERSON)
+    assert network.joints == [seen] * 4 + [None]
 
 
 def test_a_frame_is_read_at_the_distance_that_the_last_ones_tell(monkeypatch):
