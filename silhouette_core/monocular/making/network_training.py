@@ -205,7 +205,7 @@ def train_network(
         return found.loss, [*_parted(found.weights, learned), *found.biases]
 
     # Of inputs that nothing has learned to read, all weights are 0.
-    learned = int(network.weights[0].any(axis=1).nonzero()[0][-1]) + 1 if further else 0
+    learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1 if further else 0
     parameters = [*_parted(network.weights, learned), *network.biases]
     rates = np.full(len(parameters), settings.kept_rate if further else 1.0)
     rates[1] = 1.0
