@@ -61,11 +61,10 @@ def sample(library: Path, recording: Path) -> dict[str, np.ndarray]:
     occluded = motion.quality["occluded"][:, motion.model.tree.landmark_part]
     agreement = np.asarray(motion.quality["outline_agreement"])
     relative = (estimate - estimate[:, :1]) - (true - true[:, :1])
-    apart_m = np.asarray(motion.quality["seen_apart_mm"]) / 1000
-    evidence = spreads(result, motion.frames), agreement, occluded, apart_m
+    evidence = spreads(result, motion.frames), agreement, occluded
     said = joint_errors(*evidence)
     summary = json.loads((result / "summary.json").read_text())
-    summary["quality"]["pose_error_mm"] = {"median": float(np.median(said.pose_mm))}
+    summary["quality"]["pose_error_mm"] = {"mean": float(np.mean(said.pose_mm))}
     return {
         "inputs": error_evidence(*evidence).reshape(estimate.shape[0] * estimate.shape[1], -1),
         "world": 1000 * np.linalg.norm(estimate - true, axis=2).ravel(),

@@ -68,7 +68,8 @@ def write_card(
     settings = FURTHER if begun else SETTINGS
     card = {
         "what": "proposal of poses of one person from the silhouettes of one camera, and joints",
-        "made_by": "python -m tools.proposal: by this program alone, from rendered silhouettes",
+        "made_by": f"python -m tools.proposal{' --begun FILE' if begun else ''}: by this program"
+        " alone, from rendered silhouettes",
         "motion": "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu, free for every use;"
         " it is learned from and not contained",
         "clips": sorted(clips),

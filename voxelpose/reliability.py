@@ -27,7 +27,7 @@ class Verdict:
     # doubtful result none, since all may be, and of one camera none either.
     uncertain: tuple[str, ...] = ()
     # Of one camera, with a learned proposal: mean error of the joints to be expected relative to
-    # the pelvis, in the median frame.
+    # the pelvis.
     error_mm: float | None = None
     # Of one camera, whether nobody said how tall the person is: all lengths are as assumed.
     stature_assumed: bool = False
@@ -175,8 +175,8 @@ def _uncertain(quality: _Table) -> tuple[str, ...]:
 
 
 def _error_mm(quality: _Table) -> float | None:
-    """Error to be expected of one camera, in the median frame."""
-    return quality.get("pose_error_mm", {}).get("median")
+    """Error to be expected of one camera: a mean, since what is open at times is wrong then."""
+    return quality.get("pose_error_mm", {}).get("mean")
 
 
 def _known(value: float | None, otherwise: float) -> float:

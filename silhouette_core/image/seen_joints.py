@@ -57,13 +57,6 @@ class SeenJoints:
         share = np.abs(weights)
         return cls(weights @ rays, share @ visibility / share.sum(axis=1))
 
-    def apart_m(self, joints_m: NDArray[np.float64]) -> float:
-        """Mean distance across the picture, relative to the pelvis, of joints (15, 3), m, in axes
-        of the camera, from where they are seen.
-        """
-        away = joints_m[:, :2] - self.rays[:, :2] * joints_m[:, 2:]
-        return float(np.linalg.norm(away - away[0], axis=1).mean())
-
 
 def point_rays(person: PersonSeen, camera: Camera) -> NDArray[np.float64]:
     """Viewing rays (33, 3) of the points in axes of the camera, of depth 1; NaN where its lens

@@ -367,9 +367,8 @@ def _motion(
         **{name: whole[name] for name in ("occluded", "cut", "lost")},
     }
     if trajectory.model.person is not None:  # others were not compared with the truth
-        errors = joint_errors(whole["spread"], agreement, hidden, whole["apart_m"])
+        errors = joint_errors(whole["spread"], agreement, hidden)
         quality |= {
-            "seen_apart_mm": 1000 * whole["apart_m"],
             "pose_probability": whole["probability"],
             "pose_error_mm": errors.pose_mm,
             "joint_error_mm": errors.joint_mm,
@@ -384,7 +383,7 @@ def _motion(
 def _stacked(frames: list[FrameEstimate]) -> dict[str, np.ndarray]:
     """Arrays of frames, which keep nothing else of them in memory."""
     poses = PoseArrays.from_poses([frame.pose for frame in frames])
-    plain = "number", "time_s", "error", "occluded", "cut", "lost", "apart_m"
+    plain = "number", "time_s", "error", "occluded", "cut", "lost"
     return {name: np.array([getattr(frame, name) for frame in frames]) for name in plain} | {
         "root": poses.root_m,
         "rotation": quaternions(poses.root_rotation),

@@ -12,7 +12,7 @@ from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.monocular.tracking import joint_error
 from voxelpose.multiview.quality import quality
 
-FILES = {joint_error.FILE: 21 + 1 + 21, quality.FILE: 24 + 24 + 8}
+FILES = {joint_error.FILE: 19 + 1 + 19, quality.FILE: 24 + 24 + 8}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -29,9 +29,9 @@ def test_what_is_said_follows_the_file(tmp_path, monkeypatch):
     """One number less in the file: errors are e times smaller, and 3 mm are taken off again."""
     other = tmp_path / "other.toml"
     shutil.copy(joint_error.FILE, other)
-    evidence = np.full((1, 15), 0.03), np.array([0.9]), np.zeros((1, 15), bool), np.array([0.04])
+    evidence = np.full((1, 15), 0.03), np.array([0.9]), np.zeros((1, 15), bool)
     before = joint_error.joint_errors(*evidence)
-    world = fitted_weights(other)["world"] - np.repeat([1, 0], [15, 6])
+    world = fitted_weights(other)["world"] - np.repeat([1, 0], [15, 4])
     write_weights(other, {"world": world}, "seeds 1 to 3", "a command")
     fitted_weights.cache_clear()
     monkeypatch.setattr(joint_error, "FILE", other)

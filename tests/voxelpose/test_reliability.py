@@ -8,7 +8,7 @@ from voxelpose.reliability import Verdict, verdict_of, verdict_of_people
 def summary(lost=0, agreement=0.92, right=None, turn=3.0, error=None):
     quality = {"outline_agreement": {"median": agreement}}
     if error is not None:
-        quality["pose_error_mm"] = {"median": error}
+        quality["pose_error_mm"] = {"mean": error}
     if right is not None:
         quality["right_probability"] = {"lower_quarter": right}
     frames = {"with_pose": 100 - lost, "lost": list(range(lost))}
@@ -27,9 +27,9 @@ def summary(lost=0, agreement=0.92, right=None, turn=3.0, error=None):
         ({"right": 0.45, "agreement": 0.8}, "doubtful", "only 80 % in common"),
         ({"agreement": 0.9}, "doubtful", "states no errors"),
         ({"agreement": 0.6}, "doubtful", "only 60 % in common"),
-        ({"agreement": 0.7, "error": 60.0}, "doubtful", "only 70 % in common"),
-        ({"agreement": 0.8, "error": 60.0}, "reliable", ""),
-        ({"agreement": 0.9, "error": 76.0}, "doubtful", "joints are likely 76 mm off"),
+        ({"agreement": 0.7, "error": 40.0}, "doubtful", "only 70 % in common"),
+        ({"agreement": 0.8, "error": 44.0}, "reliable", ""),
+        ({"agreement": 0.9, "error": 46.0}, "doubtful", "joints are likely 46 mm off"),
     ],
 )
 def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
@@ -49,13 +49,13 @@ def test_joints_that_are_likely_wrong_are_named():
 
 
 def test_one_camera_tells_how_far_off_the_joints_are():
-    numbers = summary(error=58.4)
+    numbers = summary(error=38.4)
     numbers["quality"]["landmark_confidence"] = {"left_wrist": 0.2, "neck": 0.3}
     verdict = verdict_of(numbers)
-    assert verdict == Verdict("reliable", error_mm=58.4)
-    assert str(verdict) == "reliable: joints are about 58 mm off"
+    assert verdict == Verdict("reliable", error_mm=38.4)
+    assert str(verdict) == "reliable: joints are about 38 mm off"
     numbers["facts"] = numbers.get("facts", {}) | {"stature_given": False}
-    told = "reliable: joints are about 58 mm off, if the person is as tall as is assumed"
+    told = "reliable: joints are about 38 mm off, if the person is as tall as is assumed"
     assert str(verdict_of(numbers)) == told
 
 
@@ -124,7 +124,7 @@ def test_silhouettes_that_the_body_made_are_no_witness_for_it():
 
 
 def test_grey_cameras_leave_a_doubt_where_nobody_looked_beforehand():
-    numbers = summary(error=60.0)
+    numbers = summary(error=40.0)
     numbers["facts"]["by_texture"] = {"cam_1": None}
     assert verdict_of(numbers).level == "doubtful"
     assert "leave --no-smooth out" in verdict_of(numbers).reason

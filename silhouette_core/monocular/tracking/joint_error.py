@@ -9,10 +9,9 @@ joints from the likeliest one's,
 
 is what the frame itself says of its error (the Bayes risk of the likeliest hypothesis). Linear
 regression of the logarithm of the error on it, on its mean over the joints, on the share of their
-union that body and silhouette do not have in common, on whether the joint is occluded and, where a
-pose network sees joints, on how far these are from the body's gives the median error, and the
-deviation of what is left a log-normal distribution about it. The weights stand in
-joint_error.toml, which `python -m benchmarks.joint_error ... --fit` writes.
+union that body and silhouette do not have in common, and on whether the joint is occluded gives the
+median error, and the deviation of what is left a log-normal distribution about it. The
+weights stand in joint_error.toml, which `python -m benchmarks.joint_error ... --fit` writes.
 
 Source: textbook (linear regression); the evidence is this project's.
 """
@@ -74,16 +73,13 @@ def error_evidence(
     spread_m: NDArray[np.floating],
     outline_agreement: NDArray[np.floating],
     occluded: NDArray[np.bool_],
-    apart_m: NDArray[np.floating],
 ) -> NDArray[np.float64]:
-    """Numbers (T, 15, 21) that the weights belong to; arguments as of `joint_errors`."""
+    """Numbers (T, 15, 19) that the weights belong to; arguments as of `joint_errors`."""
     frames, joints = spread_m.shape
     spread = np.log(1000 * spread_m + _SPREAD_MM)
     whole = np.log(1000 * spread_m.mean(axis=1, keepdims=True) + _SPREAD_MM)
-    uncommon = np.log(np.clip(1 - outline_agreement, _LEAST_APART, 1.0))[:, None]
-    seen = np.isfinite(apart_m)[:, None]
-    away = np.log(1000 * np.nan_to_num(apart_m) + _SPREAD_MM)[:, None] * seen
-    evidence = np.stack(np.broadcast_arrays(spread, whole, uncommon, occluded, away, seen), axis=2)
+    apart = np.log(np.clip(1 - outline_agreement, _LEAST_APART, 1.0))[:, None]
+    evidence = np.stack(np.broadcast_arrays(spread, whole, apart, occluded), axis=2)
     constants = np.broadcast_to(np.eye(joints), (frames, joints, joints))
     return np.concatenate([constants, evidence], axis=2)
 
@@ -92,7 +88,6 @@ def joint_errors(
     spread_m: NDArray[np.floating],
     outline_agreement: NDArray[np.floating],
     occluded: NDArray[np.bool_],
-    apart_m: NDArray[np.floating],
 ) -> JointErrors:
     """Errors to be expected of T frames.
 
@@ -100,9 +95,8 @@ def joint_errors(
         spread_m: (T, 15), see `hypothesis_spread`.
         outline_agreement: (T,), share of their union that body and silhouette have in common.
         occluded: (T, 15), whether the joint's part is.
-        apart_m: (T,), see `SeenJoints.apart_m`; NaN where no joints are seen.
     """
-    inputs = error_evidence(spread_m, outline_agreement, occluded, apart_m)
+    inputs = error_evidence(spread_m, outline_agreement, occluded)
     weights = fitted_weights(FILE)
     world, pose = inputs @ weights["world"], inputs @ weights["pose"]
     near = ndtr((np.log(NEAR_MM + ADDED_MM) - world) / weights["world_deviation"])

@@ -19,7 +19,6 @@ from silhouette_core.monocular.tracking.beam import Beam, backtrack
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame, Proposer
 from silhouette_core.monocular.tuning import DISTANCES
-from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.trajectory_fit import fit_trajectory
@@ -40,7 +39,6 @@ class FrameEstimate:
         lost: no hypothesis fits about as well as the best ones of earlier frames.
         probability: (n,) float64, of the hypotheses of the frame, likeliest first.
         joints: (n, 15, 3) float64, their joints in the world, m.
-        apart_m: see `SeenJoints.apart_m`; NaN where no joints are seen.
     """
 
     number: int
@@ -52,7 +50,6 @@ class FrameEstimate:
     lost: bool
     probability: NDArray[np.float64]
     joints: NDArray[np.float64]
-    apart_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +215,6 @@ class PoseTrajectory:
         if not lost:
             self._usual.append(best)
         probability, joints = beam.probabilities(tracker.settings.temperature)
-        camera, seen = views.rig.cameras[0], frame.person.joints
-        placed = joints_of(tracker.model, [pose])[0] @ camera.rotation.T + camera.translation
         return FrameEstimate(
             frame.number,
             frame.time_s,
@@ -230,7 +225,6 @@ class PoseTrajectory:
             lost,
             probability,
             joints,
-            np.nan if seen is None else seen.apart_m(placed),
         )
 
 

@@ -36,15 +36,6 @@ def test_what_is_hidden_deviates_more():
     assert (hidden >= seen).all() and (hidden > seen).any() and 0.005 < seen.max() < 0.1
 
 
-def test_how_far_joints_are_from_where_they_are_seen_is_across_the_picture_and_from_the_pelvis():
-    joints_m = np.random.default_rng(0).normal(0, 0.4, (15, 3)) + np.array([0, 0, 4])
-    seen = SeenJoints(joints_m / joints_m[:, 2:], np.ones(15))
-    joints_m *= 1 + np.linspace(0, 0.2, 15)[:, None]  # along their rays
-    assert seen.apart_m(joints_m) < 1e-9
-    joints_m[4] += [0.3, 0.4, 0]
-    assert abs(seen.apart_m(joints_m) - 0.5 / 15) < 1e-9
-
-
 def test_joints_of_whom_the_network_is_not_sure_do_not_count():
     points = np.tile([80.0, 60.0], (POINTS, 1))
     assert SeenJoints.of(person(points, presence=0.9), CAMERA) is None
