@@ -81,14 +81,6 @@ def lowest_foot(
     """
     feet = [part for part, name in enumerate(model.names) if name.endswith(("_foot", "_toes"))]
     vertices = np.unique(model.faces[np.isin(model.face_part, feet)])
-    rotation, origin = kinematics.forward(
-        model, np.zeros((len(angles_rad), 3)), root_quaternion, angles_rad
-    )
-    height = np.zeros((len(angles_rad), len(vertices)))
-    for k in range(model.skin_parts.shape[1]):
-        part, weight = model.skin_parts[vertices, k], model.skin_weights[vertices, k]
-        local = model.vertices_m[vertices] - model.joints_m[part]
-        height += weight * (
-            np.einsum("tvi,vi->tv", rotation[:, part, 2], local) + origin[:, part, 2]
-        )
-    return height.min(axis=1)
+    pelvis = np.zeros((len(angles_rad), 3))
+    placed = zip(*kinematics.forward(model, pelvis, root_quaternion, angles_rad), strict=True)
+    return np.array([kinematics.skin(model, *one)[vertices, 2].min() for one in placed])

@@ -14,9 +14,6 @@ from silhouette_core.refinement.kernels.steps import add_landmark_terms
 from silhouette_core.refinement.surface import PosedSurface, point_jacobian
 from silhouette_core.tuning import REFINEMENT
 
-DEGREES_OF_FREEDOM = REFINEMENT.student_freedom
-"""Of Student's t distribution, which the proposal is trained with, too."""
-
 
 @dataclass(frozen=True, eq=False)
 class LandmarkPrior:
@@ -100,7 +97,7 @@ def add_landmark_priors(
         (model.tree.landmark_part, local, model.tree.descends, model.tree.dof_part),
         posed.placed,
         first,
-        DEGREES_OF_FREEDOM,
+        REFINEMENT.student_freedom,
         matrix,
         gradient,
     )

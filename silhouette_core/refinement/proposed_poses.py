@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.entry_points import load_registered
 from silhouette_core.ranking import rounded
-from silhouette_core.refinement.landmark_prior import DEGREES_OF_FREEDOM, LandmarkPrior
+from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.tuning import REFINEMENT
 
 GROUP = "silhouette_core.pose_proposers"
@@ -57,14 +57,13 @@ class ProposedPoses:
             landmarks_m: (K, 15, 3), joints in the world.
         """
         relative = landmarks_m - landmarks_m[:, :1]
-        logs = np.empty((len(relative), len(self.priors)))
+        logs, freedom = np.empty((len(relative), len(self.priors))), REFINEMENT.student_freedom
         for pose, prior in enumerate(self.priors):
             error = (relative - prior.relative_m)[:, 1:]
             square = np.einsum("kli,lij,klj->kl", error, prior.precision[1:], error)
-            scale = 0.5 * (DEGREES_OF_FREEDOM + 3)
-            logs[:, pose] = np.log(max(self.probability[pose], 1e-6)) - REFINEMENT.proposed * (
-                scale * np.log1p(square / DEGREES_OF_FREEDOM)
-            ).sum(axis=1)
+            cost = 0.5 * (freedom + 3) * np.log1p(square / freedom).sum(axis=1)
+            weight = np.log(max(self.probability[pose], 1e-6))
+            logs[:, pose] = weight - REFINEMENT.proposed * cost
         most = logs.max(axis=1, keepdims=True)
         return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
 
