@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
-from silhouette_core.image.difference import (
-    Background,
-    Exposure,
-    measure_exposure,
-    measure_gain,
-)
+from silhouette_core.image.difference import Background
 from silhouette_core.image.empty_scene import EmptyScene, Kind
 from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.foreground import (
@@ -29,7 +24,13 @@ from silhouette_core.image.foreground import (
 )
 from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
-from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
+from silhouette_core.image.person_colours import (
+    ColourDensity,
+    ColouredSilhouette,
+    PersonColours,
+    even_colours,
+    find_colours,
+)
 from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
@@ -79,18 +80,14 @@ class BackgroundModel:
         noise = np.maximum(np.sqrt(variance.mean(axis=2)), BACKGROUND.noise)
         self._background = Background.from_noise(self.mean, noise)
         self._directions, self._aligner = directions, Aligner(self.mean)
-        self._colours: SceneColours | None = None
+        self._colours = None if self.method == "paper" else SceneColours.of(self._background)
+        self._person = PersonColours()  # as frames come
         self.uniform = False  # whether it is a backdrop, found in occupied frames
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.mean.shape[1], self.mean.shape[0]
-
-    @property
-    def has_colours(self) -> bool:
-        """Whether the colours of person and scene decide: frames are then looked at as a whole."""
-        return self._colours is not None
 
     @property
     def grey(self) -> bool:
@@ -109,7 +106,8 @@ class BackgroundModel:
         """
         if self.several:
             return 0.0
-        return None if self._colours is None else round(self._colours.by_texture, 4)
+        share = None if self._colours is None else self._colours.by_texture
+        return None if share is None else round(share, 4)
 
     @classmethod
     def from_frames(
@@ -181,7 +179,8 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background, False, evidence)
+        colours = SceneColours.of(model._background)
+        model._colours = colours.learned(scene.frames, False, evidence)
         model.uniform = scene.uniform
         return model
 
@@ -198,14 +197,13 @@ class BackgroundModel:
         """
         model = copy(self)
         same = np.stack([self._aligner.aligned(np.ascontiguousarray(one)) for one in frames])
-        model._colours = SceneColours.learned(same, self._background, True, evidence)
+        model._colours = SceneColours.of(self._background).learned(same, True, evidence)
         return model
 
     def silhouette(
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        exposure: Exposure | None = None,
         evidence: NDArray[np.float32] | None = None,
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
@@ -227,9 +225,8 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
-            exposure: of the frame, for the refined method; None: measured here.
-            evidence: what else speaks for a person, nats, of the size `cut_size`, where colours
-                decide.
+            evidence: what else speaks for a person, nats, of the size `cut_size`, for the refined
+                method.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -239,9 +236,10 @@ class BackgroundModel:
             TypeError: the frame is not uint8.
         """
         frame = self._aligned(frame)
-        if self._directions is None:
-            cut = self._cut(frame, evidence)
-            return segmented(frame, self._background, region, exposure, cut=cut)[0]
+        if self._colours is not None:
+            cut = self._colours.silhouette(frame, evidence)
+            return segmented(frame, self._background, cut, region)
+        assert self._directions is not None, "only the paper's method has no colours"
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
         kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
@@ -256,10 +254,11 @@ class BackgroundModel:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
         gives the silhouette only. Arguments and errors are those of `silhouette`.
         """
-        if self.method == "paper":
+        if self._colours is None:
             return SoftSilhouette.of(self.silhouette(frame, region))
         frame = self._aligned(frame)
-        return refined_soft_silhouette(frame, self._background, region, self._cut(frame, evidence))
+        cut = self._colours.silhouette(frame, evidence)
+        return refined_soft_silhouette(frame, self._background, cut, region)
 
     def stages(
         self,
@@ -271,13 +270,11 @@ class BackgroundModel:
         and errors are those of `silhouette`.
         """
         aligned_frame, known = self._aligned(frame), self._background.known
-        if self.method == "paper":
+        if self._colours is None:
             first, found = self.silhouette(frame), self.silhouette(frame, region)
             return SilhouetteStages(aligned_frame, self.mean, known, first, found)
-        cut = self._cut(aligned_frame, evidence)
-        stages = refined_stages(aligned_frame, self._background, region, cut)
-        if self._colours is None:
-            return stages
+        cut = self._colours.silhouette(aligned_frame, evidence)
+        stages = refined_stages(aligned_frame, self._background, cut, region)
         return replace(stages, odds=self._colours.odds(aligned_frame, evidence))
 
     def coloured_silhouette(
@@ -295,17 +292,19 @@ class BackgroundModel:
 
     def silhouette_near(
         self,
+        frame: np.ndarray,
         part: np.ndarray,
         window: tuple[slice, slice],
-        exposure: Exposure,
+        noise: float,
         region: np.ndarray | None = None,
     ) -> np.ndarray:
         """Silhouette by the refined method of a frame of which only a part is looked at.
 
         Args:
+            frame: (H', W', 3) uint8, BGR, the whole frame as filmed, which tells the exposure.
             part: (h, w, 3) uint8, BGR: the frame in the window.
             window: rows and columns, within the model's size.
-            exposure: of the frame, or of one shortly before it.
+            noise: of a frame shortly before it, from `noise`.
             region: as of `silhouette`.
 
         Returns:
@@ -316,8 +315,11 @@ class BackgroundModel:
             TypeError: the part is not uint8.
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
-        part = np.ascontiguousarray(part)
-        return segmented(part, self._background, region, exposure, window)[0]
+        if self._colours is None:
+            raise ValueError("the paper's method looks at whole frames")
+        part = self._aligner.aligned(frame, np.ascontiguousarray(part), window)
+        cut = self._colours.near(self._background, window).silhouette(part, noise=noise)
+        return segmented(part, self._background, cut, region, window)
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
@@ -342,23 +344,26 @@ class BackgroundModel:
         """The same model with some attributes of its background changed."""
         model = copy(self)
         model._background = replace(self._background, **changed)
+        if self._colours is not None:
+            model._colours = SceneColours.of(model._background)
+            model._person = PersonColours(even_colours(model._background))
         return model
 
-    def exposure(self, frame: np.ndarray) -> Exposure:
-        """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""
-        return measure_exposure(self._aligned(frame), self._background)
+    def learn(self, frame: np.ndarray, silhouette: np.ndarray) -> None:
+        """Learns the person's colours from a frame (H, W, 3) uint8, BGR, and its silhouette (H, W)
+        bool: where frames are looked at as they come.
+        """
+        self._person.add(self._aligned(frame), silhouette)
+        density = self._person.density()
+        if self._colours is not None and density is not None:
+            self._colours = self._colours.wearing(density)
 
-    def gain(self, frame: np.ndarray) -> np.ndarray:
-        """Each channel's gain, (3,) float32, of a frame uint8, BGR, of this size or larger."""
-        return measure_gain(frame, self._background)
+    def noise(self, frame: np.ndarray) -> float:
+        """Ratio of the noise of a frame (H, W, 3) uint8, BGR, to the background's, at least 1."""
+        return 1.0 if self._colours is None else self._colours.noise(self._aligned(frame))
 
     def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
-        """A whole frame, checked; where colours decide, with the exposure of the background."""
+        """A whole frame, checked; for the refined method with the exposure of the background."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return self._aligner.aligned(frame) if self.has_colours else frame
-
-    def _cut(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None
-    ) -> NDArray[np.bool_] | None:
-        return None if self._colours is None else self._colours.silhouette(frame, evidence)
+        return frame if self.method == "paper" else self._aligner.aligned(frame)

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.difference import (
-    UNIT,
     Background,
-    detect,
+    FrameView,
+    chroma,
     grown,
-    looked_at,
+    noise_scale,
     pooled_brightness,
+    pooled_evidence,
 )
 from silhouette_core.image.grey import texture_evidence
-from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
@@ -32,16 +32,15 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     brightness is lower and the colour's direction is the same: mostly cast shadows.
 
     Args:
-        frame: (H, W, 3) uint8.
+        frame: (H, W, 3) uint8, with the exposure of the background.
         background: of that size.
 
     Returns:
         (35,) int64, of ratios from 0.25 to 0.95.
     """
-    view, exposure = looked_at(frame, background)
-    _, pooled = detect(view, exposure.noise)
-    bright = pooled_brightness(view)
-    dark = only_darker(pooled, bright, exposure.noise)
+    view = FrameView.of(frame, background)
+    noise, bright = noise_scale(view), pooled_brightness(view)
+    dark = only_darker(pooled_evidence(view, noise), bright, noise)
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0], several=False)
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
@@ -56,13 +55,11 @@ def only_darker(
     """Where only the brightness is lower, (H, W) bool: mostly cast shadows.
 
     Args:
-        pooled: (4, H, W), evidence of `detect`.
+        pooled: (4, H, W), of `pooled_evidence`.
         bright: (H, W), of `pooled_brightness`.
         noise: ratio of the frame's noise to the model's.
     """
-    coloured = np.empty(bright.shape, np.bool_)
-    kernels.doubt(pooled, bright, round(SHADOW.chroma * UNIT), np.float32(np.inf), coloured)
-    return ~coloured & (bright < -SHADOW.brightness * noise)
+    return (chroma(pooled) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
 def even_shades(darkest: float) -> NDArray[np.float32]:

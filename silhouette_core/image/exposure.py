@@ -26,7 +26,7 @@ class Aligner:
         height, width = reference.shape[:2]
         factor = min(1.0, _SIDE_PX / min(height, width))
         self._size = max(round(width * factor), 1), max(round(height * factor), 1)
-        self._empty = self._small(reference)
+        self._empty, self._whole = self._small(reference), (width, height)
         rows, columns = np.mgrid[-1 : 1 : self._size[1] * 1j, -1 : 1 : self._size[0] * 1j]
         x, y = columns.ravel(), rows.ravel()
         self._powers = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
@@ -39,11 +39,22 @@ class Aligner:
         small = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).reshape(-1, 3)
         return small.T.astype(np.float32, order="C") + _DARK
 
-    def aligned(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Frame (H, W, 3) uint8 with the exposure of the reference."""
-        lit, powers = self._lit, self._powers
+    def aligned(
+        self,
+        frame: NDArray[np.uint8],
+        part: NDArray[np.uint8] | None = None,
+        window: tuple[slice, slice] = (slice(None), slice(None)),
+    ) -> NDArray[np.uint8]:
+        """A frame uint8 with the exposure of the reference.
+
+        Args:
+            frame: the whole frame, of any size where only a part is aligned.
+            part: what is aligned, (h, w, 3) uint8; None: the frame, of the reference's size.
+            window: rows and columns of the reference in which the part is.
+        """
+        lit, powers, part = self._lit, self._powers, frame if part is None else part
         if lit.sum() < _FEWEST:
-            return frame
+            return part
         ratios = np.log(self._small(frame) / self._empty)
         solution = np.zeros((3, 6))
         solution[:, 0] = [_weighted_median(channel, lit) for channel in ratios]
@@ -54,8 +65,8 @@ class Aligner:
             weighted = powers * (lit / np.square(1 + np.square(off / scale)))
             solution = np.linalg.solve(weighted @ powers.T + held, weighted @ ratios.T).T
         field = np.exp(-solution @ powers).T.reshape(*self._size[::-1], 3).astype(np.float32)
-        field = cv2.resize(field, frame.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        return cv2.multiply(frame, field, dtype=cv2.CV_8U)  # type: ignore[return-value]
+        field = cv2.resize(field, self._whole, interpolation=cv2.INTER_LINEAR)[window]
+        return cv2.multiply(part, field, dtype=cv2.CV_8U)  # type: ignore[return-value]
 
 
 def _weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:

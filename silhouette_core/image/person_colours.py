@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 
 from silhouette_core.image.cast_shadow import even_shades, texture_evidence
 from silhouette_core.image.cleanup import clean
-from silhouette_core.image.difference import Background, FrameView, looked_at
+from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import COLOURS, FOREGROUND
 
@@ -120,15 +120,15 @@ def find_colours(
     lie in a shadow.
 
     Args:
-        frame: the whole frame.
+        frame: the whole frame, with the exposure of the background.
         background: of the empty scene.
         density: of the person's colours.
         region: (H, W) bool, where the person may be; None: everywhere.
         least_odds: :math:`\lambda`, nats.
     """
-    view, exposure = looked_at(frame, background)
+    view = FrameView.of(frame, background)
     odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-    limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
+    limits = np.float32(noise_scale(view)), np.float32(0), even_shades(background.shadow)
     tables = *without_tint(view), density.log_density, even_colours(background), _SHARES, SHIFT
     kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
     seen = np.empty(frame.shape[:2], np.float32)

@@ -22,7 +22,6 @@ from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.camera_motion import CameraMovement
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
-from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
@@ -91,7 +90,8 @@ class Silhouettes:
         self._size_px = long_side_px
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
-        self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
+        self._noise: dict[str, float] = {}  # of each camera's last whole frame
+        self._learning: frozenset[str] = frozenset()  # cameras whose person is not known ahead
         self.people = people
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
@@ -111,6 +111,7 @@ class Silhouettes:
             return BackgroundModel.from_frames(empty, method).as_grey(taken, len(self._sizes) > 1)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
+        self._learning = frozenset(backgrounds) - seen.keys() if self._refined else frozenset()
         for name, (frames, odds) in self._samples(source, without, _OCCUPIED, backgrounds).items():
             self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
         self.kinds = {
@@ -134,7 +135,7 @@ class Silhouettes:
             source: of the same cameras.
         """
         other = copy(self)
-        other._exposures = {}
+        other._noise = {}
         other._read_places(source)
         return other
 
@@ -306,25 +307,22 @@ class Silhouettes:
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
-            told = self._evidence(name, step)
-            return self._models[name].silhouette(frame, region, evidence=told)
+            told, model = self._evidence(name, step), self._models[name]
+            mask = model.silhouette(frame, region, told)
+            if name in self._learning:
+                model.learn(frame, mask)
+            return mask
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
     def _silhouette_near(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
-        """Within a window, or of the whole frame, whose exposure is then remembered."""
+        """Within a window, or of the whole frame, whose noise is then remembered."""
         region, model = self._regions.get(name), self._models[name]
-        exposure = self._exposures.get(name)
-        if model.has_colours:
+        if near is None or name not in self._noise or name in self._shaking:
+            self._noise[name] = model.noise(self._registered(name, frame))
             return self._silhouette(name, frame)
-        if near is None or exposure is None:
-            frame = self._registered(name, frame)
-            exposure = self._exposures[name] = model.exposure(frame)
-            return model.silhouette(frame, region, exposure)
-        # The gain changes from frame to frame, the noise slowly.
-        exposure = replace(exposure, gain=model.gain(frame))
         window, part = self._part(name, frame, near)
-        return model.silhouette_near(part, window, exposure, region)
+        return model.silhouette_near(frame, part, window, self._noise[name], region)
 
     def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
         """A frame in a window of its silhouette, and the window: widened so that its edges are
