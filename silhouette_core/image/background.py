@@ -24,13 +24,7 @@ from silhouette_core.image.foreground import (
 )
 from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
-from silhouette_core.image.person_colours import (
-    ColourDensity,
-    ColouredSilhouette,
-    PersonColours,
-    even_colours,
-    find_colours,
-)
+from silhouette_core.image.person_colours import PersonColours, even_colours
 from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
@@ -276,19 +270,6 @@ class BackgroundModel:
         cut = self._colours.silhouette(aligned_frame, evidence)
         stages = refined_stages(aligned_frame, self._background, cut, region)
         return replace(stages, odds=self._colours.odds(aligned_frame, evidence))
-
-    def coloured_silhouette(
-        self,
-        frame: np.ndarray,
-        density: ColourDensity,
-        region: np.ndarray | None = None,
-        least_odds: float = 0.0,
-    ) -> ColouredSilhouette:
-        """Where a frame has a person's colours, see `find_colours`; frame, region and errors are
-        those of `silhouette`.
-        """
-        frame = self._aligned(frame)
-        return find_colours(frame, self._background, density, region, least_odds)
 
     def silhouette_near(
         self,

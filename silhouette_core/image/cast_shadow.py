@@ -16,7 +16,7 @@ from silhouette_core.image.difference import (
     pooled_evidence,
 )
 from silhouette_core.image.grey import texture_evidence
-from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
+from silhouette_core.tuning import CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
 _SHADES = 50  # bins of a ratio of brightness
@@ -62,17 +62,10 @@ def only_darker(
     return (chroma(pooled) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
-def even_shades(darkest: float) -> NDArray[np.float32]:
-    """Density (50,) of the background's brightness in a shadow, relative to its own, when all are
-    alike above the darkest; its integral is how often there is a shadow.
-    """
-    edges = np.linspace(0, 1, _SHADES + 1)
-    share = np.clip((edges[1:] - darkest) * _SHADES, 0, 1)
-    return ((1 - COLOURS.lit) / (1 - darkest) * share).astype(np.float32)
-
-
 def rising_shades(darkest: float) -> NDArray[np.float32]:
-    """The same density (50,) of shadows that are the rarer, the darker they are."""
+    """Density (50,) of the background's brightness in a shadow, relative to its own: the darker,
+    the rarer; its integral is how often there is a shadow.
+    """
     at = (np.arange(_SHADES) + 0.5) / _SHADES
     depth = np.clip(at - darkest, 0, None) / (1 - darkest)
     return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)

@@ -24,7 +24,6 @@ from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
-from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.image.seen_people import SeenPeople, people_odds
 from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
@@ -257,31 +256,6 @@ class Silhouettes:
         told = self._evidence(name, step)
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
-
-    @property
-    def colours_tell(self) -> bool:
-        """Whether `of_colours` finds anything: where the refined method is used on pictures."""
-        return not self._given and self._refined
-
-    def of_colours(
-        self, frames: Mapping[str, Frame], density: ColourDensity, least_odds: float = 0.0
-    ) -> dict[str, ColouredSilhouette]:
-        """Where frames (H, W, 3) uint8, BGR, have a person's colours, by camera name.
-
-        Args:
-            frames: by camera name.
-            density: of the person's colours.
-            least_odds: nats by which the person has to explain a place better.
-        """
-
-        def coloured(name: str) -> ColouredSilhouette:
-            frame, region = self._registered(name, frames[name]), self._regions.get(name)
-            found = self._models[name].coloured_silhouette(frame, density, region, least_odds)
-            return ColouredSilhouette(
-                self._known(name, found.likely), self._known(name, found.alike)
-            )
-
-        return dict(zip(frames, side_by_side(coloured, list(frames)), strict=True))
 
     def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mask without what is unknown, where holes may have been filled."""

@@ -1,9 +1,12 @@
 """What has the colours of the person is found where it hardly differs from the background."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from silhouette_core.image.background import BackgroundModel
+from silhouette_core.image.cut import SceneColours
+from silhouette_core.image.difference import Background
 from silhouette_core.image.person_colours import PersonColours
 
 GREY, PINK, SHIRT = (130, 130, 130), (150, 130, 220), (75, 75, 75)
@@ -44,35 +47,13 @@ def density(rng):
 
 
 def test_clothes_like_a_shadow_on_the_wall_are_found_by_their_colours(rng, density):
-    background = BackgroundModel.from_frames([filmed(GREY, rng) for _ in range(12)])
+    wall = np.full((240, 320, 3), GREY, np.float32)
+    background = Background.from_noise(wall, np.full(wall.shape[:2], 2.0))
+    colours = SceneColours.of(replace(background, shadow=0.4))
     picture = filmed(GREY, rng, SHIRT, shadow=0.75)
-    missed = background.with_shadow(0.4).silhouette(picture)
-    assert (missed & body()).sum() < 0.3 * body().sum()
-    found = background.with_shadow(0.4).coloured_silhouette(picture, density)
-    assert (found.likely ^ body()).sum() < 0.1 * body().sum()  # not the shadow beside
-    assert not found.alike[SHADOW].any() and found.alike[BODY].mean() > 0.95
-
-
-def test_a_wall_of_the_same_colour_may_be_the_person(rng, density):
-    background = BackgroundModel.from_frames([filmed(SHIRT, rng) for _ in range(12)])
-    found = background.coloured_silhouette(filmed(SHIRT, rng, SHIRT), density)
-    assert found.alike.mean() > 0.9 and found.likely.mean() < 0.02
-
-
-def test_another_persons_colours_tell_nothing(rng, density):
-    background = BackgroundModel.from_frames([filmed(GREY, rng) for _ in range(12)])
-    found = background.coloured_silhouette(filmed(GREY, rng, (40, 200, 60)), density)
-    assert not found.alike.any()
-
-
-def test_outside_the_region_nothing_is_found(rng, density):
-    background = BackgroundModel.from_frames([filmed(GREY, rng) for _ in range(12)])
-    region = np.arange(320) < 105
-    found = background.coloured_silhouette(
-        filmed(GREY, rng, SHIRT), density, np.tile(region, (240, 1))
-    )
-    for mask in (found.likely, found.alike):
-        assert mask[:, :100].any() and not mask[:, 105:].any()
+    assert (colours.silhouette(picture) & body()).sum() < 0.3 * body().sum()
+    found = colours.wearing(density).silhouette(picture)
+    assert (found ^ body()).sum() < 0.1 * body().sum()  # not the shadow beside
 
 
 def test_the_density_is_that_of_the_pixels_inside(rng, density):
