@@ -29,19 +29,14 @@ class Foreground:
     """
 
     pooled: float = 3.0
-    """Noise. Limit of the pooled chromatic residual, and of the pooled difference of brightness
-    where clothes or a shadow may be."""
+    """Noise. Limit of the pooled difference of brightness where clothes or a shadow may be."""
     possible: float = 1.2
-    """Noise. The same where clothes may resemble the background: in seed 322, 99 % of the missing
-    pixels exceed it, and 1 % of those outside."""
+    """Noise. Limit of the pooled chromatic residual where clothes may resemble the background: in
+    seed 322, 99 % of the missing pixels exceed it, and 1 % of those outside."""
     chroma_pixel: float = 6.0
     """Noise. Limit of a single pixel's chromatic residual."""
-    brightness: float = 8.0
-    """Noise. Distance of a foreground brightness from shadow and highlight."""
     shadow: float = 0.5
     """1. Darkest cast shadow over the background's brightness, where it is not measured."""
-    highlight: float = 1.1
-    """1. Brightest reflection over the background's brightness."""
     contrast: float = 10.0
     """Grey levels. Edges between colours closer than this are not moved."""
     area: float = 3e-4

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from silhouette_core.image.difference import (
     Background,
     FrameView,
-    chroma,
     grown,
     noise_scale,
     pooled_brightness,
-    pooled_evidence,
+    pooled_chroma,
 )
 from silhouette_core.image.grey import texture_evidence
 from silhouette_core.tuning import CUT, FOREGROUND, SHADOW
@@ -40,7 +39,7 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     """
     view = FrameView.of(frame, background)
     noise, bright = noise_scale(view), pooled_brightness(view)
-    dark = only_darker(pooled_evidence(view, noise), bright, noise)
+    dark = only_darker(view, bright, noise)
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0], several=False)
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
@@ -49,17 +48,15 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     return np.histogram(ratio, _edges())[0]
 
 
-def only_darker(
-    pooled: NDArray[np.int16], bright: NDArray[np.float32], noise: float
-) -> NDArray[np.bool_]:
+def only_darker(view: FrameView, bright: NDArray[np.float32], noise: float) -> NDArray[np.bool_]:
     """Where only the brightness is lower, (H, W) bool: mostly cast shadows.
 
     Args:
-        pooled: (4, H, W), of `pooled_evidence`.
+        view: of the frame.
         bright: (H, W), of `pooled_brightness`.
         noise: ratio of the frame's noise to the model's.
     """
-    return (chroma(pooled) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
+    return (pooled_chroma(view, noise) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
 def rising_shades(darkest: float) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""How a frame differs from the background: noise, and evidence pooled over windows.
+"""How a frame differs from the background: noise, and residuals pooled over windows.
 
 "Noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
 """
@@ -13,7 +13,7 @@ from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
 
 _GRID = 16  # px between the pixels from which noise is estimated
-UNIT = 1000  # integer steps of the pooled evidence in one noise
+_UNIT = 1000  # integer steps of the pooled residual in one noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Background:
         planes: (3, H, W) float32, the same, channel by channel.
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
         known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
-        radius: half width of the window over which evidence is pooled, px.
+        radius: half width of the window over which residuals are pooled, px.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
         grey: whether the camera films without colour, so that no tint tells a shadow.
         several: whether other cameras film the same: a shadow that counts as the person costs
@@ -81,7 +81,7 @@ class FrameView:
 
 
 def window_radius(size: tuple[int, ...]) -> int:
-    """Half width of the window over which evidence is pooled in images of a size, px."""
+    """Half width of the window over which residuals are pooled in images of a size, px."""
     return max(1, round(min(size) / 240))
 
 
@@ -94,26 +94,17 @@ def noise_scale(view: FrameView) -> float:
     return max(1.0, float(np.median(sampled)) / FOREGROUND.usual_chroma)
 
 
-def pooled_evidence(view: FrameView, noise: float) -> NDArray[np.int16]:
-    """Chromatic residual, and brightness beyond shadow and highlight, averaged over windows, (4, H,
-    W) in 1 / UNIT of the frame's noise, whose ratio to the model's is `noise`.
+def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
+    """Length (H, W) of the chromatic residual averaged over windows, in the frame's noise, whose
+    ratio to the model's is `noise`.
     """
     side = 2 * view.background.radius + 1
-    parts = np.empty((4, *view.frame.shape[:2]), np.int16)
-    unit, clip, beyond = (
-        np.float32(value)
-        for value in (UNIT / noise, FOREGROUND.chroma_pixel * noise, FOREGROUND.brightness * noise)
+    parts = np.empty((3, *view.frame.shape[:2]), np.int16)
+    unit, clip = np.float32(_UNIT / noise), np.float32(FOREGROUND.chroma_pixel * noise)
+    kernels.residuals(*view.arrays, unit, clip, parts)
+    first, second, third = (
+        cv2.blur(part, (side, side)).astype(np.float32) / np.float32(_UNIT) for part in parts
     )
-    light = np.float32(view.background.shadow), np.float32(FOREGROUND.highlight)
-    kernels.evidence(*view.arrays, unit, clip, *light, beyond, parts)
-    for part in parts:
-        cv2.blur(part, (side, side), part)
-    return parts
-
-
-def chroma(pooled: NDArray[np.int16]) -> NDArray[np.float32]:
-    """Length (H, W) of the chromatic residual in pooled evidence (4, H, W), in noise."""
-    first, second, third = pooled[:3].astype(np.float32) / np.float32(UNIT)
     return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 

@@ -21,14 +21,12 @@ from numpy.typing import NDArray
 from silhouette_core.image.cast_shadow import only_darker
 from silhouette_core.image.cleanup import bounding_box, clean
 from silhouette_core.image.difference import (
-    UNIT,
     Background,
     FrameView,
-    chroma,
     grown,
     noise_scale,
     pooled_brightness,
-    pooled_evidence,
+    pooled_chroma,
 )
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
@@ -70,8 +68,6 @@ class SilhouetteStages:
         known: (H, W) bool, where the empty scene was seen; elsewhere the background is a guess.
         first: (H, W) bool, the person before edges, cleaning and region.
         silhouette: (H, W) bool.
-        difference: (H, W) float32, of colour or of brightness beyond shadow and highlight, from 1
-            on larger than noise and shadows explain.
         odds: (H, W) float32, nats of the person, by which the frame is cut (`image.cut`).
         brightness: (H, W) float32, relative to the background's.
         shadow: (H, W) bool, only darker, and not darker than a cast shadow.
@@ -82,7 +78,6 @@ class SilhouetteStages:
     known: NDArray[np.bool_]
     first: NDArray[np.bool_]
     silhouette: NDArray[np.bool_]
-    difference: NDArray[np.float32] | None = None
     odds: NDArray[np.float32] | None = None
     brightness: NDArray[np.float32] | None = None
     shadow: NDArray[np.bool_] | None = None
@@ -109,7 +104,7 @@ def refined_soft_silhouette(
         bright = pooled_brightness(view)
         differs = beyond_noise(np.abs(bright) / np.float32(noise), FOREGROUND.pooled)
     else:
-        differs = beyond_noise(chroma(pooled_evidence(view, noise)), FOREGROUND.possible)
+        differs = beyond_noise(pooled_chroma(view, noise), FOREGROUND.possible)
     return SoftSilhouette(segmented(frame, background, cut, region), differs)
 
 
@@ -122,18 +117,15 @@ def refined_stages(
     """Silhouette as `segmented`, and how it came about; without the odds by which it was cut."""
     view = FrameView.of(frame, background)
     noise, bright = noise_scale(view), pooled_brightness(view)
-    pooled = pooled_evidence(view, noise)
     brightness = 1 + bright / background.scales[2]
-    beyond = pooled[3] / np.float32(FOREGROUND.brightness * UNIT)
     return SilhouetteStages(
         frame=frame,
         background=background.mean,
         known=background.known,
         first=cut,
         silhouette=segmented(frame, background, cut, region),
-        difference=np.maximum(chroma(pooled) / np.float32(FOREGROUND.pooled), beyond),
         brightness=brightness,
-        shadow=only_darker(pooled, bright, noise) & (brightness >= background.shadow),
+        shadow=only_darker(view, bright, noise) & (brightness >= background.shadow),
     )
 
 

@@ -128,13 +128,11 @@ def sampled_chroma(frame, mean, scales, clip, radius, step, out):
         out[k, j] = np.linalg.norm(residual[:, rows, columns].mean(axis=(1, 2)))
 
 
-def evidence(frame, mean, scales, unit, clip, shadow, highlight, beyond_limit, parts):
-    """Chromatic residual cut to length clip, and brightness beyond shadow and highlight."""
-    residual, ratio = _split(frame, mean, scales)
+def residuals(frame, mean, scales, unit, clip, parts):
+    """Chromatic residual cut to length clip."""
+    residual, _ = _split(frame, mean, scales)
     length = np.linalg.norm(residual, axis=0)
-    beyond = np.clip(np.maximum(shadow - ratio, ratio - highlight), 0, None) * scales[2]
-    parts[:3] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))
-    parts[3] = unit * np.minimum(beyond, 2 * beyond_limit)
+    parts[:] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))
 
 
 def brightness(frame, mean, scales, out):

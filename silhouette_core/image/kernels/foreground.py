@@ -64,28 +64,20 @@ def sampled_chroma(frame, mean, scales, clip, radius, step, out):
 
 
 @kernel
-def evidence(frame, mean, scales, unit, clip, shadow, highlight, beyond_limit, parts):
-    """Fills the evidence to be pooled: parts (4, H, W) int16, in 1 / unit of the noise: the
-    chromatic residual cut to length clip, and the brightness beyond [shadow, highlight] cut to
-    twice its limit. Without branches, so that the compiler uses vectors.
+def residuals(frame, mean, scales, unit, clip, parts):
+    """Fills parts (3, H, W) int16: the chromatic residual cut to length clip, in 1 / unit of the
+    noise. Without branches, so that the compiler uses vectors.
     """
     _, height, width = parts.shape
     limit = clip * clip
     for row in range(height):
         for column in range(width):
-            residual_0, residual_1, residual_2, ratio = _split(frame, mean, scales, row, column)
+            residual_0, residual_1, residual_2, _ = _split(frame, mean, scales, row, column)
             square = residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
-            beyond = (
-                max(max(shadow - ratio, ratio - highlight), np.float32(0.0))
-                * scales[2, row, column]
-            )
             factor = unit * (clip / np.sqrt(max(square, limit)))
             parts[0, row, column] = np.int16(np.int32(residual_0 * factor))
             parts[1, row, column] = np.int16(np.int32(residual_1 * factor))
             parts[2, row, column] = np.int16(np.int32(residual_2 * factor))
-            parts[3, row, column] = np.int16(
-                np.int32(min(beyond, np.float32(2.0) * beyond_limit) * unit)
-            )
 
 
 @kernel
