@@ -88,11 +88,12 @@ class SceneColours:
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background, which was
         filmed or is estimated, and what else speaks for a person in each, as of `cut`.
         """
-        colours, reduced, others = self, self.background, self.others
+        reduced, others = self.background, self.others
         small = [_resized(frame, reduced) for frame in frames]
         even = even_colours(reduced)
+        colours = replace(self, person=np.log(even), others=even)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        guess = replace(self, others=even * COLOURS.otherwise)
+        guess = replace(colours, others=even * COLOURS.otherwise)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
