@@ -80,6 +80,7 @@ def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
             between = time.thread_time()
             mask = refined[name].silhouette(frame)
             results["refined ms"].append(1e3 * (time.thread_time() - between))
+            refined[name].learn(frame, mask)
             results["paper ms"].append(1e3 * (between - started))
             opened = cv2.morphologyEx(plain.view(np.uint8), cv2.MORPH_OPEN, DISC).view(bool)
             for method, result in (("paper", plain), ("paper, opened", opened), ("refined", mask)):
