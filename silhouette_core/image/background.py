@@ -14,7 +14,7 @@ from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import Background
 from silhouette_core.image.empty_scene import EmptyScene, Kind
-from silhouette_core.image.exposure import Aligner
+from silhouette_core.image.exposure import Aligner, Exposure
 from silhouette_core.image.foreground import (
     SilhouetteStages,
     SoftSilhouette,
@@ -239,6 +239,29 @@ class BackgroundModel:
         kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
         return mask if region is None else mask & region
 
+    def look(
+        self,
+        frame: np.ndarray,
+        region: np.ndarray | None = None,
+        evidence: NDArray[np.float32] | None = None,
+    ) -> tuple[np.ndarray, Exposure]:
+        """Silhouette of a frame of those that come, as of `silhouette` by the refined method, from
+        which the person's colours are learned; and its exposure.
+        """
+        if self._colours is None:
+            raise ValueError("the paper's method learns nothing of the person")
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        coefficients = self._aligner.fitted(frame)
+        frame = self._aligner.applied(np.ascontiguousarray(frame), coefficients)
+        exposure = Exposure(coefficients, self._colours.noise(frame))
+        cut = self._colours.silhouette(frame, evidence, exposure.noise)
+        mask = segmented(frame, self._background, cut, region)
+        self._person.add(frame, mask)
+        density = self._person.density()
+        if density is not None:
+            self._colours = self._colours.wearing(density)
+        return mask, exposure
+
     def soft_silhouette(
         self,
         frame: np.ndarray,
@@ -276,7 +299,7 @@ class BackgroundModel:
         frame: np.ndarray,
         part: np.ndarray,
         window: tuple[slice, slice],
-        noise: float,
+        exposure: Exposure,
         region: np.ndarray | None = None,
     ) -> np.ndarray:
         """Silhouette by the refined method of a frame of which only a part is looked at.
@@ -285,7 +308,7 @@ class BackgroundModel:
             frame: (H', W', 3) uint8, BGR, the whole frame as filmed, which tells the exposure.
             part: (h, w, 3) uint8, BGR: the frame in the window.
             window: rows and columns, within the model's size.
-            noise: of a frame shortly before it, from `noise`.
+            exposure: of a frame shortly before it, from `look`.
             region: as of `silhouette`.
 
         Returns:
@@ -298,8 +321,10 @@ class BackgroundModel:
         check_array("part", part, self.mean[window].shape, np.uint8)
         if self._colours is None:
             raise ValueError("the paper's method looks at whole frames")
-        part = self._aligner.aligned(frame, np.ascontiguousarray(part), window)
-        cut = self._colours.near(self._background, window).silhouette(part, noise=noise)
+        coefficients = self._aligner.shifted(frame, exposure.coefficients)
+        part = self._aligner.applied(np.ascontiguousarray(part), coefficients, window)
+        colours = self._colours.near(self._background, window)
+        cut = colours.silhouette(part, noise=exposure.noise)
         return segmented(part, self._background, cut, region, window)
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
@@ -329,19 +354,6 @@ class BackgroundModel:
             model._colours = SceneColours.of(model._background)
             model._person = PersonColours(even_colours(model._background))
         return model
-
-    def learn(self, frame: np.ndarray, silhouette: np.ndarray) -> None:
-        """Learns the person's colours from a frame (H, W, 3) uint8, BGR, and its silhouette (H, W)
-        bool: where frames are looked at as they come.
-        """
-        self._person.add(self._aligned(frame), silhouette)
-        density = self._person.density()
-        if self._colours is not None and density is not None:
-            self._colours = self._colours.wearing(density)
-
-    def noise(self, frame: np.ndarray) -> float:
-        """Ratio of the noise of a frame (H, W, 3) uint8, BGR, to the background's, at least 1."""
-        return 1.0 if self._colours is None else self._colours.noise(self._aligned(frame))
 
     def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
         """A whole frame, checked; for the refined method with the exposure of the background."""

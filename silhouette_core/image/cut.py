@@ -20,13 +20,7 @@ from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
-from silhouette_core.image.person_colours import (
-    SHIFT,
-    ColourDensity,
-    PersonColours,
-    even_colours,
-    without_tint,
-)
+from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
 from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
@@ -58,26 +52,27 @@ class SceneColours:
     @classmethod
     def of(cls, background: Background) -> "SceneColours":
         """Colours before a background while nothing is known of the person's."""
-        reduced = _reduced(background, cut_size(background.mean.shape[1::-1]))
+        reduced = _reduced(background, cut_size(background.known.shape[::-1]))
         even = even_colours(background)
         scene = PersonColours(even)
         scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
         density = scene.density()
-        others = even if density is None else np.exp(density.log_density)
+        others = even if density is None else np.exp(density)
         return cls(np.log(_any_colour(even, others)), np.ones_like(others), others, reduced)
 
-    def wearing(self, density: ColourDensity) -> "SceneColours":
-        """The same with a person's colours as far as they are known: half is yet to be seen."""
+    def wearing(self, density: NDArray[np.float32]) -> "SceneColours":
+        """The same with a person's colours, as of `PersonColours`, as far as they are known: half
+        is yet to be seen.
+        """
         unseen = _any_colour(even_colours(self.background), self.others)
-        person = CUT.seen * np.exp(density.log_density) + (1 - CUT.seen) * unseen
+        person = CUT.seen * np.exp(density) + (1 - CUT.seen) * unseen
         return replace(self, person=np.log(person))
 
     def near(self, background: Background, window: tuple[slice, slice]) -> "SceneColours":
         """The same in a window of rows and columns of the background, which has its full size."""
-        part = background.part(window)
         scale = len(self.background.mean) / len(background.mean)
-        size = (max(round(scale * side), 1) for side in part.mean.shape[1::-1])
-        return replace(self, background=_reduced(part, tuple(size)))
+        size = (max(round(scale * side), 1) for side in background.known[window].shape[::-1])
+        return replace(self, background=_reduced(background, tuple(size), window))
 
     def learned(
         self,
@@ -105,9 +100,9 @@ class SceneColours:
             density = person.density()
             if density is None:
                 break
-            typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
+            typical = density > np.maximum(np.log(CUT.typical * others), person.least(density))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
-            colours = replace(self, person=density.log_density, worn=worn)
+            colours = replace(self, person=density, worn=worn)
         return (
             replace(colours, by_texture=colours._share_by_texture(small))
             if reduced.grey
@@ -222,11 +217,17 @@ def body_odds(body: NDArray[np.bool_], reach_px: float, most: float) -> NDArray[
     return most * ((inside - outside) / np.float32(reach_px)).clip(-1, 1).astype(np.float32)
 
 
-def _reduced(background: Background, size: tuple[int, ...]) -> Background:
-    """Background in the size (w, h) in which frames are cut."""
-    mean = cv2.resize(background.mean, size, interpolation=cv2.INTER_AREA)
-    noise = cv2.resize(1 / background.scales[1], size, interpolation=cv2.INTER_AREA)
-    known = cv2.resize(background.known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+def _reduced(
+    background: Background,
+    size: tuple[int, ...],
+    window: tuple[slice, slice] = (slice(None), slice(None)),
+) -> Background:
+    """Background in a window, in the size (w, h) in which it is cut."""
+    known = background.known[window].astype(np.float32)
+    mean, noise, known = (
+        cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        for image in (background.mean[window], 1 / background.scales[1][window], known)
+    )
     reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise))
     return replace(
         reduced,

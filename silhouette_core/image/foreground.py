@@ -134,7 +134,7 @@ def segmented(
     background: Background,
     cut: NDArray[np.bool_],
     region: NDArray[np.bool_] | None = None,
-    window: tuple[slice, slice] = (slice(None), slice(None)),
+    window: tuple[slice, slice] | None = None,
 ) -> NDArray[np.bool_]:
     """Silhouette (H, W) bool of a frame uint8 by a cut: cleaned, with sharp edges.
 
@@ -143,17 +143,21 @@ def segmented(
         background: of the whole frame's size.
         cut: (h, w) bool, the silhouette as it was cut (`image.cut`).
         region: (H, W) bool, where the person may be; None: everywhere.
-        window: rows and columns outside of which nothing is looked for.
+        window: rows and columns outside of which nothing is looked for; None: the whole frame.
     """
     everywhere = np.zeros(background.mean.shape[:2], np.bool_)
-    silhouette, within = everywhere[window], None if region is None else region[window]
-    mask = _clean(cut, within, everywhere.size)
+    inside = (slice(0, None), slice(0, None)) if window is None else window
+    mask = _clean(cut, None if region is None else region[inside], everywhere.size)
     if not mask.any():
         return everywhere
     box = bounding_box(mask, margin=8 * background.radius)
-    view = FrameView.of(frame[box], background.part(window).part(box))
-    within = None if within is None else within[box]
-    silhouette[box] = _clean(_sharpen(view, mask[box]), within, everywhere.size)
+    rows, columns = (
+        slice(first.start + at.start, first.start + min(at.stop, side))
+        for first, at, side in zip(inside, box, mask.shape, strict=True)
+    )
+    view = FrameView.of(frame[box], background.part((rows, columns)))
+    within = None if region is None else region[rows, columns]
+    everywhere[rows, columns] = _clean(_sharpen(view, mask[box]), within, everywhere.size)
     return everywhere
 
 

@@ -8,8 +8,6 @@ skin detection (2002).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +21,6 @@ SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
 EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)
 """Density of colours when all are alike."""
 _EDGE_PX = 5  # side of the window within which pixels near the edge are left out
-
-
-@dataclass(frozen=True, eq=False)
-class ColourDensity:
-    """Density of a person's colours.
-
-    Attributes:
-        log_density: (32, 32, 32) float32, logarithm of the density over colours, each of 256.
-        least: density above which 95 % of the person's pixels lie.
-    """
-
-    log_density: NDArray[np.float32]
-    least: float
 
 
 class PersonColours:
@@ -53,18 +38,24 @@ class PersonColours:
         inside = cv2.erode(mask.view(np.uint8), window)
         self._counts += cv2.calcHist([picture], (0, 1, 2), inside, EVEN.shape, (0, 256) * 3)
 
-    def density(self) -> ColourDensity | None:
-        """Density of the colours so far; None before any pixel."""
+    def density(self) -> NDArray[np.float32] | None:
+        """Logarithm of the density (32, 32, 32) of the colours so far, each of 256; None before any
+        pixel.
+        """
         counts = self._counts.astype(np.float64)
         total = counts.sum()
         if not total:
             return None
         smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * EVEN.flat[0]
         density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * self._even
+        return np.log(density).astype(np.float32)
+
+    def least(self, density: NDArray[np.float32]) -> float:
+        """Logarithm of the density above which 95 % of the pixels so far lie."""
         order = np.argsort(-density, axis=None, kind="stable")
-        share = np.cumsum(counts.ravel()[order]) / total
+        share = np.cumsum(self._counts.astype(np.float64).ravel()[order]) / self._counts.sum()
         last = order[min(int(np.searchsorted(share, COLOURS.own_share)), len(order) - 1)]
-        return ColourDensity(np.log(density).astype(np.float32), float(density.ravel()[last]))
+        return float(density.ravel()[last])
 
 
 def even_colours(background: Background) -> NDArray[np.float32]:

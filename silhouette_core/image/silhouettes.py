@@ -23,6 +23,7 @@ from silhouette_core.image.camera_motion import CameraMovement
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
 from silhouette_core.image.empty_scene import Kind
+from silhouette_core.image.exposure import Exposure
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.seen_people import SeenPeople, people_odds
 from silhouette_core.network_files import POSE_NETWORK
@@ -89,7 +90,7 @@ class Silhouettes:
         self._size_px = long_side_px
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
-        self._noise: dict[str, float] = {}  # of each camera's last whole frame
+        self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self._learning: frozenset[str] = frozenset()  # cameras whose person is not known ahead
         self.people = people
         self._bodies = bodies
@@ -110,7 +111,8 @@ class Silhouettes:
             return BackgroundModel.from_frames(empty, method).as_grey(taken, len(self._sizes) > 1)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
-        self._learning = frozenset(backgrounds) - seen.keys() if self._refined else frozenset()
+        if self._refined:
+            self._learning = frozenset(backgrounds) - seen.keys()
         for name, (frames, odds) in self._samples(source, without, _OCCUPIED, backgrounds).items():
             self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
         self.kinds = {
@@ -134,7 +136,7 @@ class Silhouettes:
             source: of the same cameras.
         """
         other = copy(self)
-        other._noise = {}
+        other._exposures = {}
         other._read_places(source)
         return other
 
@@ -282,21 +284,21 @@ class Silhouettes:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
             told, model = self._evidence(name, step), self._models[name]
-            mask = model.silhouette(frame, region, told)
-            if name in self._learning:
-                model.learn(frame, mask)
+            if name not in self._learning:
+                return model.silhouette(frame, region, told)
+            mask, self._exposures[name] = model.look(frame, region, told)
             return mask
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
     def _silhouette_near(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
-        """Within a window, or of the whole frame, whose noise is then remembered."""
+        """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
-        if near is None or name not in self._noise or name in self._shaking:
-            self._noise[name] = model.noise(self._registered(name, frame))
+        exposure = self._exposures.get(name)
+        if near is None or exposure is None:
             return self._silhouette(name, frame)
         window, part = self._part(name, frame, near)
-        return model.silhouette_near(frame, part, window, self._noise[name], region)
+        return model.silhouette_near(frame, part, window, exposure, region)
 
     def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
         """A frame in a window of its silhouette, and the window: widened so that its edges are

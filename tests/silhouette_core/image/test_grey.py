@@ -97,7 +97,7 @@ def test_texture_tells_where_no_frame_was_looked_at_beforehand():
     model = BackgroundModel.from_frames([empty]).as_grey(())
     assert model.grey and model.by_texture is None
     window = slice(40, 230), slice(90, 260)
-    near = model.silhouette_near(frame, frame[window], window, model.noise(frame))
+    near = model.silhouette_near(frame, frame[window], window, model.look(frame)[1])
     for found in (model.silhouette(frame), near):
         assert found[SHIRT].mean() > 0.8 and found[SHADOW].mean() < 0.1
     assert BackgroundModel.from_frames([empty]).silhouette(frame)[SHIRT].mean() < 0.7
