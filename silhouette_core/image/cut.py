@@ -228,7 +228,7 @@ def _reduced(
         cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         for image in (background.mean[window], 1 / background.scales[1][window], known)
     )
-    reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise))
+    reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise, np.float32))
     return replace(
         reduced,
         shadow=background.shadow,

@@ -102,9 +102,9 @@ def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
     parts = np.empty((3, *view.frame.shape[:2]), np.int16)
     unit, clip = np.float32(_UNIT / noise), np.float32(FOREGROUND.chroma_pixel * noise)
     kernels.residuals(*view.arrays, unit, clip, parts)
-    first, second, third = (
-        cv2.blur(part, (side, side)).astype(np.float32) / np.float32(_UNIT) for part in parts
-    )
+    for part in parts:
+        cv2.blur(part, (side, side), part)
+    first, second, third = parts.astype(np.float32) / np.float32(_UNIT)
     return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
