@@ -98,8 +98,8 @@ def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
     """Length (H, W) of the chromatic residual averaged over windows, in the frame's noise, whose
     ratio to the model's is `noise`.
     """
-    side = 2 * view.background.radius + 1
-    parts = np.empty((3, *view.frame.shape[:2]), np.int16)
+    side, (height, width) = 2 * view.background.radius + 1, view.frame.shape[:2]
+    parts = np.empty((3, height, width), np.int16)
     unit, clip = np.float32(_UNIT / noise), np.float32(FOREGROUND.chroma_pixel * noise)
     kernels.residuals(*view.arrays, unit, clip, parts)
     for part in parts:
