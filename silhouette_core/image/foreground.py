@@ -31,7 +31,6 @@ from silhouette_core.image.difference import (
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
 
-_LIGHT = np.float32(0.2), np.float32(2)  # largest effects of shadows and of reflections
 _SPARSE = 4  # px between the pixels from which the usual difference is estimated
 
 
@@ -173,7 +172,8 @@ def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     images = view.planes, view.background.planes
     regions = near & ~shrunk, inside, outside
     contrast = np.float32(FOREGROUND.contrast)
-    kernels.sharpen(*images, _LIGHT, *regions, 2 * radius, contrast, moved)
+    light = np.float32(0.2), np.float32(2)  # largest effects of shadows and of reflections
+    kernels.sharpen(*images, light, *regions, 2 * radius, contrast, moved)
     return moved
 
 
