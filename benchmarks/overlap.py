@@ -78,7 +78,7 @@ def measure(folder: Path, every: int, grey: bool) -> dict[str, np.ndarray]:
             started = time.thread_time()
             plain = paper[name].silhouette(frame)
             between = time.thread_time()
-            mask = refined[name].silhouette(frame)
+            mask, _ = refined[name].look(frame)
             results["refined ms"].append(1e3 * (time.thread_time() - between))
             results["paper ms"].append(1e3 * (between - started))
             opened = cv2.morphologyEx(plain.view(np.uint8), cv2.MORPH_OPEN, DISC).view(bool)

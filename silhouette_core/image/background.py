@@ -12,14 +12,9 @@ from numpy.typing import NDArray
 from calib.checks import check_array
 from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
-from silhouette_core.image.difference import (
-    Background,
-    Exposure,
-    measure_exposure,
-    measure_gain,
-)
+from silhouette_core.image.difference import Background
 from silhouette_core.image.empty_scene import EmptyScene, Kind
-from silhouette_core.image.exposure import Aligner
+from silhouette_core.image.exposure import Aligner, Exposure
 from silhouette_core.image.foreground import (
     SilhouetteStages,
     SoftSilhouette,
@@ -29,7 +24,7 @@ from silhouette_core.image.foreground import (
 )
 from silhouette_core.image.grey import is_grey
 from silhouette_core.image.kernels import background as kernels
-from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette, find_colours
+from silhouette_core.image.person_colours import PersonColours, even_colours
 from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
@@ -79,18 +74,14 @@ class BackgroundModel:
         noise = np.maximum(np.sqrt(variance.mean(axis=2)), BACKGROUND.noise)
         self._background = Background.from_noise(self.mean, noise)
         self._directions, self._aligner = directions, Aligner(self.mean)
-        self._colours: SceneColours | None = None
+        self._colours = None if self.method == "paper" else SceneColours.of(self._background)
+        self._person = PersonColours()  # as frames come
         self.uniform = False  # whether it is a backdrop, found in occupied frames
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.mean.shape[1], self.mean.shape[0]
-
-    @property
-    def has_colours(self) -> bool:
-        """Whether the colours of person and scene decide: frames are then looked at as a whole."""
-        return self._colours is not None
 
     @property
     def grey(self) -> bool:
@@ -109,7 +100,8 @@ class BackgroundModel:
         """
         if self.several:
             return 0.0
-        return None if self._colours is None else round(self._colours.by_texture, 4)
+        share = None if self._colours is None else self._colours.by_texture
+        return None if share is None else round(share, 4)
 
     @classmethod
     def from_frames(
@@ -181,7 +173,8 @@ class BackgroundModel:
         counts = np.sum([count_shadows(one, model._background) for one in asked], axis=0)
         darkest = darkest_shadow(counts)
         model = model if darkest is None else model.with_shadow(darkest)
-        model._colours = SceneColours.learned(scene.frames, model._background, False, evidence)
+        colours = SceneColours.of(model._background)
+        model._colours = colours.learned(scene.frames, False, evidence)
         model.uniform = scene.uniform
         return model
 
@@ -198,14 +191,13 @@ class BackgroundModel:
         """
         model = copy(self)
         same = np.stack([self._aligner.aligned(np.ascontiguousarray(one)) for one in frames])
-        model._colours = SceneColours.learned(same, self._background, True, evidence)
+        model._colours = SceneColours.of(self._background).learned(same, True, evidence)
         return model
 
     def silhouette(
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        exposure: Exposure | None = None,
         evidence: NDArray[np.float32] | None = None,
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
@@ -227,9 +219,8 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
-            exposure: of the frame, for the refined method; None: measured here.
-            evidence: what else speaks for a person, nats, of the size `cut_size`, where colours
-                decide.
+            evidence: what else speaks for a person, nats, of the size `cut_size`, for the refined
+                method.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -239,13 +230,37 @@ class BackgroundModel:
             TypeError: the frame is not uint8.
         """
         frame = self._aligned(frame)
-        if self._directions is None:
-            cut = self._cut(frame, evidence)
-            return segmented(frame, self._background, region, exposure, cut=cut)[0]
+        if self._colours is not None:
+            cut = self._colours.silhouette(frame, evidence)
+            return segmented(frame, self._background, cut, region)
+        assert self._directions is not None, "only the paper's method has no colours"
         mask = np.empty(frame.shape[:2], np.bool_)
         limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
         kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
         return mask if region is None else mask & region
+
+    def look(
+        self,
+        frame: np.ndarray,
+        region: np.ndarray | None = None,
+        evidence: NDArray[np.float32] | None = None,
+    ) -> tuple[np.ndarray, Exposure]:
+        """Silhouette of a frame of those that come, as of `silhouette` by the refined method, from
+        which the person's colours are learned; and its exposure.
+        """
+        if self._colours is None:
+            raise ValueError("the paper's method learns nothing of the person")
+        check_array("frame", frame, self.mean.shape, np.uint8)
+        coefficients = self._aligner.fitted(frame)
+        frame = self._aligner.applied(np.ascontiguousarray(frame), coefficients)
+        exposure = Exposure(coefficients, self._colours.noise(frame))
+        cut = self._colours.silhouette(frame, evidence, exposure.noise)
+        mask = segmented(frame, self._background, cut, region)
+        self._person.add(frame, mask)
+        density = self._person.density()
+        if density is not None:
+            self._colours = self._colours.wearing(density)
+        return mask, exposure
 
     def soft_silhouette(
         self,
@@ -256,10 +271,11 @@ class BackgroundModel:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
         gives the silhouette only. Arguments and errors are those of `silhouette`.
         """
-        if self.method == "paper":
+        if self._colours is None:
             return SoftSilhouette.of(self.silhouette(frame, region))
         frame = self._aligned(frame)
-        return refined_soft_silhouette(frame, self._background, region, self._cut(frame, evidence))
+        cut = self._colours.silhouette(frame, evidence)
+        return refined_soft_silhouette(frame, self._background, cut, region)
 
     def stages(
         self,
@@ -271,30 +287,16 @@ class BackgroundModel:
         and errors are those of `silhouette`.
         """
         aligned_frame, known = self._aligned(frame), self._background.known
-        if self.method == "paper":
+        if self._colours is None:
             first, found = self.silhouette(frame), self.silhouette(frame, region)
             return SilhouetteStages(aligned_frame, self.mean, known, first, found)
-        cut = self._cut(aligned_frame, evidence)
-        stages = refined_stages(aligned_frame, self._background, region, cut)
-        if self._colours is None:
-            return stages
+        cut = self._colours.silhouette(aligned_frame, evidence)
+        stages = refined_stages(aligned_frame, self._background, cut, region)
         return replace(stages, odds=self._colours.odds(aligned_frame, evidence))
-
-    def coloured_silhouette(
-        self,
-        frame: np.ndarray,
-        density: ColourDensity,
-        region: np.ndarray | None = None,
-        least_odds: float = 0.0,
-    ) -> ColouredSilhouette:
-        """Where a frame has a person's colours, see `find_colours`; frame, region and errors are
-        those of `silhouette`.
-        """
-        frame = self._aligned(frame)
-        return find_colours(frame, self._background, density, region, least_odds)
 
     def silhouette_near(
         self,
+        frame: np.ndarray,
         part: np.ndarray,
         window: tuple[slice, slice],
         exposure: Exposure,
@@ -303,9 +305,10 @@ class BackgroundModel:
         """Silhouette by the refined method of a frame of which only a part is looked at.
 
         Args:
+            frame: (H', W', 3) uint8, BGR, the whole frame as filmed, which tells the exposure.
             part: (h, w, 3) uint8, BGR: the frame in the window.
             window: rows and columns, within the model's size.
-            exposure: of the frame, or of one shortly before it.
+            exposure: of a frame shortly before it, from `look`.
             region: as of `silhouette`.
 
         Returns:
@@ -316,8 +319,13 @@ class BackgroundModel:
             TypeError: the part is not uint8.
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
-        part = np.ascontiguousarray(part)
-        return segmented(part, self._background, region, exposure, window)[0]
+        if self._colours is None:
+            raise ValueError("the paper's method looks at whole frames")
+        coefficients = self._aligner.shifted(frame, exposure.coefficients)
+        part = self._aligner.applied(np.ascontiguousarray(part), coefficients, window)
+        colours = self._colours.near(self._background, window)
+        cut = colours.silhouette(part, noise=exposure.noise)
+        return segmented(part, self._background, cut, region, window)
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
@@ -342,23 +350,13 @@ class BackgroundModel:
         """The same model with some attributes of its background changed."""
         model = copy(self)
         model._background = replace(self._background, **changed)
+        if self._colours is not None:
+            model._colours = SceneColours.of(model._background)
+            model._person = PersonColours(even_colours(model._background))
         return model
 
-    def exposure(self, frame: np.ndarray) -> Exposure:
-        """Exposure of a frame (H, W, 3) uint8, BGR, of the model's size."""
-        return measure_exposure(self._aligned(frame), self._background)
-
-    def gain(self, frame: np.ndarray) -> np.ndarray:
-        """Each channel's gain, (3,) float32, of a frame uint8, BGR, of this size or larger."""
-        return measure_gain(frame, self._background)
-
     def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
-        """A whole frame, checked; where colours decide, with the exposure of the background."""
+        """A whole frame, checked; for the refined method with the exposure of the background."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)
-        return self._aligner.aligned(frame) if self.has_colours else frame
-
-    def _cut(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None
-    ) -> NDArray[np.bool_] | None:
-        return None if self._colours is None else self._colours.silhouette(frame, evidence)
+        return frame if self.method == "paper" else self._aligner.aligned(frame)

@@ -7,16 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.image.difference import (
-    UNIT,
     Background,
-    detect,
+    FrameView,
     grown,
-    looked_at,
+    noise_scale,
     pooled_brightness,
+    pooled_chroma,
 )
 from silhouette_core.image.grey import texture_evidence
-from silhouette_core.image.kernels import foreground as kernels
-from silhouette_core.tuning import COLOURS, CUT, FOREGROUND, SHADOW
+from silhouette_core.tuning import CUT, FOREGROUND, SHADOW
 
 _PIXELS = 150  # fewest that show what shadows are like
 _SHADES = 50  # bins of a ratio of brightness
@@ -32,16 +31,15 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     brightness is lower and the colour's direction is the same: mostly cast shadows.
 
     Args:
-        frame: (H, W, 3) uint8.
+        frame: (H, W, 3) uint8, with the exposure of the background.
         background: of that size.
 
     Returns:
         (35,) int64, of ratios from 0.25 to 0.95.
     """
-    view, exposure = looked_at(frame, background)
-    _, pooled = detect(view, exposure.noise)
-    bright = pooled_brightness(view)
-    dark = only_darker(pooled, bright, exposure.noise)
+    view = FrameView.of(frame, background)
+    noise, bright = noise_scale(view), pooled_brightness(view)
+    dark = only_darker(view, bright, noise)
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0], several=False)
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
@@ -50,32 +48,21 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     return np.histogram(ratio, _edges())[0]
 
 
-def only_darker(
-    pooled: NDArray[np.int16], bright: NDArray[np.float32], noise: float
-) -> NDArray[np.bool_]:
+def only_darker(view: FrameView, bright: NDArray[np.float32], noise: float) -> NDArray[np.bool_]:
     """Where only the brightness is lower, (H, W) bool: mostly cast shadows.
 
     Args:
-        pooled: (4, H, W), evidence of `detect`.
+        view: of the frame.
         bright: (H, W), of `pooled_brightness`.
         noise: ratio of the frame's noise to the model's.
     """
-    coloured = np.empty(bright.shape, np.bool_)
-    kernels.doubt(pooled, bright, round(SHADOW.chroma * UNIT), np.float32(np.inf), coloured)
-    return ~coloured & (bright < -SHADOW.brightness * noise)
-
-
-def even_shades(darkest: float) -> NDArray[np.float32]:
-    """Density (50,) of the background's brightness in a shadow, relative to its own, when all are
-    alike above the darkest; its integral is how often there is a shadow.
-    """
-    edges = np.linspace(0, 1, _SHADES + 1)
-    share = np.clip((edges[1:] - darkest) * _SHADES, 0, 1)
-    return ((1 - COLOURS.lit) / (1 - darkest) * share).astype(np.float32)
+    return (pooled_chroma(view, noise) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
 def rising_shades(darkest: float) -> NDArray[np.float32]:
-    """The same density (50,) of shadows that are the rarer, the darker they are."""
+    """Density (50,) of the background's brightness in a shadow, relative to its own: the darker,
+    the rarer; its integral is how often there is a shadow.
+    """
     at = (np.arange(_SHADES) + 0.5) / _SHADES
     depth = np.clip(at - darkest, 0, None) / (1 - darkest)
     return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)

@@ -25,7 +25,6 @@ from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
 _LEARNED = 3  # times that the colours are learned and the samples cut
-_GAIN = np.ones(3, np.float32)
 _SHARES = np.float32(CUT.otherwise), np.float32(1)
 
 
@@ -40,37 +39,56 @@ class SceneColours:
         others: (n, n, n) float32, density of the background's, wherever they are seen.
         background: reduced; its frames have its exposure.
         by_texture: share of the person's pixels, in the frames from which they are learned, that
-            texture alone tells from a shadow; 0 of cameras that film in colour.
+            texture alone tells from a shadow; None of cameras that film in colour, and where no
+            frame was looked at.
     """
 
     person: NDArray[np.float32]
     worn: NDArray[np.float32]
     others: NDArray[np.float32]
     background: Background
-    by_texture: float = 0.0
+    by_texture: float | None = None
 
     @classmethod
+    def of(cls, background: Background) -> "SceneColours":
+        """Colours before a background while nothing is known of the person's."""
+        reduced = _reduced(background, cut_size(background.known.shape[::-1]))
+        even = even_colours(background)
+        scene = PersonColours(even)
+        scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
+        density = scene.density()
+        others = even if density is None else np.exp(density)
+        return cls(np.log(_any_colour(even, others)), np.ones_like(others), others, reduced)
+
+    def wearing(self, density: NDArray[np.float32]) -> "SceneColours":
+        """The same with a person's colours, as of `PersonColours`, as far as they are known: half
+        is yet to be seen.
+        """
+        unseen = _any_colour(even_colours(self.background), self.others)
+        person = CUT.seen * np.exp(density) + (1 - CUT.seen) * unseen
+        return replace(self, person=np.log(person))
+
+    def near(self, background: Background, window: tuple[slice, slice]) -> "SceneColours":
+        """The same in a window of rows and columns of the background, which has its full size."""
+        scale = len(self.background.mean) / len(background.mean)
+        size = (max(round(scale * side), 1) for side in background.known[window].shape[::-1])
+        return replace(self, background=_reduced(background, tuple(size), window))
+
     def learned(
-        cls,
+        self,
         frames: NDArray[np.uint8],
-        background: Background,
         filmed: bool,
         evidence: Sequence[NDArray[np.float32]] | None = None,
     ) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background, which was
         filmed or is estimated, and what else speaks for a person in each, as of `cut`.
         """
-        reduced = _reduced(background)
+        reduced, others = self.background, self.others
         small = [_resized(frame, reduced) for frame in frames]
-        even = even_colours(background)
-        scene = PersonColours(even)
-        scene.add(np.rint(reduced.mean.clip(0, 255)).astype(np.uint8), reduced.known)
-        density = scene.density()
-        others = even if density is None else np.exp(density.log_density)
-        any_colour = np.log(even), np.ones_like(others)
-        colours = cls(*any_colour, even, reduced)
+        even = even_colours(reduced)
+        colours = replace(self, person=np.log(even), others=even)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        guess = cls(*any_colour, even * COLOURS.otherwise, reduced)
+        guess = replace(colours, others=even * COLOURS.otherwise)
         occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
@@ -82,9 +100,9 @@ class SceneColours:
             density = person.density()
             if density is None:
                 break
-            typical = density.log_density > np.log(np.maximum(CUT.typical * others, density.least))
+            typical = density > np.maximum(np.log(CUT.typical * others), person.least(density))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
-            colours = cls(density.log_density, worn, others, reduced)
+            colours = replace(self, person=density, worn=worn)
         return (
             replace(colours, by_texture=colours._share_by_texture(small))
             if reduced.grey
@@ -94,17 +112,27 @@ class SceneColours:
     def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
         """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""
         people = np.stack([self.cut(frame) for frame in frames])
-        views = (FrameView.of(frame, self.background, _GAIN) for frame in frames)
+        views = (FrameView.of(frame, self.background) for frame in frames)
         told = np.stack([texture_evidence(view) != 0 for view in views])
         return float(np.count_nonzero(people & told) / max(np.count_nonzero(people), 1))
 
+    def noise(self, frame: NDArray[np.uint8]) -> float:
+        """Ratio of the noise of a frame (H, W, 3) uint8 of the full size to the model's."""
+        return noise_scale(FrameView.of(_resized(frame, self.background), self.background))
+
     def cut(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+        self,
+        frame: NDArray[np.uint8],
+        evidence: NDArray[np.float32] | None = None,
+        noise: float | None = None,
     ) -> NDArray[np.bool_]:
-        """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size, with
-        more that speaks for the person, (h, w) nats.
+        """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size.
+
+        Args:
+            evidence: more that speaks for the person, (h, w) nats.
+            noise: of `noise`; None: measured on this frame.
         """
-        back, odds = self.background, self._odds(frame, evidence)
+        back, odds = self.background, self._odds(frame, evidence, noise)
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
         scale = 2 * max(float(links.mean()), CUT.least_contrast)
@@ -122,16 +150,17 @@ class SceneColours:
         return np.asarray(cv2.resize(odds, size, interpolation=cv2.INTER_NEAREST), np.float32)
 
     def _odds(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+        self,
+        frame: NDArray[np.uint8],
+        evidence: NDArray[np.float32] | None = None,
+        noise: float | None = None,
     ) -> NDArray[np.float32]:
-        """Odds of the person (h, w), nats, in each pixel of a reduced frame, with more that speaks
-        for the person.
-        """
+        """Odds of the person (h, w), nats, in each pixel of a reduced frame, as of `cut`."""
         back = self.background
-        view = FrameView.of(frame, back, _GAIN)
+        view = FrameView.of(frame, back)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
         flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
-        limits = np.float32(noise_scale(view)), flicker, rising_shades(back.shadow)
+        limits = np.float32(noise or noise_scale(view)), flicker, rising_shades(back.shadow)
         tables = *without_tint(view), self.person, self.others, _SHARES, SHIFT, back.known
         foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
         foreground.look_up(frame, self.worn, SHIFT, weight)
@@ -139,13 +168,14 @@ class SceneColours:
         return odds if evidence is None else odds + evidence
 
     def silhouette(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
+        self,
+        frame: NDArray[np.uint8],
+        evidence: NDArray[np.float32] | None = None,
+        noise: float | None = None,
     ) -> NDArray[np.bool_]:
-        """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size, with more that speaks
-        for the person, as of `cut`.
-        """
+        """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size, as of `cut`."""
         small = _resized(frame, self.background)
-        mask = self.cut(small, evidence).astype(np.float32)
+        mask = self.cut(small, evidence, noise).astype(np.float32)
         size = frame.shape[1::-1]
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
 
@@ -187,13 +217,18 @@ def body_odds(body: NDArray[np.bool_], reach_px: float, most: float) -> NDArray[
     return most * ((inside - outside) / np.float32(reach_px)).clip(-1, 1).astype(np.float32)
 
 
-def _reduced(background: Background) -> Background:
-    """Background at the size at which frames are cut."""
-    size = cut_size(background.mean.shape[1::-1])
-    mean = cv2.resize(background.mean, size, interpolation=cv2.INTER_AREA)
-    noise = cv2.resize(1 / background.scales[1], size, interpolation=cv2.INTER_AREA)
-    known = cv2.resize(background.known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise))
+def _reduced(
+    background: Background,
+    size: tuple[int, ...],
+    window: tuple[slice, slice] = (slice(None), slice(None)),
+) -> Background:
+    """Background in a window, in the size (w, h) in which it is cut."""
+    known = background.known[window].astype(np.float32)
+    mean, noise, known = (
+        cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        for image in (background.mean[window], 1 / background.scales[1][window], known)
+    )
+    reduced = Background.from_noise(np.asarray(mean, np.float32), np.asarray(noise, np.float32))
     return replace(
         reduced,
         shadow=background.shadow,
@@ -201,6 +236,11 @@ def _reduced(background: Background) -> Background:
         grey=background.grey,
         several=background.several,
     )
+
+
+def _any_colour(even: NDArray[np.float32], scene: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Density of the colours of somebody of whom nothing is known: any, the scene's, too."""
+    return np.asarray((1 - CUT.alike) * even + CUT.alike * scene, np.float32)
 
 
 def _resized(frame: NDArray[np.uint8], reduced: Background) -> NDArray[np.uint8]:

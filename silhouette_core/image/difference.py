@@ -1,4 +1,4 @@
-"""How a frame differs from the background: exposure, noise, and evidence pooled over windows.
+"""How a frame differs from the background: noise, and residuals pooled over windows.
 
 "Noise" is a channel's standard deviation at the pixel, as rescaled for the frame.
 """
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
 
-_GRID = 16  # px between the pixels from which gain and noise are estimated
-UNIT = 1000  # integer steps of the pooled evidence in one noise
+_GRID = 16  # px between the pixels from which noise is estimated
+_UNIT = 1000  # integer steps of the pooled residual in one noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Background:
         planes: (3, H, W) float32, the same, channel by channel.
         scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
         known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
-        radius: half width of the window over which evidence is pooled, px.
+        radius: half width of the window over which residuals are pooled, px.
         shadow: darkest cast shadow, as a fraction of the background's brightness.
         grey: whether the camera films without colour, so that no tint tells a shadow.
         several: whether other cameras film the same: a shadow that counts as the person costs
@@ -60,94 +60,28 @@ class Background:
 
 
 @dataclass(frozen=True, eq=False)
-class Exposure:
-    """How a whole frame differs from the background.
-
-    Attributes:
-        gain: (3,) float32, each channel's ratio of frame to background.
-        noise: ratio of the frame's noise to the model's, at least 1.
-    """
-
-    gain: NDArray[np.float32]
-    noise: float
-
-
-@dataclass(frozen=True, eq=False)
 class FrameView:
-    """A frame (H, W, 3), or a window of it, the same channel by channel (3, H, W), background and
-    gain (3,).
+    """A frame (H, W, 3), or a window of it, with the exposure of its background, and the same
+    channel by channel (3, H, W).
     """
 
     frame: NDArray[np.uint8]
     planes: NDArray[np.uint8]
     background: Background
-    gain: NDArray[np.float32]
 
     @property
-    def arrays(
-        self,
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """First arguments of the kernels; the gain is that from frame to background."""
-        back, gain = self.background, np.asarray(1 / self.gain, np.float32)
-        return self.planes, back.planes, back.scales, gain
+    def arrays(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
+        """First arguments of the kernels."""
+        return self.planes, self.background.planes, self.background.scales
 
     @classmethod
-    def of(
-        cls, frame: NDArray[np.uint8], background: Background, gain: NDArray[np.float32]
-    ) -> "FrameView":
+    def of(cls, frame: NDArray[np.uint8], background: Background) -> "FrameView":
         """FrameView of a frame (H, W, 3), or of a window of it, and of its background."""
-        return cls(frame, np.asarray(cv2.split(frame), np.uint8), background, gain)
-
-    def part(self, window: tuple[slice, slice]) -> "FrameView":
-        """FrameView of a window of rows and columns."""
-        return replace(
-            self,
-            frame=self.frame[window],
-            planes=np.ascontiguousarray(self.planes[:, *window]),
-            background=self.background.part(window),
-        )
-
-
-def measure_exposure(frame: NDArray[np.uint8], background: Background) -> Exposure:
-    """Exposure of a whole frame (H, W, 3) uint8."""
-    return looked_at(frame, background)[1]
-
-
-def looked_at(frame: NDArray[np.uint8], background: Background) -> tuple[FrameView, Exposure]:
-    """A whole frame (H, W, 3) uint8 and its exposure."""
-    gain = measure_gain(frame, background)
-    view = FrameView.of(frame, background, gain)
-    return view, Exposure(gain, noise_scale(view))
-
-
-def measure_gain(frame: NDArray[np.uint8], background: Background) -> NDArray[np.float32]:
-    """Each channel's median ratio of frame to background, (3,) float32, over pixels neither black
-    nor saturated.
-
-    Args:
-        frame: the whole frame, uint8, of the background's size or larger.
-        background: of the empty scene.
-    """
-    height, width = background.mean.shape[:2]
-    rows, columns = (
-        ((np.arange(0, size, _GRID) + 0.5) * (full / size)).astype(int)
-        for size, full in zip((height, width), frame.shape[:2], strict=True)
-    )
-    observed = frame[rows[:, None], columns].reshape(-1, 3)
-    empty = background.mean[::_GRID, ::_GRID].reshape(-1, 3)
-    gain = np.ones(3, np.float32)
-    for channel in range(3):
-        before, after = empty[:, channel], observed[:, channel]
-        valid = (before > 16) & (before < 235) & (after < 250)
-        if valid.sum() >= 16:
-            # The median; NumPy's own takes four times as long for so few.
-            ratios = np.sort(after[valid] / before[valid])
-            gain[channel] = (ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
-    return np.clip(gain, 0.5, 2.0)
+        return cls(frame, np.asarray(cv2.split(frame), np.uint8), background)
 
 
 def window_radius(size: tuple[int, ...]) -> int:
-    """Half width of the window over which evidence is pooled in images of a size, px."""
+    """Half width of the window over which residuals are pooled in images of a size, px."""
     return max(1, round(min(size) / 240))
 
 
@@ -160,23 +94,18 @@ def noise_scale(view: FrameView) -> float:
     return max(1.0, float(np.median(sampled)) / FOREGROUND.usual_chroma)
 
 
-def detect(view: FrameView, scale: float) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
-    """Mask (H, W) and pooled evidence (4, H, W) in 1 / UNIT of the frame's noise."""
-    side = 2 * view.background.radius + 1
-    height, width = view.frame.shape[:2]
-    parts, strong = np.empty((4, height, width), np.int16), np.empty((height, width), np.bool_)
-    unit, clip, beyond = (
-        np.float32(value)
-        for value in (UNIT / scale, FOREGROUND.chroma_pixel * scale, FOREGROUND.brightness * scale)
-    )
-    light = np.float32(view.background.shadow), np.float32(FOREGROUND.highlight)
-    kernels.evidence(*view.arrays, unit, clip, *light, beyond, parts, strong)
+def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
+    """Length (H, W) of the chromatic residual averaged over windows, in the frame's noise, whose
+    ratio to the model's is `noise`.
+    """
+    side, (height, width) = 2 * view.background.radius + 1, view.frame.shape[:2]
+    parts = np.empty((3, height, width), np.int16)
+    unit, clip = np.float32(_UNIT / noise), np.float32(FOREGROUND.chroma_pixel * noise)
+    kernels.residuals(*view.arrays, unit, clip, parts)
     for part in parts:
         cv2.blur(part, (side, side), part)
-    mask = np.empty((height, width), np.bool_)
-    limits = round(FOREGROUND.pooled * UNIT), round(FOREGROUND.brightness * UNIT)
-    kernels.decide(parts, strong, *limits, mask)
-    return mask, parts
+    first, second, third = parts.astype(np.float32) / np.float32(_UNIT)
+    return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
 def grown(

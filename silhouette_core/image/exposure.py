@@ -3,6 +3,8 @@
 Telephones change exposure, white balance and the tones of parts of the picture while they film.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,19 @@ _SIDE_PX = 60  # shorter side of the pictures to which it is fitted
 _FEWEST, _ROUNDS = 50, 6  # pixels of a fit, at least, and rounds of reweighting
 _BINS = 4096  # of a histogram
 _DARK = 4  # grey levels added to both, so that black says little
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """How a whole frame differs from the background.
+
+    Attributes:
+        coefficients: (3, 6) float64, of `Aligner`.
+        noise: ratio of the frame's noise to the background's, at least 1.
+    """
+
+    coefficients: NDArray[np.float64]
+    noise: float
 
 
 class Aligner:
@@ -26,7 +41,7 @@ class Aligner:
         height, width = reference.shape[:2]
         factor = min(1.0, _SIDE_PX / min(height, width))
         self._size = max(round(width * factor), 1), max(round(height * factor), 1)
-        self._empty = self._small(reference)
+        self._empty, self._whole = self._small(reference), (width, height)
         rows, columns = np.mgrid[-1 : 1 : self._size[1] * 1j, -1 : 1 : self._size[0] * 1j]
         x, y = columns.ravel(), rows.ravel()
         self._powers = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
@@ -41,11 +56,15 @@ class Aligner:
 
     def aligned(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Frame (H, W, 3) uint8 with the exposure of the reference."""
+        return self.applied(frame, self.fitted(frame))
+
+    def fitted(self, frame: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Coefficients (3, 6) of a frame (H', W', 3) uint8 of any size; 0 where little is lit."""
         lit, powers = self._lit, self._powers
-        if lit.sum() < _FEWEST:
-            return frame
-        ratios = np.log(self._small(frame) / self._empty)
         solution = np.zeros((3, 6))
+        if lit.sum() < _FEWEST:
+            return solution
+        ratios = np.log(self._small(frame) / self._empty)
         solution[:, 0] = [_weighted_median(channel, lit) for channel in ratios]
         held = EXPOSURE.stiffness * lit.sum() * np.diag([0.0, 1, 1, 1, 1, 1])
         for _ in range(_ROUNDS):
@@ -53,9 +72,30 @@ class Aligner:
             scale = max(2 * 1.4826 * _weighted_median(off, lit), EXPOSURE.least)
             weighted = powers * (lit / np.square(1 + np.square(off / scale)))
             solution = np.linalg.solve(weighted @ powers.T + held, weighted @ ratios.T).T
-        field = np.exp(-solution @ powers).T.reshape(*self._size[::-1], 3).astype(np.float32)
-        field = cv2.resize(field, frame.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        return cv2.multiply(frame, field, dtype=cv2.CV_8U)  # type: ignore[return-value]
+        return solution
+
+    def shifted(self, frame: NDArray[np.uint8], before: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coefficients of a frame shortly after one that had others: the constants change."""
+        solution = before.copy()
+        if self._lit.sum() >= _FEWEST:
+            off = np.log(self._small(frame) / self._empty) - before @ self._powers
+            solution[:, 0] += [_weighted_median(channel, self._lit) for channel in off]
+        return solution
+
+    def applied(
+        self,
+        part: NDArray[np.uint8],
+        coefficients: NDArray[np.float64],
+        window: tuple[slice, slice] = (slice(None), slice(None)),
+    ) -> NDArray[np.uint8]:
+        """What of a frame is in a window of rows and columns, (h, w, 3) uint8, with the exposure of
+        the reference.
+        """
+        if not coefficients.any():
+            return part
+        field = np.exp(-coefficients @ self._powers).T.reshape(*self._size[::-1], 3)
+        field = cv2.resize(field.astype(np.float32), self._whole, interpolation=cv2.INTER_LINEAR)
+        return cv2.multiply(part, field[window], dtype=cv2.CV_8U)  # type: ignore[return-value]
 
 
 def _weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:

@@ -14,7 +14,7 @@ from silhouette_core.tuning import CUT, SHADOW
 
 _LEVELS = 4  # grey levels between the channels of a picture without colour, at most
 _STEP = 4  # px between the pixels that are asked
-_WINDOW = 40  # of the shorter side: half of the window of a texture
+_WINDOW = 6  # half of the window of a texture, over that of the pooled evidence
 _FREEDOM = 4  # degrees of freedom of a texture within the window, as its spread on walk4 has
 
 
@@ -24,20 +24,17 @@ def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
     return float(np.quantile(spread, 0.999)) <= _LEVELS
 
 
-def texture_evidence(view: FrameView, whole_px: int | None = None) -> NDArray[np.float32]:
+def texture_evidence(view: FrameView) -> NDArray[np.float32]:
     """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
     twice the logarithm of a ratio of densities; 0 where it says nothing. Of several cameras, how
     unlikely a shadow is, whatever else it may be.
-
-    Args:
-        whole_px: shorter side of the picture of which the view is a part; None: it is all of it.
     """
-    seen = view.planes[1] / view.gain[1]
+    seen = view.planes[1].astype(np.float32)
     empty = view.background.planes[1]
     ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
     darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
     inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
-    side = 2 * ((whole_px or min(darker.shape)) // _WINDOW) + 1
+    side = 2 * _WINDOW * view.background.radius + 1
 
     def mean(image: NDArray[np.floating]) -> NDArray[np.float32]:
         return np.asarray(cv2.blur(image * inside, (side, side)), np.float32)

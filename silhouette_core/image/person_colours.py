@@ -1,57 +1,26 @@
-"""Colours of a person, learned from silhouettes, against those of the background behind each pixel.
+"""Colours of a person, learned from silhouettes.
 
 Background subtraction asks whether a pixel differs from the background; where clothes resemble the
-wall, or a shadow on it, that says little. What the person looks like is known by then, from the
-pictures of other cameras and other moments, and tells more. Source: own; colour histograms after
-Jones and Rehg, Statistical color models with application to skin detection (2002).
+wall, or a shadow on it, that says little. What the person looks like at other moments tells more.
+Source: own; colour histograms after Jones and Rehg, Statistical color models with application to
+skin detection (2002).
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from silhouette_core.image.cast_shadow import even_shades, texture_evidence
-from silhouette_core.image.cleanup import clean
-from silhouette_core.image.difference import Background, FrameView, looked_at
-from silhouette_core.image.kernels import foreground as kernels
-from silhouette_core.tuning import COLOURS, FOREGROUND
+from silhouette_core.image.cast_shadow import texture_evidence
+from silhouette_core.image.difference import Background, FrameView
+from silhouette_core.tuning import COLOURS
 
 SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
 EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)
 """Density of colours when all are alike."""
-_SHARES = np.float32(COLOURS.otherwise), np.float32(1)
 _EDGE_PX = 5  # side of the window within which pixels near the edge are left out
-
-
-@dataclass(frozen=True, eq=False)
-class ColourDensity:
-    """Density of a person's colours.
-
-    Attributes:
-        log_density: (32, 32, 32) float32, logarithm of the density over colours, each of 256.
-        least: density above which 95 % of the person's pixels lie.
-    """
-
-    log_density: NDArray[np.float32]
-    least: float
-
-
-@dataclass(frozen=True, eq=False)
-class ColouredSilhouette:
-    """Where a frame shows the colours of a person.
-
-    Attributes:
-        likely: (H, W) bool, where those explain it better than the background does.
-        alike: (H, W) bool, wherever it has such a colour, which the background may have as well.
-    """
-
-    likely: NDArray[np.bool_]
-    alike: NDArray[np.bool_]
 
 
 class PersonColours:
@@ -69,18 +38,24 @@ class PersonColours:
         inside = cv2.erode(mask.view(np.uint8), window)
         self._counts += cv2.calcHist([picture], (0, 1, 2), inside, EVEN.shape, (0, 256) * 3)
 
-    def density(self) -> ColourDensity | None:
-        """Density of the colours so far; None before any pixel."""
+    def density(self) -> NDArray[np.float32] | None:
+        """Logarithm of the density (32, 32, 32) of the colours so far, each of 256; None before any
+        pixel.
+        """
         counts = self._counts.astype(np.float64)
         total = counts.sum()
         if not total:
             return None
         smooth = gaussian_filter(counts / total, COLOURS.smoothing_bins) * _BINS**3 * EVEN.flat[0]
         density = (1 - COLOURS.any_share) * smooth + COLOURS.any_share * self._even
+        return np.log(density).astype(np.float32)
+
+    def least(self, density: NDArray[np.float32]) -> float:
+        """Logarithm of the density above which 95 % of the pixels so far lie."""
         order = np.argsort(-density, axis=None, kind="stable")
-        share = np.cumsum(counts.ravel()[order]) / total
+        share = np.cumsum(self._counts.astype(np.float64).ravel()[order]) / self._counts.sum()
         last = order[min(int(np.searchsorted(share, COLOURS.own_share)), len(order) - 1)]
-        return ColourDensity(np.log(density).astype(np.float32), float(density.ravel()[last]))
+        return float(density.ravel()[last])
 
 
 def even_colours(background: Background) -> NDArray[np.float32]:
@@ -102,44 +77,3 @@ def without_tint(view: FrameView) -> tuple[NDArray[np.float32], np.float32]:
         return np.zeros(view.frame.shape[:2], np.float32), np.float32(0)
     width = 1 << SHIFT
     return texture_evidence(view), np.float32(width**2 * (COLOURS.smoothing_bins**2 + 1 / 12))
-
-
-def find_colours(
-    frame: NDArray[np.uint8],
-    background: Background,
-    density: ColourDensity,
-    region: NDArray[np.bool_] | None,
-    least_odds: float,
-) -> ColouredSilhouette:
-    r"""Where a frame (H, W, 3) uint8, BGR, has a person's colours.
-
-    .. math:: \frac{1}{|W|} \sum_{x \in W} \log \frac{p(c_x | \text{person})}
-        {p(c_x | \text{background of } x)} > \lambda
-
-    over the window :math:`W` around a pixel; the background may be lit as in the empty scene, or
-    lie in a shadow.
-
-    Args:
-        frame: the whole frame.
-        background: of the empty scene.
-        density: of the person's colours.
-        region: (H, W) bool, where the person may be; None: everywhere.
-        least_odds: :math:`\lambda`, nats.
-    """
-    view, exposure = looked_at(frame, background)
-    odds, most = np.empty(frame.shape[:2], np.float32), np.float32(COLOURS.most_odds)
-    limits = np.float32(exposure.noise), np.float32(0), even_shades(background.shadow)
-    tables = *without_tint(view), density.log_density, even_colours(background), _SHARES, SHIFT
-    kernels.log_odds(*view.arrays, *limits, *tables, background.known, most, odds)
-    seen = np.empty(frame.shape[:2], np.float32)
-    kernels.look_up(np.ascontiguousarray(frame), density.log_density, SHIFT, seen)
-    window = (2 * background.radius + 1,) * 2
-    owned = (seen >= np.log(density.least)).astype(np.float32)
-    likely, alike = cv2.blur(odds, window) > least_odds, cv2.blur(owned, window) > 0.5
-    pieces = clean(
-        likely,
-        min_area_px=round(FOREGROUND.area * odds.size),
-        max_hole_px=round(FOREGROUND.area * odds.size),
-        region=region,
-    )
-    return ColouredSilhouette(pieces, alike if region is None else alike & region)

@@ -22,10 +22,9 @@ from silhouette_core.image.background import BackgroundModel, Method
 from silhouette_core.image.camera_motion import CameraMovement
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.image.cut import cut_size
-from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
+from silhouette_core.image.exposure import Exposure
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
-from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.image.seen_people import SeenPeople, people_odds
 from silhouette_core.network_files import POSE_NETWORK
@@ -93,6 +92,7 @@ class Silhouettes:
         self._read_places(source)
         self._models: dict[str, BackgroundModel] = {}
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
+        self._learning: frozenset[str] = frozenset()  # cameras whose person is not known ahead
         self.people = people
         self._bodies = bodies
         self.kinds: dict[str, str] = {}
@@ -112,6 +112,8 @@ class Silhouettes:
             return BackgroundModel.from_frames(empty, method).as_grey(taken, len(self._sizes) > 1)
 
         self._models = dict(zip(backgrounds, side_by_side(model, list(backgrounds)), strict=True))
+        if self._refined:
+            self._learning = frozenset(backgrounds) - seen.keys()
         for name, (frames, odds) in self._samples(source, without, _OCCUPIED, backgrounds).items():
             self._models[name] = BackgroundModel.from_occupied(frames, method, odds, kind)
         self.kinds = {
@@ -258,31 +260,6 @@ class Silhouettes:
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
-    @property
-    def colours_tell(self) -> bool:
-        """Whether `of_colours` finds anything: where the refined method is used on pictures."""
-        return not self._given and self._refined
-
-    def of_colours(
-        self, frames: Mapping[str, Frame], density: ColourDensity, least_odds: float = 0.0
-    ) -> dict[str, ColouredSilhouette]:
-        """Where frames (H, W, 3) uint8, BGR, have a person's colours, by camera name.
-
-        Args:
-            frames: by camera name.
-            density: of the person's colours.
-            least_odds: nats by which the person has to explain a place better.
-        """
-
-        def coloured(name: str) -> ColouredSilhouette:
-            frame, region = self._registered(name, frames[name]), self._regions.get(name)
-            found = self._models[name].coloured_silhouette(frame, density, region, least_odds)
-            return ColouredSilhouette(
-                self._known(name, found.likely), self._known(name, found.alike)
-            )
-
-        return dict(zip(frames, side_by_side(coloured, list(frames)), strict=True))
-
     def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mask without what is unknown, where holes may have been filled."""
         return mask & ~self.unknown[name] if name in self.unknown else mask
@@ -314,8 +291,11 @@ class Silhouettes:
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
-            told = self._evidence(name, step)
-            return self._models[name].silhouette(frame, region, evidence=told)
+            told, model = self._evidence(name, step), self._models[name]
+            if name not in self._learning:
+                return model.silhouette(frame, region, told)
+            mask, self._exposures[name] = model.look(frame, region, told)
+            return mask
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
@@ -323,16 +303,10 @@ class Silhouettes:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
-        if model.has_colours:
-            return self._silhouette(name, frame)
         if near is None or exposure is None:
-            frame = self._registered(name, frame)
-            exposure = self._exposures[name] = model.exposure(frame)
-            return model.silhouette(frame, region, exposure)
-        # The gain changes from frame to frame, the noise slowly.
-        exposure = replace(exposure, gain=model.gain(frame))
+            return self._silhouette(name, frame)
         window, part = self._part(name, frame, near)
-        return model.silhouette_near(part, window, exposure, region)
+        return model.silhouette_near(frame, part, window, exposure, region)
 
     def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
         """A frame in a window of its silhouette, and the window: widened so that its edges are

@@ -6,7 +6,6 @@ from silhouette_core.image.distance import _removable
 from tests.kernel_examples import Example
 
 SIZE = (20, 30)
-GAIN = np.array([0.9, 1.0, 1.1], np.float32)
 
 
 def frame(rng):
@@ -18,11 +17,11 @@ def blob(rng, size=SIZE):
 
 
 def scene(rng):
-    """Frame, background and its noise figures, channel by channel, and gain."""
+    """Frame, background and its noise figures, channel by channel."""
     mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
     length, noise = np.linalg.norm(mean, axis=0), rng.uniform(1, 3, SIZE)
     scales = np.stack([1 / length**2, 1 / noise, length / noise]).astype(np.float32)
-    return np.ascontiguousarray(frame(rng).transpose(2, 0, 1)), mean, scales, GAIN
+    return np.ascontiguousarray(frame(rng).transpose(2, 0, 1)), mean, scales
 
 
 def paper_mask(rng):
@@ -78,22 +77,10 @@ def sampled_chroma(rng):
     return Example((*scene(rng), np.float32(30), 2, 4, np.empty((5, 8), np.float32)), rtol=1e-4)
 
 
-def evidence(rng):
-    limits = (np.float32(value) for value in (100.0, 30.0, 0.5, 1.1, 8.0))
-    filled = np.empty((4, *SIZE), np.int16), np.empty(SIZE, bool)
+def residuals(rng):
+    limits = np.float32(100), np.float32(30)
     # Rounding may cut to another whole number.
-    return Example((*scene(rng), *limits, *filled), atol=1)
-
-
-def decide(rng):
-    pooled = rng.integers(-3000, 3000, (4, *SIZE), dtype=np.int16)
-    return Example((pooled, rng.random(SIZE) < 0.1, 2500, 2000, np.empty(SIZE, bool)))
-
-
-def doubt(rng):
-    pooled = rng.integers(-3000, 3000, (4, *SIZE), dtype=np.int16)
-    bright = rng.normal(size=SIZE).astype(np.float32)
-    return Example((pooled, bright, 2500, np.float32(1), np.empty(SIZE, bool)))
+    return Example((*scene(rng), *limits, np.empty((3, *SIZE), np.int16)), atol=1)
 
 
 def brightness(rng):
@@ -115,7 +102,6 @@ def log_odds(rng):
     seen = mean * light + rng.normal(0, 2, mean.shape)
     planes = np.clip(np.rint(seen), 0, 255).astype(np.uint8)
     table = rng.uniform(-18, -8, (32, 32, 32)).astype(np.float32)
-    gain = rng.uniform(0.98, 1.02, 3).astype(np.float32)
     others = np.exp(rng.uniform(-18, -8, table.shape)).astype(np.float32)
     shades = rng.uniform(0, 1, 50).astype(np.float32)
     tables = (
@@ -130,7 +116,7 @@ def log_odds(rng):
         3,
     )
     filled = blob(rng), np.float32(5), np.empty(SIZE, np.float32)
-    return Example((planes, mean, scales, gain, *tables, *filled), 1e-3)
+    return Example((planes, mean, scales, *tables, *filled), 1e-3)
 
 
 def sharpen(rng):
@@ -140,9 +126,9 @@ def sharpen(rng):
     )
     planes = np.ascontiguousarray(frame(rng).transpose(2, 0, 1))
     mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
-    light = np.full(3, 0.2, np.float32), np.full(3, 2, np.float32)
+    light = np.float32(0.2), np.float32(2)
     regions = around, mask & ~around, ~around  # what is inside is not outside
-    return Example((planes, mean, *light, *regions, 4, np.float32(10), mask.copy()))
+    return Example((planes, mean, light, *regions, 4, np.float32(10), mask.copy()))
 
 
 def mesh(rng, *poses):

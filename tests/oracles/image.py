@@ -117,9 +117,9 @@ def pass_on(odds, links, told):
         told[1, row - 1] = np.clip(odds[row] + told[1, row], -most, most)
 
 
-def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
+def sampled_chroma(frame, mean, scales, clip, radius, step, out):
     """Length of the mean chromatic residual of a window, each pixel's cut to length clip."""
-    residual, _ = _split(frame, mean, scales, gain)
+    residual, _ = _split(frame, mean, scales)
     length = np.linalg.norm(residual, axis=0)
     residual = residual * np.minimum(1, clip / np.maximum(length, 1e-9))
     for k, j in np.ndindex(out.shape):
@@ -128,29 +128,16 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
         out[k, j] = np.linalg.norm(residual[:, rows, columns].mean(axis=(1, 2)))
 
 
-def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
-    """Chromatic residual cut to length clip, and brightness beyond shadow and highlight."""
-    residual, ratio = _split(frame, mean, scales, gain)
+def residuals(frame, mean, scales, unit, clip, parts):
+    """Chromatic residual cut to length clip."""
+    residual, _ = _split(frame, mean, scales)
     length = np.linalg.norm(residual, axis=0)
-    beyond = np.clip(np.maximum(shadow - ratio, ratio - highlight), 0, None) * scales[2]
-    parts[:3] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))
-    parts[3] = unit * np.minimum(beyond, 2 * beyond_limit)
-    strong[:] = (length > clip) | (beyond > 1.5 * beyond_limit)
+    parts[:] = unit * residual * np.minimum(1, clip / np.maximum(length, 1e-9))
 
 
-def decide(pooled, strong, chroma_limit, beyond_limit, mask):
-    """Strong pixels, and those whose pooled evidence is over a limit."""
-    mask[:] = strong | (_chroma(pooled) > chroma_limit) | (pooled[3] > beyond_limit)
-
-
-def doubt(pooled, bright, chroma_limit, bright_limit, mask):
-    """Pixels whose pooled chromatic residual or brightness is over a limit."""
-    mask[:] = (_chroma(pooled) > chroma_limit) | (np.abs(bright) > bright_limit)
-
-
-def brightness(frame, mean, scales, gain, out):
+def brightness(frame, mean, scales, out):
     """Signed difference along the background's colour, in noise."""
-    out[:] = (_split(frame, mean, scales, gain)[1] - 1) * scales[2]
+    out[:] = (_split(frame, mean, scales)[1] - 1) * scales[2]
 
 
 def look_up(frame, table, shift, out):
@@ -162,7 +149,6 @@ def log_odds(
     frame,
     mean,
     scales,
-    gain,
     noise,
     flicker,
     shades,
@@ -181,9 +167,8 @@ def log_odds(
     sigma = noise / scales[1]
     length = np.linalg.norm(mean, axis=2)
     unit = mean / length[..., None]
-    seen = colour * gain
-    along = (seen * unit).sum(axis=2)
-    off = seen - along[..., None] * unit
+    along = (colour * unit).sum(axis=2)
+    off = colour - along[..., None] * unit
     variance = np.maximum(sigma**2, spread_across)
     across = np.exp(-0.5 * (off**2).sum(axis=2) / sigma**2) / (2 * np.pi * variance)
     bright = np.hypot(sigma, flicker * length)
@@ -197,9 +182,7 @@ def log_odds(
     out[:] = np.clip(person - np.log(background), -most, most)
 
 
-def sharpen(
-    planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
-):
+def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):
     """Pixels more than half of whose colour is the person's, along the line between the means."""
     frame, mean = (image.transpose(1, 2, 0) for image in (planes, mean))
     stride = max(1, reach // 4)
@@ -211,8 +194,8 @@ def sharpen(
         inner, outer = inside[window], outside[window] & ~inside[window]
         if min(inner.sum(), outer.sum()) < 3:
             continue
-        light = frame[window][outer].sum(axis=0) / mean[window][outer].sum(axis=0)
-        background = mean[row, column] * np.clip(light, least_light, greatest_light)
+        ratio = frame[window][outer].sum(axis=0) / mean[window][outer].sum(axis=0)
+        background = mean[row, column] * np.clip(ratio, *light)
         step = frame[window][inner].mean(axis=0) - background
         if step @ step > least_contrast**2:
             mask[row, column] = (frame[row, column] - background) @ step > 0.5 * step @ step
@@ -269,13 +252,8 @@ def _unit(colour):
     return colour / np.maximum(np.linalg.norm(colour, axis=2, keepdims=True), 1.0)
 
 
-def _split(frame, mean, scales, gain):
+def _split(frame, mean, scales):
     """Residual (3, H, W), in noise, after projection onto the background's colour; its multiple."""
-    colour = frame * gain.astype(np.float64)[:, None, None]
+    colour = frame.astype(np.float64)
     ratio = (colour * mean).sum(axis=0) * scales[0]
     return (colour - ratio * mean) * scales[1], ratio
-
-
-def _chroma(pooled):
-    """Lengths (H, W) of the pooled chromatic residuals."""
-    return np.linalg.norm(pooled[:3].astype(np.float64), axis=0)

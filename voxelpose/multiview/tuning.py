@@ -335,22 +335,6 @@ class Completion:
 
 
 @dataclass(frozen=True)
-class Colours:
-    """A second segmentation by the person's colours (`silhouettes.prepared_silhouettes`).
-
-    Tuned on seeds 301 to 340 of level 2 and balancing4.
-    """
-
-    asked: float = 0.03
-    """1. Share of the silhouettes' pixels that nothing explains, from which colours are asked: a
-    turned camera leaves less."""
-    asked_again: float = 0.01
-    """1. The same, from which they are asked again."""
-    most_left: float = 0.7
-    """1. Largest share of that which may be left, or what was added is taken back."""
-
-
-@dataclass(frozen=True)
 class UpSearch:
     """Which way is up (`silhouettes.up_search`)."""
 
@@ -364,5 +348,5 @@ class UpSearch:
 PERSON_COST, PERSON_SEARCH, PROPOSALS = PersonCost(), PersonSearch(), Proposals()
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
-COMPLETION, COLOURS, UP_SEARCH = Completion(), Colours(), UpSearch()
+COMPLETION, UP_SEARCH = Completion(), UpSearch()
 BODY_EVIDENCE = BodyEvidence()

@@ -16,17 +16,16 @@ _SHADED = np.float32(1 / (2 * np.pi))
 
 
 @kernel
-def _split(frame, mean, scales, gain, row, column):
-    """Projects a pixel's colour, its channels' gain removed, onto the background's colour.
+def _split(frame, mean, scales, row, column):
+    """Projects a pixel's colour onto the background's colour.
 
-    Frame (3, H, W); gain, an array or a tuple of three, is that from frame to background;
-    mean (3, H, W) is the background's colour; scales (3, H, W) holds 1 / |background|^2, 1 / noise
-    and |background| / noise. Returns the three components of the residual, in noise, and the ratio
-    of the projection to the background.
+    Frame (3, H, W); mean (3, H, W) is the background's colour; scales (3, H, W) holds
+    1 / |background|^2, 1 / noise and |background| / noise. Returns the three components of the
+    residual, in noise, and the ratio of the projection to the background.
     """
-    colour_0 = np.float32(frame[0, row, column]) * gain[0]
-    colour_1 = np.float32(frame[1, row, column]) * gain[1]
-    colour_2 = np.float32(frame[2, row, column]) * gain[2]
+    colour_0 = np.float32(frame[0, row, column])
+    colour_1 = np.float32(frame[1, row, column])
+    colour_2 = np.float32(frame[2, row, column])
     background_0 = mean[0, row, column]
     background_1 = mean[1, row, column]
     background_2 = mean[2, row, column]
@@ -41,7 +40,7 @@ def _split(frame, mean, scales, gain, row, column):
 
 
 @kernel
-def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
+def sampled_chroma(frame, mean, scales, clip, radius, step, out):
     """Fills out (H', W') float32: length of the pooled residual at every step-th pixel."""
     height, width = frame.shape[1], frame.shape[2]
     for k in range(out.shape[0]):
@@ -50,9 +49,7 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
             count = 0
             for row in range(max(k * step - radius, 0), min(k * step + radius + 1, height)):
                 for column in range(max(j * step - radius, 0), min(j * step + radius + 1, width)):
-                    residual_0, residual_1, residual_2, _ = _split(
-                        frame, mean, scales, gain, row, column
-                    )
+                    residual_0, residual_1, residual_2, _ = _split(frame, mean, scales, row, column)
                     square = (
                         residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
                     )
@@ -67,76 +64,29 @@ def sampled_chroma(frame, mean, scales, gain, clip, radius, step, out):
 
 
 @kernel
-def evidence(frame, mean, scales, gain, unit, clip, shadow, highlight, beyond_limit, parts, strong):
-    """Fills the evidence to be pooled, and the pixels that need no pooling.
-
-    Fills parts (4, H, W) int16, in 1 / unit of the noise: the chromatic residual cut to length
-    clip, and the brightness beyond [shadow, highlight] cut to twice its limit. Fills strong (H, W)
-    bool: the pixels where either is large. Without branches, so that the compiler uses vectors.
+def residuals(frame, mean, scales, unit, clip, parts):
+    """Fills parts (3, H, W) int16: the chromatic residual cut to length clip, in 1 / unit of the
+    noise. Without branches, so that the compiler uses vectors.
     """
-    height, width = strong.shape
-    gains = gain[0], gain[1], gain[2]
+    _, height, width = parts.shape
     limit = clip * clip
     for row in range(height):
         for column in range(width):
-            residual_0, residual_1, residual_2, ratio = _split(
-                frame, mean, scales, gains, row, column
-            )
+            residual_0, residual_1, residual_2, _ = _split(frame, mean, scales, row, column)
             square = residual_0 * residual_0 + residual_1 * residual_1 + residual_2 * residual_2
-            beyond = (
-                max(max(shadow - ratio, ratio - highlight), np.float32(0.0))
-                * scales[2, row, column]
-            )
-            strong[row, column] = (square > limit) | (beyond > np.float32(1.5) * beyond_limit)
             factor = unit * (clip / np.sqrt(max(square, limit)))
             parts[0, row, column] = np.int16(np.int32(residual_0 * factor))
             parts[1, row, column] = np.int16(np.int32(residual_1 * factor))
             parts[2, row, column] = np.int16(np.int32(residual_2 * factor))
-            parts[3, row, column] = np.int16(
-                np.int32(min(beyond, np.float32(2.0) * beyond_limit) * unit)
-            )
 
 
 @kernel
-def _chroma_square(pooled, row, column):
-    part_0 = np.int32(pooled[0, row, column])
-    part_1 = np.int32(pooled[1, row, column])
-    part_2 = np.int32(pooled[2, row, column])
-    return part_0 * part_0 + part_1 * part_1 + part_2 * part_2
-
-
-@kernel
-def decide(pooled, strong, chroma_limit, beyond_limit, mask):
-    """Fills mask (H, W) bool: strong, or pooled evidence (4, H, W) int16 over its limit."""
-    height, width = mask.shape
-    chroma_square, beyond = np.int32(chroma_limit * chroma_limit), np.int32(beyond_limit)
-    for row in range(height):
-        for column in range(width):
-            chromatic = _chroma_square(pooled, row, column) > chroma_square
-            mask[row, column] = (
-                strong[row, column] | chromatic | (np.int32(pooled[3, row, column]) > beyond)
-            )
-
-
-@kernel
-def doubt(pooled, bright, chroma_limit, bright_limit, mask):
-    """Fills mask (H, W) bool: pooled chroma or brightness (H, W) float32 over a limit."""
-    height, width = mask.shape
-    chroma_square = np.int32(chroma_limit * chroma_limit)
-    for row in range(height):
-        for column in range(width):
-            chromatic = _chroma_square(pooled, row, column) > chroma_square
-            mask[row, column] = chromatic | (abs(bright[row, column]) > bright_limit)
-
-
-@kernel
-def brightness(frame, mean, scales, gain, out):
+def brightness(frame, mean, scales, out):
     """Fills out (H, W) float32: signed difference along the background's colour, in noise."""
     height, width = out.shape
-    gains = gain[0], gain[1], gain[2]
     for row in range(height):
         for column in range(width):
-            _, _, _, ratio = _split(frame, mean, scales, gains, row, column)
+            _, _, _, ratio = _split(frame, mean, scales, row, column)
             out[row, column] = (ratio - np.float32(1.0)) * scales[2, row, column]
 
 
@@ -158,7 +108,6 @@ def log_odds(
     frame,
     mean,
     scales,
-    gain,
     noise,
     flicker,
     shades,
@@ -192,9 +141,7 @@ def log_odds(
             if table[colour] - np.log(background) <= -most:  # whatever else it may be
                 out[row, column] = -most
                 continue
-            residual_0, residual_1, residual_2, ratio = _split(
-                frame, mean, scales, gain, row, column
-            )
+            residual_0, residual_1, residual_2, ratio = _split(frame, mean, scales, row, column)
             deviation = noise / scales[1, row, column]
             across = max(deviation * deviation, spread_across)
             square = (
@@ -219,10 +166,9 @@ def log_odds(
 
 
 @kernel
-def _sharpen_row(row, images, lights, regions, reach, least_contrast, mask):
+def _sharpen_row(row, images, light, regions, reach, least_contrast, mask):
     """One row of `sharpen`."""
     planes, mean = images
-    least_light, greatest_light = lights
     band, inside, outside = regions
     height, width = mask.shape
     stride = max(1, reach // 4)
@@ -264,14 +210,8 @@ def _sharpen_row(row, images, lights, regions, reach, least_contrast, mask):
         fraction = np.float32(0.0)
         contrast = np.float32(0.0)
         for channel in range(3):
-            light = min(
-                max(
-                    window[5 + channel] / max(window[8 + channel], np.float32(1e-3)),
-                    least_light[channel],
-                ),
-                greatest_light[channel],
-            )
-            background = mean[channel, row, column] * light
+            ratio = window[5 + channel] / max(window[8 + channel], np.float32(1e-3))
+            background = mean[channel, row, column] * min(max(ratio, light[0]), light[1])
             axis = window[2 + channel] / window[0] - background
             fraction += (np.float32(planes[channel, row, column]) - background) * axis
             contrast += axis * axis
@@ -280,17 +220,15 @@ def _sharpen_row(row, images, lights, regions, reach, least_contrast, mask):
 
 
 @kernel
-def sharpen(
-    planes, mean, least_light, greatest_light, band, inside, outside, reach, least_contrast, mask
-):
+def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):
     """Sets mask in the band: whether more than half of a pixel's colour is the person's.
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's,
-    times the gain that light and shadow have on the window's outside pixels. Pixels with too few
+    times what light and shadow have as ratio, within the two of light, on the window's outside
+    pixels. Pixels with too few
     of either, or too little contrast, keep their label. Frame and mean are (3, H, W).
     """
-    images, lights = (planes, mean), (least_light, greatest_light)
-    regions = band, inside, outside
+    images, regions = (planes, mean), (band, inside, outside)
     for row in range(mask.shape[0]):
         # range counts in uint64, which would be compiled as well.
-        _sharpen_row(np.int64(row), images, lights, regions, reach, least_contrast, mask)
+        _sharpen_row(np.int64(row), images, light, regions, reach, least_contrast, mask)

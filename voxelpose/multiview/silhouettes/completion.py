@@ -2,9 +2,8 @@
 
 What one camera misses leaves the visual hull, and then the other cameras show something that the
 hull does not explain. The missing part is looked for among the pixels of a soft silhouette that may
-belong to it: on the rays of what is unexplained, where all cameras allow it. Where all but one
-in four cameras are sure, what has the person's colours in those may belong to it, too, once these
-are known.
+belong to it: on the rays of what is unexplained, where all cameras allow it, or all but one in four
+are sure.
 """
 
 from dataclasses import replace
@@ -51,40 +50,28 @@ class SilhouetteCompletion:
         self._voxel_px = views.intrinsics[:, 0] * grid.voxel_size_m / depth
         self._radius = [window_radius(camera.size) for camera in views.rig]
 
-    def complete(self, masks: Masks, tint: Masks, alike: Masks | None = None) -> Masks:
+    def complete(self, masks: Masks, tint: Masks) -> Masks:
         """Silhouettes (h, w) bool of one frame with what was found to be missing, one per camera.
 
         Args:
             masks: the silhouettes.
             tint: where the colour's direction differs from the background's, (h, w) bool.
-            alike: where a pixel has a colour of the person's, (h, w) bool; None: not known.
         """
-        views, alike = self._views, alike or tint
+        views = self._views
         hull = carve(views.rig, masks, self._grid, self._rule, views.unknown)
         unexplained = [self._unexplained(mask, hull, c) for c, mask in enumerate(masks)]
         if not any(pixels.any() for pixels in unexplained):
             return masks
         possible = [self._without_holes(masks[c] | tint[c], c) for c in range(len(masks))]
-        likely = [self._without_holes(masks[c] | tint[c] | alike[c], c) for c in range(len(masks))]
         hidden = carve(views.rig, unexplained, self._grid, self._seen_by_one, views.unknown) & ~hull
         wide = widened(views, possible, self._grid)  # so that thin limbs remain
         allowed = carve(views.rig, wide, self._grid, self._rule, views.unknown) & hidden
         agreed = carve(views.rig, masks, self._grid, self._majority, views.unknown) & hidden
         completed = []
-        for c, (mask, more, most) in enumerate(zip(masks, possible, likely, strict=True)):
-            added = more & self._footprint(allowed, c) | most & self._footprint(agreed, c)
+        for c, (mask, more) in enumerate(zip(masks, possible, strict=True)):
+            added = more & (self._footprint(allowed, c) | self._footprint(agreed, c))
             completed.append(mask | _opened(added & ~mask))
         return views.without_unknown(completed)
-
-    def unexplained(self, masks: Masks) -> float:
-        """Share of the silhouettes' pixels that their hull does not explain, a mean of the cameras:
-        other cameras miss what these show.
-        """
-        hull = carve(self._views.rig, masks, self._grid, self._rule, self._views.unknown)
-        missed = [
-            np.count_nonzero(self._unexplained(mask, hull, c)) for c, mask in enumerate(masks)
-        ]
-        return float(np.mean(missed / np.maximum([np.count_nonzero(mask) for mask in masks], 1)))
 
     def _without_holes(self, mask: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
         """Mask (h, w) without narrow gaps and small holes."""

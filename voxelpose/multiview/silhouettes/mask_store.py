@@ -45,12 +45,6 @@ class MaskStore:
         for camera, mask in enumerate(masks):
             self._put(camera, t, np.packbits(mask, axis=1).tobytes())
 
-    def copy(self, other: MaskStore) -> None:
-        """Stores what another store of the same sizes holds."""
-        for camera in range(len(self._files)):
-            for t in range(self._count):
-                self._put(camera, t, other._bits(camera, t))
-
     def advance(self, late: Sequence[int]) -> None:
         """Gives each frame the silhouettes that the cameras showed so many frames later, as far as
         there are any; earlier where negative.

@@ -27,20 +27,17 @@ from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid, require_foreground
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
 from voxelpose.multiview.silhouettes.camera_repair import RepairedCameras, repair_cameras
-from voxelpose.multiview.silhouettes.colour_completion import ColourFinder
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.multiview.silhouettes.hull_size import check_hull_size
 from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.up_search import choose_upright
-from voxelpose.multiview.tuning import CARVING, COLOURS
+from voxelpose.multiview.tuning import CARVING
 
 LONG_SIDE_PX = 960
 """Larger images are reduced: contours are finer there than clothes are."""
 _VOLUME_FRAMES = 60
 _TOGETHER = 16  # frames
-_JUDGED_FRAMES = 12
 _RECHECKS = 3
-_COLOUR_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -185,7 +182,7 @@ def prepare_silhouettes(
         reporter.stage("volume")
         at = checked.rig, settings, stores[0], work.observer, reporter
         upright = choose_upright(*at, person=preparation.person)
-        checked, added = work.complete_all(silhouettes, lenses, checked, upright, times_s)
+        checked, added = work.complete_all(checked, upright, times_s)
         for words in checked.words:
             reporter.note(words)
         facts: dict[str, object] = {
@@ -290,47 +287,26 @@ class _Preparation:
         return checked
 
     def complete_all(
-        self,
-        silhouettes: Silhouettes,
-        lenses: list[UndistortedView],
-        checked: RepairedCameras,
-        upright: UprightFrame,
-        times_s: FloatArray,
+        self, checked: RepairedCameras, upright: UprightFrame, times_s: FloatArray
     ) -> tuple[RepairedCameras, dict[str, object]]:
-        """Completes the silhouettes by tint, then by the person's colours, and checks cameras in
-        doubt again; the cameras, and what share of each camera's pixels was added.
+        """Completes the silhouettes, and checks cameras in doubt again; the cameras, and what share
+        of each camera's pixels was added.
         """
-        names, alone = self.source.rig.names, self.stores[0].pixels()
+        before = self.stores[0].pixels()
         self.complete(upright.rig(checked.rig))
         checked = self.check_again(checked, upright, times_s)
-        by_tint, late = self.stores[0].pixels(), checked.late_frames
-        finder = ColourFinder(self.source, silhouettes, lenses, late, self.clock, self.reporter)
-        explained = self.complete_by_colours(finder, upright.rig(checked.rig))
-        by_colours = self.stores[0].pixels()
-        if explained:
-            checked = self.check_again(checked, upright, times_s)
-        return checked, {
-            "completed": _added(names, alone, self.stores[0].pixels()),
-            "found_by_colours": _added(names, by_tint, by_colours),
-        }
+        shares = 1 - before / np.maximum(self.stores[0].pixels(), 1)
+        pairs = zip(self.source.rig.names, shares.round(4).tolist(), strict=True)
+        return checked, {"completed": dict(pairs)}
 
-    def complete(self, rig: Rig, coloured: Sequence[MaskStore] = ()) -> None:
-        """Completes the silhouettes of all frames.
-
-        Args:
-            rig: the cameras.
-            coloured: from `ColourFinder.find`.
-        """
-        store, completion = self.stores[0], self._completion(rig)
+    def complete(self, rig: Rig) -> None:
+        """Completes the silhouettes of all frames."""
+        store, observer = self.stores[0], self.observer(rig)
+        completion = SilhouetteCompletion(observer.views, observer.volume, observer.rule)
         self.reporter.stage("completion", len(store))
 
         def completed(t: int) -> list[np.ndarray]:
-            masks, tint = (found[t] for found in self.stores)
-            if not coloured:
-                return completion.complete(masks, tint)
-            likely, alike = (found[t] for found in coloured)
-            tint = [one | other for one, other in zip(tint, likely, strict=True)]
-            return completion.complete(masks, tint, alike)
+            return completion.complete(*(found[t] for found in self.stores))
 
         for first in range(0, len(store), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(store)))
@@ -340,50 +316,9 @@ class _Preparation:
                 store.put(t, masks)
                 self.reporter.advance()
 
-    def complete_by_colours(self, finder: ColourFinder, rig: Rig) -> bool:
-        """Completes with the person's colours what still lacks; whether that explained it."""
-        store, explained = self.stores[0], False
-        sizes = [camera.size for camera in rig]
-        unexplained = self._unexplained(rig) if finder.useful else 0.0
-        for k in range(_COLOUR_ROUNDS):
-            least = COLOURS.asked_again if k else COLOURS.asked
-            if unexplained < least or (density := finder.learn(store)) is None:
-                break
-            with mask_stores(1, sizes, len(store)) as (kept,), finder.find(density) as coloured:
-                kept.copy(store)
-                before = unexplained
-                self.complete(rig, coloured)
-                unexplained = self._unexplained(rig)
-                if unexplained > COLOURS.most_left * before:
-                    store.copy(kept)  # it was no person that nothing explained
-                    break
-                explained = True
-        if explained:
-            self.reporter.note(
-                "clothes resemble the background: what was missing was looked for by the colours of"
-                " the person"
-            )
-        return explained
-
-    def _unexplained(self, rig: Rig) -> float:
-        """Share of the silhouettes' pixels that no hull explains, see `SilhouetteCompletion`."""
-        completion, store = self._completion(rig), self.stores[0]
-        moments = even_moments(len(store), _JUDGED_FRAMES)
-        return float(np.mean([completion.unexplained(store[int(t)]) for t in moments]))
-
-    def _completion(self, rig: Rig) -> SilhouetteCompletion:
-        observer = self.observer(rig)
-        return SilhouetteCompletion(observer.views, observer.volume, observer.rule)
-
     def observer(self, rig: Rig) -> HullObserver:
         """Observer of hulls by some cameras."""
         return observer_of(rig, self.stores[0], self.settings, self.unknown)
-
-
-def _added(names: Sequence[str], before: np.ndarray, after: np.ndarray) -> dict[str, float]:
-    """Share of each camera's pixels, (C,) int64 before and after, that was added."""
-    shares = 1 - before / np.maximum(after, 1)
-    return dict(zip(names, shares.round(4).tolist(), strict=True))
 
 
 def unknown_views(

@@ -4,7 +4,7 @@ import { loadImage, postJson } from "./api.js";
 import { Stages, latest } from "./stages.js";
 
 const by = (id) => document.getElementById(id);
-const STAGED = ["background", "difference", "odds", "first"];
+const STAGED = ["background", "odds", "first"];
 
 export class Overlays {
   constructor(app) {

@@ -101,7 +101,7 @@ class StageAsked(Struct, forbid_unknown_fields=True):
     moment: Moment  # from 0
     camera: Name
     # What is to be drawn; None: nothing is.
-    stage: Literal["background", "difference", "odds", "first", "silhouette", "body"] | None = None
+    stage: Literal["background", "odds", "first", "silhouette", "body"] | None = None
     pixel: Corner | None = None  # px of the camera's picture; None: none is asked about
 
 
@@ -139,12 +139,8 @@ def _draw_stage(stages: SilhouetteStages, stage: str) -> bytes:
     if stage == "background":
         image = np.rint(stages.background.clip(0, 255)).astype(np.uint8)
         return encoded(image if stages.known.all() else hatched(image, ~stages.known), ".png")
-    if stages.difference is None or stages.odds is None:
+    if stages.odds is None:
         raise InputError(f"the method paper has no {stage}: choose auto")
-    if stage == "difference":
-        # Twice the limit is white: at the limit the colours change from violet to orange.
-        grey = np.rint(127.5 * stages.difference.clip(0, 2)).astype(np.uint8)
-        return encoded(np.asarray(cv2.applyColorMap(grey, cv2.COLORMAP_INFERNO), np.uint8), ".png")
     # Odds: the person's colour for it, that of earth against it, black for neither.
     strength = (stages.odds / COLOURS.most_odds).clip(-1, 1)[..., None]
     colours = np.where(strength > 0, SILHOUETTE[::-1], _BACKGROUND[::-1])
@@ -154,8 +150,6 @@ def _draw_stage(stages: SilhouetteStages, stage: str) -> bytes:
 def _explain(stages: SilhouetteStages, at: tuple[int, int]) -> dict[str, Any]:
     """What a pixel of the stages is taken for, and why: colours (RGB), measures and a word."""
     measures, background = [], np.rint(stages.background[at][::-1].clip(0, 255)).astype(int)
-    if stages.difference is not None:
-        measures.append(f"difference {stages.difference[at]:.1f}×")
     if stages.brightness is not None and background.any():
         measures.append(f"brightness {100 * stages.brightness[at]:.0f} %")
     if stages.odds is not None:
@@ -174,9 +168,7 @@ def _why(stages: SilhouetteStages, at: tuple[int, int]) -> str:
     """Why a pixel is the person or is not, in a few words."""
     first, person = bool(stages.first[at]), bool(stages.silhouette[at])
     if first != person:
-        return (
-            "filled in: edge, colours or a hole" if person else "taken out: edge, region or a speck"
-        )
+        return "filled in: edge or a hole" if person else "taken out: edge, region or a speck"
     if stages.odds is None:
         return "differs from the empty view" if person else "like the empty view"
     if (stages.odds[at] > 0) != person:

@@ -9,8 +9,6 @@ const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseco
 export const STAGES = {
   picture: ["Picture", "The frame as it was filmed."],
   background: ["Background", "The empty view as it was learned. Hatched: nobody saw it, its colours are a guess."],
-  difference: ["Difference", "From the background, beyond what noise and shadows explain: black none, violet little,"
-    + " orange and yellow enough (1×) for a person."],
   odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither."
     + " They decide, with edges and neighbours."],
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
