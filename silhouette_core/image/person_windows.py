@@ -142,7 +142,7 @@ class PeopleWindows:
             yield replace(crop, turn_rad=crop.turn_rad + _TURNS[self._turn]), True
         crop = next(self._squares, None)
         if crop is None:
-            self._squares = squares(*size)
+            self._squares = iter([*squares(*size)])
             crop = next(self._squares)
         yield crop, False
 

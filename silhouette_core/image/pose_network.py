@@ -139,6 +139,11 @@ class PoseNetwork:
         # OpenCV 5's new engine gives outputs of wrong shapes.
         engine = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
         self._net = cv2.dnn.readNetFromTFLite(str(path), *(() if engine is None else (engine,)))
+        self._path = path
+
+    def __reduce__(self) -> tuple[type[PoseNetwork], tuple[Path]]:
+        """Another process reads the file itself."""
+        return PoseNetwork, (self._path,)
 
     def look(self, picture: Frame, crop: Crop) -> PersonSeen:
         """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR."""

@@ -26,7 +26,7 @@ from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
-from silhouette_core.image.seen_people import SeenPeople, people_odds
+from silhouette_core.image.seen_people import People, people_odds
 from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
@@ -59,7 +59,7 @@ class Silhouettes:
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
-        people: SeenPeople | None = None,
+        people: People | None = None,
         bodies: BodyOdds | None = None,
     ) -> None:
         """Builds the background models of a recording.
@@ -217,7 +217,8 @@ class Silhouettes:
         def silhouette(name: str) -> NDArray[np.bool_]:
             if near is None or self._given:
                 return self._known(name, self._silhouette(name, frames[name], step))
-            return self._known(name, self._silhouette_near(name, frames[name], near.get(name)))
+            mask = self._silhouette_near(name, frames[name], near.get(name), step)
+            return self._known(name, mask)
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
@@ -311,12 +312,14 @@ class Silhouettes:
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
-    def _silhouette_near(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
+    def _silhouette_near(
+        self, name: str, frame: Frame, near: Window | None, step: int | None
+    ) -> NDArray[np.bool_]:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
         if model.has_colours:
-            return self._silhouette(name, frame)
+            return self._silhouette(name, frame, step)
         if near is None or exposure is None:
             frame = self._registered(name, frame)
             exposure = self._exposures[name] = model.exposure(frame)
@@ -371,8 +374,6 @@ class Silhouettes:
             for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
         for name, seen in samples.items():
-            if not seen:  # before a live session's first frame
-                continue
             empty = [self.scaled(name, one) for one in islice(backgrounds.get(name, ()), 1)]
             motion = CameraMovement(seen, empty)
             self.moving += (name,) if motion.moves else ()
