@@ -186,3 +186,20 @@ def people_odds(
         return np.zeros(size[::-1], np.float32)
     (reliance,) = fitted_weights(FILE)["mask"]
     return reliance * np.max([person.odds(size, scale) for person in people.values()], axis=0)
+
+
+def people_masks(
+    people: Mapping[int, PersonSeen], scale: float, size: tuple[int, int]
+) -> list[NDArray[np.bool_]]:
+    """Where each of some people is seen, (h, w) bool: of several, who is likeliest in a pixel.
+
+    Args:
+        people: who is seen in the picture.
+        scale: of the images, relative to the picture.
+        size: width and height of the images.
+    """
+    if not people:
+        return []
+    odds = np.stack([person.odds(size, scale) for person in people.values()])
+    likeliest = odds.argmax(axis=0)
+    return [(own > 0) & (likeliest == k) for k, own in enumerate(odds)]

@@ -26,7 +26,7 @@ from silhouette_core.image.difference import Exposure
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
 from silhouette_core.image.person_colours import ColourDensity, ColouredSilhouette
-from silhouette_core.image.seen_people import People, people_odds
+from silhouette_core.image.seen_people import People, people_masks, people_odds
 from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
@@ -221,6 +221,15 @@ class Silhouettes:
             return self._known(name, mask)
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
+
+    def of_people(self, name: str, step: int) -> list[NDArray[np.bool_]]:
+        """Where the pose network sees each of the people in a frame whose silhouette was made, of
+        its size; nobody where the network is not asked.
+        """
+        if self.people is None:
+            return []
+        size = self._sizes[name]
+        return people_masks(self.people.of(name, step), size[0] / self._widths[name], size)
 
     def soft(
         self, frames: Mapping[str, Frame], step: int | None = None

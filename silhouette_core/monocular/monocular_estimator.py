@@ -156,9 +156,10 @@ class _Tracking:
         source, name = self.source, self.source.rig.names[0]
         self.reporter.stage("people", source.frame_count)
 
-        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
+        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_], list[NDArray[np.bool_]]]]:
             for step, (_, _, frames) in enumerate(source):
-                yield frames[name], self.silhouettes.of(frames, step=step)[name]
+                mask = self.silhouettes.of(frames, step=step)[name]
+                yield frames[name], mask, self.silhouettes.of_people(name, step)
                 self.reporter.advance()
 
         coloured = not source.silhouettes_given
@@ -306,7 +307,8 @@ def _people(
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
+            mask = silhouettes.of(frames, step=step)[name]
+            person = finder.find(frames[name], mask, silhouettes.of_people(name, step))
         yield number, seconds, person
 
 
