@@ -94,6 +94,10 @@ class SeenPeople:
         numbers = self._numbers.get((name, step), [])
         return {number: self._read(*self._places[name, step, number]) for number in numbers}
 
+    def count(self, name: str, step: int) -> int:
+        """Number of people in a frame of a camera."""
+        return len(self._numbers.get((name, step), []))
+
     def nearest(self, name: str, step: int, mask: NDArray[np.bool_]) -> PersonSeen | None:
         """Who shares most with a silhouette (h, w) bool in a frame of a camera; None: nobody."""
         best, most = None, 0

@@ -143,9 +143,7 @@ class PeopleFollower:
         self._is_open = people is None
         self._frame = -1
 
-    def find(
-        self, picture: Frame, mask: Mask, people: Sequence[Mask] = ()
-    ) -> list[Mask | None]:
+    def find(self, picture: Frame, mask: Mask, people: Sequence[Mask] = ()) -> list[Mask | None]:
         """Where each person may be in the next frame, (h, w) bool; None: not there, or not apart.
 
         Args:

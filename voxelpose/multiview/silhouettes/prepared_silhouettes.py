@@ -93,6 +93,15 @@ class Footage:
         person = self.people.nearest(name, t + self.late_frames.get(name, 0), mask)
         return None if person is None else SeenJoints.of(person, self.source.rig[name])
 
+    def people_together(self, t: int) -> int | None:
+        """How many people the network sees together in a frame, in the camera that shows most of
+        them; None: it is not asked.
+        """
+        if self.people is None:
+            return None
+        pairs = zip(self.source.rig.names, self.late, strict=True)
+        return max(self.people.count(name, t + late) for name, late in pairs)
+
     def silhouettes(self, bodies: BodyOdds | None = None) -> Silhouettes:
         """The background, with what is known of bodies, see `Silhouettes`."""
         settings = self.settings
