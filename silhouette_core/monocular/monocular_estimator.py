@@ -116,8 +116,12 @@ class MonocularEstimator:
         merged = max(finder.merged for finder in finders)
         if merged:
             reporter.note(
-                f"people have one silhouette in {merged} of {source.frame_count} frames: nobody who"
-                " is in it has a pose there"
+                f"people have one silhouette in {merged} of {source.frame_count} frames: "
+                + (
+                    "nobody who is in it has a pose there"
+                    if silhouettes.people is None
+                    else "the pose network tells whose each part is"
+                )
             )
         return estimates
 

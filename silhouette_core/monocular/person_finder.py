@@ -152,13 +152,14 @@ class PeopleFollower:
             people: (h, w) bool, where the pose network sees each person, undistorted.
         """
         self._frame += 1
-        components = _parted(label_components(mask), people)
+        components, first_part = _parted(label_components(mask), people)
         there = [k for k, person in enumerate(self.people) if person.first <= self._frame]
         pieces = self._pieces(components, picture, [self.people[k] for k in there])
         taken = _assigned([self.people[k] for k in there], pieces)
         owners = {there[k]: j for k, j in taken.items()}
         merged = self._merged(owners, pieces, there)
-        self.merged = frozenset(merged)
+        parts = {k for k, j in owners.items() if pieces[j].label >= first_part}
+        self.merged = frozenset({*merged, *parts})
         for k in merged:
             self.people[k].merged(pieces[merged[k]])
         for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
@@ -282,9 +283,9 @@ class OneOfPeople(PersonFinder):
         return None if own is None else super().among(picture, own, ())
 
 
-def _parted(components: MaskComponents, people: Sequence[Mask]) -> MaskComponents:
+def _parted(components: MaskComponents, people: Sequence[Mask]) -> tuple[MaskComponents, int]:
     """Components of which each that holds most of several people is theirs, where each is seen; the
-    rest of it is nobody's.
+    rest of it is nobody's. Then the number of the first such part.
     """
     labels = components.labels.copy()
     counts = np.array(
@@ -301,10 +302,11 @@ def _parted(components: MaskComponents, people: Sequence[Mask]) -> MaskComponent
         labels[inside] = 0
         for k in members:
             labels[inside & people[k]] = labels.max() + 1
-    _, numbered = np.unique(labels, return_inverse=True)
-    labels = numbered.reshape(labels.shape).astype(np.int32)
+    kept, numbered = np.unique(np.append(labels, 0), return_inverse=True)
+    labels = numbered[:-1].reshape(labels.shape).astype(np.int32)
     sizes = np.bincount(labels[labels > 0], minlength=1)
-    return MaskComponents(labels, sizes)
+    first_part = int(np.count_nonzero(kept < len(components.sizes)))
+    return MaskComponents(labels, sizes), first_part
 
 
 def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dict[int, int]:
