@@ -158,8 +158,6 @@ class PeopleFollower:
         taken = _assigned([self.people[k] for k in there], pieces)
         owners = {there[k]: j for k, j in taken.items()}
         merged = self._merged(owners, pieces, there)
-        parts = {k for k, j in owners.items() if pieces[j].label >= first_part}
-        self.merged = frozenset({*merged, *parts})
         for k in merged:
             self.people[k].merged(pieces[merged[k]])
         for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
@@ -172,6 +170,8 @@ class PeopleFollower:
                 hosts = [k for k in there if _holds(self.people[k].box_px, pieces[j].centre_px)]
                 host = hosts[0] if hosts else None
                 self.people.append(FollowedPerson.begun(self._frame, pieces[j], host))
+        parts = [k for k, j in owners.items() if pieces[j].label >= first_part]
+        self.merged = frozenset([*merged, *parts])
         for k, j in owners.items():
             if k not in merged:
                 self.people[k].moved(pieces[j])
@@ -301,7 +301,7 @@ def _parted(components: MaskComponents, people: Sequence[Mask]) -> tuple[MaskCom
         inside = components.labels == label
         labels[inside] = 0
         for k in members:
-            labels[inside & people[k]] = labels.max() + 1
+            labels[inside & people[k]] = max(int(labels.max()) + 1, len(components.sizes))
     kept, numbered = np.unique(np.append(labels, 0), return_inverse=True)
     labels = numbered[:-1].reshape(labels.shape).astype(np.int32)
     sizes = np.bincount(labels[labels > 0], minlength=1)
