@@ -39,7 +39,7 @@ class Pictures:
     Attributes:
         camera: that took them.
         pictures: each (H, W, 3) uint8, BGR.
-        empty: pictures without a person.
+        empty: pictures without a person; none: the empty view is not known.
         frame_count: number of frames shown.
         paced: whether each is shown when its time has come, or as soon as it is asked for.
         fps: frames per second.
@@ -59,7 +59,7 @@ class Pictures:
         self.rig = Rig((self.camera,))
 
     def backgrounds(self) -> dict[str, Sequence[NDArray[np.uint8]]]:
-        return {self.camera.name: self.empty}
+        return {self.camera.name: self.empty} if self.empty else {}
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         return {}
@@ -158,7 +158,7 @@ def main() -> None:
     recording = Recording.open(given.recording)
     camera = recording.rig.cameras[0]
     pictures = [frames[camera.name].copy() for _, _, frames in recording]
-    empty = [frame.copy() for frame in recording.backgrounds()[camera.name]]
+    empty = [frame.copy() for frame in recording.backgrounds().get(camera.name, ())]
     for paced in (False, True):
         source = Pictures(camera, pictures, empty, _WARM + given.frames, paced, given.fps)
         between, latency = times(source, given.stature)

@@ -85,6 +85,12 @@ def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator
             f"{lost} of {lost + posed} frames have no pose: look at their silhouettes (voxelpose"
             " view)"
         )
+    shared = facts.get("frames_merged", 0)
+    if shared > RELIABILITY.lost * (lost + posed):
+        yield (
+            f"in {shared} of {lost + posed} frames people have one silhouette, and what one hides"
+            " of another is a guess: look at the overlay"
+        )
     seam_mm = max((seam for seam in facts.get("seams_mm", ()) if seam is not None), default=0.0)
     if seam_mm > RELIABILITY.seam_mm:
         yield (

@@ -1,7 +1,8 @@
 """Where people are in the pictures of one camera, followed by the pose network.
 
-Everybody is followed by their own mask and points. Who is not known yet is looked for where the
-picture changes, and in squares of it, a few in each frame.
+Everybody is followed by their own mask and points, the others painted out: before two people who
+overlap the network sees either. Who is not known yet is looked for where the picture changes, and
+in squares of it, a few in each frame.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from silhouette_core.estimator import Frame
 from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
 
-MOST = 4
+MOST = 6
 """People who are followed by a camera."""
 _TURNS = np.radians([0, 90, -90]).tolist()  # somebody stands, or lies on either side
 _EVERY = 4  # frames in which others are looked for once, where somebody is known
@@ -62,7 +63,7 @@ class PeopleWindows:
         first = self._small is None
         changed = self._changed(picture)
         for person in self._people:
-            seen = self._seen(picture, person.seen)
+            seen = self._seen(picture, person)
             person.absent = 0 if seen is not None else person.absent + 1
             person.seen = seen or person.seen
         self._leave()
@@ -71,16 +72,25 @@ class PeopleWindows:
             self._look_for_others(picture, changed, whole=first or (skipped and not there))
         return {person.number: person.seen for person in self._people if not person.absent}
 
-    def _seen(self, picture: Frame, before: PersonSeen) -> PersonSeen | None:
+    def _look(self, picture: Frame, crop: Crop, own: FollowedWindow | None = None) -> PersonSeen:
+        """What is seen in a square, of somebody who is known or of anybody, beside the others."""
+        others = np.zeros((256, 256), np.bool_)
+        for person in self._people:
+            if person is not own and not person.absent:
+                odds = person.seen.odds_in(crop)
+                others |= odds > (0 if own is None else np.maximum(own.seen.odds_in(crop), 0))
+        return self._network.look(picture, crop, others)
+
+    def _seen(self, picture: Frame, person: FollowedWindow) -> PersonSeen | None:
         """The person who was seen before, if still there: turned as before; but where that is not
         sure, as it is, else as it is likeliest.
         """
-        crop = next_crop(before)
+        crop = next_crop(person.seen)
         if crop is None:
             return None
         tried: list[PersonSeen] = []
         for turn in (crop.turn_rad, *_TURNS):
-            tried.append(self._network.look(picture, replace(crop, turn_rad=turn)))
+            tried.append(self._look(picture, replace(crop, turn_rad=turn), person))
             if tried[-1].is_sure:
                 return tried[-1]
         likeliest = max(tried, key=lambda seen: seen.presence)
@@ -100,13 +110,13 @@ class PeopleWindows:
         """Looks for more people: they are sure to be some, or the picture changes there."""
         found: list[PersonSeen] = []
         for crop, moves in self._unseen(changed, picture.shape[1::-1], whole):
-            seen = self._network.look(picture, crop)
+            seen = self._look(picture, crop)
             near = next_crop(seen)
             if near is None:
                 continue
-            seen = self._network.look(picture, near)
+            seen = self._look(picture, near)
             if seen.is_sure:  # a thing is so from one square, and not from the next
-                seen = self._network.look(picture, next_crop(seen) or near)
+                seen = self._look(picture, next_crop(seen) or near)
             known = [*(person.seen for person in self._people), *found]
             if seen.is_sure or (moves and seen.is_there):
                 found += [] if any(same_person(seen, one) for one in known) else [seen]
@@ -117,7 +127,7 @@ class PeopleWindows:
     def _known_or_new(self, seen: PersonSeen) -> FollowedWindow:
         """Somebody who was lost in this place, or somebody new."""
         for person in self._gone[::-1]:
-            if same_person(person.seen, seen):
+            if same_place(person.seen, seen):
                 self._gone.remove(person)
                 return FollowedWindow(person.number, seen)
         self._count += 1
@@ -142,7 +152,7 @@ class PeopleWindows:
             yield replace(crop, turn_rad=crop.turn_rad + _TURNS[self._turn]), True
         crop = next(self._squares, None)
         if crop is None:
-            self._squares = squares(*size)
+            self._squares = iter([*squares(*size)])
             crop = next(self._squares)
         yield crop, False
 
@@ -183,6 +193,12 @@ def next_crop(seen: PersonSeen) -> Crop | None:
 
 
 def same_person(one: PersonSeen, other: PersonSeen) -> bool:
+    """Whether two are the same person: by the overlap of their masks."""
+    a, b = one.logits > 0, other.odds_in(one.crop) > 0
+    return bool(2 * (a & b).sum() > min(a.sum(), b.sum()))
+
+
+def same_place(one: PersonSeen, other: PersonSeen) -> bool:
     """Whether two are seen in the same place: by the overlap of their boxes."""
     a, b = one.box_px, other.box_px
     if a is None or b is None:

@@ -125,6 +125,17 @@ class PersonSeen:
         """
         matrix = self.crop.from_network * scale
         matrix[:, 2] += 0.5 * (scale - 1)
+        return self._warped(matrix, size)
+
+    def odds_in(self, crop: Crop) -> NDArray[np.float32]:
+        """The same (256, 256) in the pixels of another square."""
+        back = cv2.invertAffineTransform(crop.from_network)
+        matrix = back[:, :2] @ self.crop.from_network
+        matrix[:, 2] += back[:, 2]
+        return self._warped(matrix, (_SIDE_PX, _SIDE_PX))
+
+    def _warped(self, matrix: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.float32]:
+        """Odds (h, w) in an image to which an affine (2, 3) leads from the square."""
         logits, outside = self.logits.astype(np.float32) / _STEPS, -_MOST / _STEPS
         if not self.is_sure:  # what it misses then says nothing
             logits = np.maximum(logits, 0)
@@ -139,10 +150,21 @@ class PoseNetwork:
         # OpenCV 5's new engine gives outputs of wrong shapes.
         engine = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
         self._net = cv2.dnn.readNetFromTFLite(str(path), *(() if engine is None else (engine,)))
+        self._path = path
 
-    def look(self, picture: Frame, crop: Crop) -> PersonSeen:
-        """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR."""
+    def __reduce__(self) -> tuple[type[PoseNetwork], tuple[Path]]:
+        """Another process reads the file itself."""
+        return PoseNetwork, (self._path,)
+
+    def look(
+        self, picture: Frame, crop: Crop, others: NDArray[np.bool_] | None = None
+    ) -> PersonSeen:
+        """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR; where others are,
+        (256, 256), there is the mean colour instead.
+        """
         square = cropped(picture, crop)[..., ::-1].astype(np.float32) / 255
+        if others is not None and others.any() and not others.all():
+            square[others] = square[~others].mean(axis=0)
         self._net.setInput(np.ascontiguousarray(square.transpose(2, 0, 1)[None]))
         points, presence, mask = self._net.forward(_HEADS)
         points, back = points.reshape(-1, 5), crop.from_network

@@ -7,6 +7,7 @@ they changed nothing on 22 rendered recordings of one camera.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +57,20 @@ class SeenJoints:
         """
         share = np.abs(weights)
         return cls(weights @ rays, share @ visibility / share.sum(axis=1))
+
+
+def joints_of_silhouette(
+    people: Mapping[int, PersonSeen], camera: Camera, mask: NDArray[np.bool_]
+) -> SeenJoints | None:
+    """Joints of who shares most with a silhouette (h, w) bool of a camera; None where nobody does,
+    or as of `SeenJoints.of`.
+    """
+    size, scale = mask.shape[::-1], mask.shape[1] / camera.size[0]
+    shared = {k: int((mask & (one.odds(size, scale) > 0)).sum()) for k, one in people.items()}
+    best = max(shared, key=lambda k: shared[k], default=None)
+    if best is None or not shared[best]:
+        return None
+    return SeenJoints.of(people[best], camera)
 
 
 def point_rays(person: PersonSeen, camera: Camera) -> NDArray[np.float64]:

@@ -25,8 +25,8 @@ from silhouette_core.image.cut import cut_size
 from silhouette_core.image.empty_scene import Kind
 from silhouette_core.image.exposure import Exposure
 from silhouette_core.image.foreground import SilhouetteStages, SoftSilhouette
-from silhouette_core.image.seen_joints import SeenJoints
-from silhouette_core.image.seen_people import SeenPeople, people_odds
+from silhouette_core.image.seen_joints import SeenJoints, joints_of_silhouette
+from silhouette_core.image.seen_people import People, people_masks, people_odds
 from silhouette_core.network_files import POSE_NETWORK
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
@@ -59,7 +59,7 @@ class Silhouettes:
         long_side_px: int | None = None,
         *,
         ahead: bool = True,
-        people: SeenPeople | None = None,
+        people: People | None = None,
         bodies: BodyOdds | None = None,
     ) -> None:
         """Builds the background models of a recording.
@@ -220,9 +220,19 @@ class Silhouettes:
         def silhouette(name: str) -> NDArray[np.bool_]:
             if near is None or self._given:
                 return self._known(name, self._silhouette(name, frames[name], step))
-            return self._known(name, self._silhouette_near(name, frames[name], near.get(name)))
+            mask = self._silhouette_near(name, frames[name], near.get(name), step)
+            return self._known(name, mask)
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
+
+    def of_people(self, name: str, step: int) -> list[NDArray[np.bool_]]:
+        """Where the pose network sees each of the people in a frame whose silhouette was made, of
+        its size; nobody where the network is not asked.
+        """
+        if self.people is None:
+            return []
+        size = self._sizes[name]
+        return people_masks(self.people.of(name, step), size[0] / self._cameras[name].size[0], size)
 
     def soft(
         self, frames: Mapping[str, Frame], step: int | None = None
@@ -285,8 +295,9 @@ class Silhouettes:
         """Joints that the network sees, in a frame of a camera, of the person with a silhouette
         (h, w) bool; None where it does not.
         """
-        person = None if self.people is None else self.people.nearest(name, step, mask)
-        return None if person is None else SeenJoints.of(person, self._cameras[name])
+        if self.people is None:
+            return None
+        return joints_of_silhouette(self.people.of(name, step), self._cameras[name], mask)
 
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
         region, frame = self._regions.get(name), self._registered(name, frame)
@@ -299,12 +310,14 @@ class Silhouettes:
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
 
-    def _silhouette_near(self, name: str, frame: Frame, near: Window | None) -> NDArray[np.bool_]:
+    def _silhouette_near(
+        self, name: str, frame: Frame, near: Window | None, step: int | None
+    ) -> NDArray[np.bool_]:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
         if near is None or exposure is None:
-            return self._silhouette(name, frame)
+            return self._silhouette(name, frame, step)
         window, part = self._part(name, frame, near)
         return model.silhouette_near(frame, part, window, exposure, region)
 
@@ -353,8 +366,6 @@ class Silhouettes:
             for name in names:
                 samples[name].append(self.scaled(name, frames[name]))
         for name, seen in samples.items():
-            if not seen:  # before a live session's first frame
-                continue
             empty = [self.scaled(name, one) for one in islice(backgrounds.get(name, ()), 1)]
             motion = CameraMovement(seen, empty)
             self.moving += (name,) if motion.moves else ()

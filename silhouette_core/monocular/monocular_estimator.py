@@ -116,8 +116,12 @@ class MonocularEstimator:
         merged = max(finder.merged for finder in finders)
         if merged:
             reporter.note(
-                f"people have one silhouette in {merged} of {source.frame_count} frames: nobody who"
-                " is in it has a pose there"
+                f"people have one silhouette in {merged} of {source.frame_count} frames: "
+                + (
+                    "nobody who is in it has a pose there"
+                    if silhouettes.people is None
+                    else "the pose network tells whose each part is"
+                )
             )
         return estimates
 
@@ -156,9 +160,10 @@ class _Tracking:
         source, name = self.source, self.source.rig.names[0]
         self.reporter.stage("people", source.frame_count)
 
-        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
+        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_], list[NDArray[np.bool_]]]]:
             for step, (_, _, frames) in enumerate(source):
-                yield frames[name], self.silhouettes.of(frames, step=step)[name]
+                mask = self.silhouettes.of(frames, step=step)[name]
+                yield frames[name], mask, self.silhouettes.of_people(name, step)
                 self.reporter.advance()
 
         coloured = not source.silhouettes_given
@@ -306,7 +311,8 @@ def _people(
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            person = finder.find(frames[name], silhouettes.of(frames, step=step)[name])
+            mask = silhouettes.of(frames, step=step)[name]
+            person = finder.find(frames[name], mask, silhouettes.of_people(name, step))
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
         yield number, seconds, person

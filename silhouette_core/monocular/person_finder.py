@@ -1,6 +1,7 @@
 """Whose silhouette is whose before one camera: one person's, or one of several people's.
 
-People whose silhouettes stay apart are found each. Where two have one silhouette, neither is found.
+People whose silhouettes stay apart are found each. Where two have one silhouette, it is theirs whom
+the pose network sees in each part of it; without the network, neither is found.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from silhouette_core.ranking import rounded
 
 LONG_SIDE_PX = 960
 _MOST = 2  # what it costs that a silhouette is somebody's: 1 by its place, 1 by its colours
+Mask = NDArray[np.bool_]
 Averaged = TypeVar("Averaged", float, NDArray[np.float64])
 
 
@@ -40,12 +42,17 @@ class PersonFinder:
         self._near_px: NDArray[np.float64] | None = None
         self._usual_px: float | None = None
 
-    def find(self, picture: Frame, silhouette: NDArray[np.bool_]) -> Person | None:
-        """Person in a frame (H, W, 3) with its silhouette (h, w), both as recorded."""
-        return self.among(picture, self._lens.undistort(silhouette))
+    def find(self, picture: Frame, silhouette: Mask, people: Sequence[Mask] = ()) -> Person | None:
+        """Person in a frame (H, W, 3) with its silhouette (h, w), and where the pose network sees
+        each person, (h, w), all as recorded.
+        """
+        apart = [self._lens.undistort(one) for one in people]
+        return self.among(picture, self._lens.undistort(silhouette), apart)
 
-    def among(self, picture: Frame, mask: NDArray[np.bool_]) -> Person | None:
-        """Person in a frame (H, W, 3) as recorded, among what may be it, (h, w), undistorted."""
+    def among(self, picture: Frame, mask: Mask, people: Sequence[Mask]) -> Person | None:
+        """Person in a frame (H, W, 3) as recorded, among what may be it, (h, w), undistorted, as
+        are those whom the network sees.
+        """
         person = find_person(mask, self._near_px, self._usual_px)
         if person is None:
             return None
@@ -136,21 +143,21 @@ class PeopleFollower:
         self._is_open = people is None
         self._frame = -1
 
-    def find(self, picture: Frame, mask: NDArray[np.bool_]) -> list[NDArray[np.bool_] | None]:
+    def find(self, picture: Frame, mask: Mask, people: Sequence[Mask] = ()) -> list[Mask | None]:
         """Where each person may be in the next frame, (h, w) bool; None: not there, or not apart.
 
         Args:
             picture: (H, W, 3) as recorded.
             mask: (h, w) bool, all foreground, undistorted.
+            people: (h, w) bool, where the pose network sees each person, undistorted.
         """
         self._frame += 1
-        components = label_components(mask)
+        components, first_part = _parted(label_components(mask), people)
         there = [k for k, person in enumerate(self.people) if person.first <= self._frame]
         pieces = self._pieces(components, picture, [self.people[k] for k in there])
         taken = _assigned([self.people[k] for k in there], pieces)
         owners = {there[k]: j for k, j in taken.items()}
         merged = self._merged(owners, pieces, there)
-        self.merged = frozenset(merged)
         for k in merged:
             self.people[k].merged(pieces[merged[k]])
         for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
@@ -163,6 +170,8 @@ class PeopleFollower:
                 hosts = [k for k in there if _holds(self.people[k].box_px, pieces[j].centre_px)]
                 host = hosts[0] if hosts else None
                 self.people.append(FollowedPerson.begun(self._frame, pieces[j], host))
+        parts = [k for k, j in owners.items() if pieces[j].label >= first_part]
+        self.merged = frozenset([*merged, *parts])
         for k, j in owners.items():
             if k not in merged:
                 self.people[k].moved(pieces[j])
@@ -217,20 +226,24 @@ class PeopleFollower:
 
 
 def people_apart(
-    frames: Iterator[tuple[Frame, NDArray[np.bool_]]], camera: Camera, count: int, coloured: bool
+    frames: Iterator[tuple[Frame, Mask, Sequence[Mask]]],
+    camera: Camera,
+    count: int,
+    coloured: bool,
 ) -> list[FollowedPerson]:
     """The people who are longest seen apart, as they begin, in the order of their places.
 
     Args:
-        frames: pictures (H, W, 3) and foreground (h, w) bool, both as recorded.
+        frames: as of `PersonFinder.find`.
         camera: which filmed them.
         count: number of people, at most.
         coloured: see `PeopleFollower`.
     """
     follower = PeopleFollower(camera, None, coloured)
     begun: list[FollowedPerson] = []
-    for picture, silhouette in frames:
-        follower.find(picture, follower.lens.undistort(silhouette))
+    for picture, silhouette, seen in frames:
+        apart = [follower.lens.undistort(one) for one in seen]
+        follower.find(picture, follower.lens.undistort(silhouette), apart)
         begun += [replace(person) for person in follower.people[len(begun) :]]
     people = []
     for last, person in zip(follower.people, begun, strict=True):
@@ -263,11 +276,37 @@ class OneOfPeople(PersonFinder):
         self._follower = PeopleFollower(camera, own, known)
         self._number, self.merged = number, 0
 
-    def among(self, picture: Frame, mask: NDArray[np.bool_]) -> Person | None:
+    def among(self, picture: Frame, mask: Mask, people: Sequence[Mask]) -> Person | None:
         """See `PersonFinder.among`."""
-        own = self._follower.find(picture, mask)[self._number]
+        own = self._follower.find(picture, mask, people)[self._number]
         self.merged += self._number in self._follower.merged
-        return None if own is None else super().among(picture, own)
+        return None if own is None else super().among(picture, own, ())
+
+
+def _parted(components: MaskComponents, people: Sequence[Mask]) -> tuple[MaskComponents, int]:
+    """Components of which each that holds most of several people is theirs, where each is seen; the
+    rest of it is nobody's. Then the number of the first such part.
+    """
+    labels = components.labels.copy()
+    counts = np.array(
+        [np.bincount(labels[one], minlength=len(components.sizes)) for one in people], np.int64
+    ).reshape(len(people), len(components.sizes))
+    counts[:, 0] = 0  # what is no foreground
+    held = [k for k in range(len(people)) if counts[k].any()]
+    holders = counts.argmax(axis=1)
+    for label in {int(holders[k]) for k in held}:
+        members = [k for k in held if holders[k] == label]
+        if len(members) < 2:
+            continue
+        inside = components.labels == label
+        labels[inside] = 0
+        for k in members:
+            labels[inside & people[k]] = max(int(labels.max()) + 1, len(components.sizes))
+    kept, numbered = np.unique(np.append(labels, 0), return_inverse=True)
+    labels = numbered[:-1].reshape(labels.shape).astype(np.int32)
+    sizes = np.bincount(labels[labels > 0], minlength=1)
+    first_part = int(np.count_nonzero(kept < len(components.sizes)))
+    return MaskComponents(labels, sizes), first_part
 
 
 def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dict[int, int]:

@@ -38,6 +38,14 @@ def test_a_result_is_called_what_its_numbers_say(numbers, level, words):
     assert words in verdict.reason and bool(verdict.reason) == (level != "reliable")
 
 
+def test_people_in_one_silhouette_leave_a_doubt_though_they_are_told_apart():
+    for shared, level in ((10, "reliable"), (11, "doubtful")):
+        numbers = summary(right=0.9)
+        numbers["facts"]["frames_merged"] = shared
+        assert verdict_of(numbers).level == level
+    assert "in 11 of 100 frames people have one silhouette" in verdict_of(numbers).reason
+
+
 def test_joints_that_are_likely_wrong_are_named():
     numbers = summary(right=0.9)
     numbers["quality"]["landmark_confidence"] = {"left_wrist": 0.49, "neck": 0.51}

@@ -107,6 +107,13 @@ People = Annotated[
         " passes by.",
     ),
 ]
+Network = Annotated[
+    Literal["auto", "off"],
+    arg(
+        help="Pose network as evidence beside the silhouettes, where `voxelpose network install`"
+        " has put one."
+    ),
+]
 GapMethod = Annotated[
     Literal["linear", "pchip", "none"],
     arg(help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."),

@@ -100,9 +100,7 @@ class EstimationArguments(ABC):
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
     in Okada and Stenger 5.1, which --method paper has anyway."""
-    network: Literal["auto", "off"] = "auto"
-    """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
-    one."""
+    network: arguments.Network = "auto"
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
     threads: arguments.Threads = None

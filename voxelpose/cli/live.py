@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
+from silhouette_core.network_files import POSE_NETWORK
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 
@@ -55,6 +56,9 @@ def print_session(session: LiveSession) -> None:
         rows, "stage", *(f"{name} ms" for name in ("min", "max", "mean", "median", "95 %", "99 %"))
     )
     print(f"{session.state.frames} frames estimated, {session.state.dropped} dropped")
+    if session.settings.asked:
+        cameras = ", ".join(session.settings.asked)
+        print(f"network: {POSE_NETWORK.sha256}, asked of {cameras}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +113,7 @@ class Live(arguments.PageArguments):
     """Record silhouettes instead of pictures."""
     loop: bool = False
     """Begin videos again at their end."""
+    network: arguments.Network = "auto"
     countdown: Annotated[float, arg(metavar="S")] = 5.0
     """Seconds to step out of the picture before the empty view is learned."""
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
@@ -149,6 +154,7 @@ class Live(arguments.PageArguments):
         """
         reporter.stage("loading the program")
         from silhouette_core.estimator import ONE_PERSONS, Settings
+        from silhouette_core.image.seen_people import network_for
         from voxelpose.live.camera_source import CameraSource
         from voxelpose.live.live_input import make_estimator, open_input
         from voxelpose.live.session import LiveSession
@@ -179,8 +185,12 @@ class Live(arguments.PageArguments):
         if self.people > 1 and settings != settings.of_anybody:
             reporter.note(ONE_PERSONS)
             settings, subject = settings.of_anybody, Subject()
+        session_settings = live.settings(subject)
+        missing = [name for name in live.recording.rig.names if name not in session_settings.empty]
+        given = session_settings.silhouettes_given
         session_settings = replace(
-            live.settings(subject),
+            session_settings,
+            network=None if given else network_for(missing, self.network, reporter),
             loop=self.loop,
             countdown_s=self.countdown,
             record=self.record or Path(time.strftime("live_%Y-%m-%d_%H-%M-%S")),

@@ -1,6 +1,7 @@
 """Silhouettes of live pictures, in a process of their own, and the background of the empty view."""
 
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.shared_memory import SharedMemory
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from calib.components import label_components
 from calib.errors import InputError
+from silhouette_core.image.person_windows import PeopleWindows
+from silhouette_core.image.pose_network import PersonSeen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX
 from voxelpose.live.remote_object import RemoteObject
@@ -38,15 +41,22 @@ def long_side_px(rig: Rig) -> int:
 
 @dataclass(frozen=True)
 class EmptyView:
-    """Pictures of the empty scene as a source of frames, for `Silhouettes`."""
+    """Pictures of the empty scene as a source of frames, for `Silhouettes`; of cameras without any,
+    the moments in which people were there.
+    """
 
     rig: Rig  # the cameras, as they take their pictures
     pictures: Mapping[str, Sequence[Picture]]  # (H, W, 3) uint8 BGR each, by camera name
     # (H, W) bool, where the person may be, by camera name.
     allowed: Mapping[str, Mask] = field(default_factory=dict)
     silhouettes_given: bool = False  # whether the pictures are silhouettes already
+    moments: Sequence[Mapping[str, Picture]] = ()  # (H, W, 3) uint8 BGR, by camera name
     fps: float = 30
-    frame_count: int = 0
+
+    @property
+    def frame_count(self) -> int:
+        """See `FrameSource.frame_count`."""
+        return len(self.moments)
 
     def backgrounds(self) -> Mapping[str, Sequence[Picture]]:
         """See `FrameSource.backgrounds`."""
@@ -60,13 +70,46 @@ class EmptyView:
         """See `FrameSource.unknown`: live, nothing is marked."""
         return {}
 
-    def at(self, steps: Sequence[int]) -> Iterator[dict[str, Picture]]:
-        """See `FrameSource.at`: there are no frames."""
-        return iter(())
+    def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Picture]]:
+        """See `FrameSource.at`."""
+        return (self.moments[step] for step in steps)
 
-    def __iter__(self) -> Iterator[tuple[int, float, dict[str, Picture]]]:
-        """There are no frames."""
-        return iter(())
+    def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Picture]]]:
+        """See `FrameSource`."""
+        return ((step, step / self.fps, frames) for step, frames in enumerate(self.moments))
+
+
+class PeopleInTurn:
+    """Whom the pose network sees: it looks at one camera after the other, as often as that keeps
+    up, and what it sees counts in that frame alone. Four frames later people have moved so far that
+    their mask spoils more of a silhouette than it mends.
+
+    Args:
+        windows: by camera name, what follows people there.
+
+    Attributes:
+        idle_s: time without work since the last look, which has to be as long as that was.
+    """
+
+    def __init__(self, windows: Mapping[str, PeopleWindows]):
+        self.idle_s = self._took_s = 0.0
+        self._windows = dict(windows)
+        self._seen: dict[str, Mapping[int, PersonSeen]] = {}
+
+    def look(self, step: int, frames: Mapping[str, Picture]) -> None:
+        """See `People.look`; steps are those of this session, one after the other."""
+        self._seen = {}
+        name = next((name for name in self._windows if name in frames), None)
+        if name is None or self.idle_s < self._took_s:
+            return
+        begun_s = time.perf_counter()
+        self._seen[name] = self._windows[name].see(frames[name])
+        self._windows[name] = self._windows.pop(name)  # the last in turn
+        self.idle_s, self._took_s = 0.0, time.perf_counter() - begun_s
+
+    def of(self, name: str, step: int) -> Mapping[int, PersonSeen]:
+        """See `People.of`."""
+        return self._seen.get(name, {})
 
 
 class LiveSilhouettes:
@@ -76,7 +119,7 @@ class LiveSilhouettes:
 
     def __init__(self, silhouettes: Silhouettes):
         self.others: frozenset[str] = frozenset()
-        self._silhouettes = silhouettes
+        self._silhouettes, self._ended_s = silhouettes, time.perf_counter()
         self._near: dict[str, tuple[slice, slice]] = {}
         self._frame = 0
 
@@ -89,11 +132,14 @@ class LiveSilhouettes:
         }
         self._frame += 1
         near = {name: window for name, window in self._near.items() if name not in whole}
-        masks = self._silhouettes.of(pictures, near)
+        if isinstance(people := self._silhouettes.people, PeopleInTurn):
+            people.idle_s += time.perf_counter() - self._ended_s
+        masks = self._silhouettes.of(pictures, near, self._frame)
         self._near = {name: w for name, mask in masks.items() if (w := _around(mask)) is not None}
         for name in whole:
             several = _shows_several(masks[name])
             self.others = self.others | {name} if several else self.others - {name}
+        self._ended_s = time.perf_counter()
         return masks
 
 

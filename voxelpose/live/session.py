@@ -13,20 +13,27 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.errors import InputError
+from silhouette_core.image.seen_people import SeenPeople
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
 from voxelpose.live.live_frame import LiveFrame, Phase, SessionState, hidden_note
 from voxelpose.live.live_recorder import LiveRecorder
-from voxelpose.live.live_silhouettes import EmptyView, SilhouetteProcess, long_side_px
+from voxelpose.live.live_silhouettes import (
+    EmptyView,
+    PeopleInTurn,
+    SilhouetteProcess,
+    long_side_px,
+)
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
 from voxelpose.tuning import LIVE
 
 _RECENT = 60  # frames
 _KEPT = 20_000  # frames: a session may last for days
-_LEARNED_FRAMES = 45  # of the empty view
+_LEARNED_FRAMES = 45  # of the empty view, or of a room with people
+_ROOM = "learning the room: walk about in it"
 _MESSAGES: dict[Phase, str] = {
     "no background": "the empty view is not known: press Background and step out of the picture",
     "countdown": "step out of the picture",
@@ -99,7 +106,7 @@ class SessionSettings:
     rig: Rig
     sources: Mapping[str, CameraSource]  # of the cameras' pictures, by camera name
     # Pictures of the empty view by camera name; cameras that are missing make the session begin
-    # with learning the background.
+    # with learning the background: with the pose network, while people are there.
     empty: Mapping[str, Sequence[Picture]] = field(default_factory=dict)
     # (H, W) bool, where the person may be, by camera name.
     regions: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
@@ -113,6 +120,14 @@ class SessionSettings:
     record: Path | None = None
     private: bool = False  # whether silhouettes alone are recorded
     people: int = 1  # who are followed at most
+    network: Path | None = None  # the pose network's file
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """Cameras of whose pictures the pose network is asked: those without an empty view."""
+        if self.network is None or self.silhouettes_given:
+            return ()
+        return tuple(name for name in self.rig.names if name not in self.empty)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +177,7 @@ class LiveSession:
         self._subtracts = False  # whether the background is known
         self._empty: Mapping[str, Sequence[Picture]] = settings.empty
         self._learned: deque[Mapping[str, Picture]] = deque(maxlen=_LEARNED_FRAMES)
+        self._learned_s = -np.inf  # when the last of them was taken
         self._arrived_s: deque[float] = deque(maxlen=_RECENT)
         self._recorder: LiveRecorder | None = None
         self._recordings, self._record_next = 0, False
@@ -211,7 +227,7 @@ class LiveSession:
         with self._lock:
             phase, notice, recorder = self._phase, self._notice, self._recorder
             left_s, followed = self._until_s - self._now(), self._followed
-        message = _MESSAGES[phase]
+        message = _ROOM if phase == "learning" and self.settings.asked else _MESSAGES[phase]
         if phase == "following" and self.settings.people > 1:
             message = f"{message} {followed} of {self.settings.people} people"
         if phase == "countdown":
@@ -236,9 +252,11 @@ class LiveSession:
         )
 
     def learn_background(self) -> None:
-        """Counts down, then learns the background from the empty view; returns at once."""
+        """Counts down, then learns the background from the empty view; where the pose network tells
+        who is there, at once. Returns at once.
+        """
         with self._lock:
-            self._phase, self._notice = "countdown", ""
+            self._phase, self._notice = "learning" if self.settings.asked else "countdown", ""
             self._until_s = self._now() + self.settings.countdown_s
             self._learned.clear()
 
@@ -334,24 +352,38 @@ class LiveSession:
                 self._phase = "learning"
             phase = self._phase
             if phase == "learning" and set(shot.pictures) == set(self.settings.rig.names):
-                self._learned.append(shot.pictures)
+                # A room with people shows more of itself in some seconds than in one.
+                apart_s = LIVE.searching_s if self.settings.asked else 0.0
+                if shot.time_s - self._learned_s >= apart_s:
+                    self._learned.append(shot.pictures)
+                    self._learned_s = shot.time_s
             learned = phase == "learning" and len(self._learned) == _LEARNED_FRAMES
         if learned:
-            self._empty = {
-                name: [pictures[name] for pictures in self._learned]
-                for name in self.settings.rig.names
-            }
+            moments = [*self._learned]
             self._learned.clear()
-            self._subtract()
+            if not self.settings.asked:
+                self._empty = {
+                    name: [pictures[name] for pictures in moments]
+                    for name in self.settings.rig.names
+                }
+            self._subtract(moments)
         return phase
 
-    def _subtract(self) -> None:
-        """Makes the background models; the search for a person begins."""
+    def _subtract(self, moments: Sequence[Mapping[str, Picture]] = ()) -> None:
+        """Makes the background models, of cameras without an empty view by moments with people; the
+        search for a person begins.
+        """
         settings = self.settings
-        view = EmptyView(settings.rig, self._empty, settings.regions, settings.silhouettes_given)
-        self._silhouettes.learn(Silhouettes(view, "auto", long_side_px(settings.rig)))
+        given, people = (settings.regions, settings.silhouettes_given, moments), None
+        if settings.network is not None and settings.asked:
+            people = SeenPeople(settings.asked, settings.network)
+        view, side = EmptyView(settings.rig, self._empty, *given), long_side_px(settings.rig)
+        silhouettes = Silhouettes(view, "auto", side, ahead=False, people=people)
+        silhouettes.people = None if people is None else PeopleInTurn(people.windows)
+        self._silhouettes.learn(silhouettes)
         # Loads the kernels before the first frame is there.
-        self._silhouettes.of(0.0, {name: images[-1] for name, images in self._empty.items()})
+        last = {name: images[-1] for name, images in self._empty.items()}
+        self._silhouettes.of(0.0, {**(moments[-1] if moments else {}), **last})
         if self._record_next:
             self._record_next = False
             self.record()

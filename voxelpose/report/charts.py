@@ -21,7 +21,6 @@ LEFT, RIGHT, MIDDLE, BAD = "#2f86d6", "#e8701a", "#8a8f98", "#d53e14"
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.size": 9,
-    "figure.figsize": (3.7, 2.1),  # inches of 72 px
     "axes.spines.top": False,
     "axes.spines.right": False,
     "text.color": _INK,
@@ -64,10 +63,10 @@ class CycleChart:
     curves: Mapping[str, CycleCurve]  # by label
 
 
-def cycle_chart(chart: CycleChart, name: str) -> str:
+def cycle_chart(chart: CycleChart, name: str, size_in: tuple[float, float] = (3.7, 2.1)) -> str:
     """Chart, an svg element, of curves over the stride; arguments as of `time_chart`."""
     with matplotlib.rc_context(_curve_style(name)):
-        figure = Figure(layout="constrained")
+        figure = Figure(figsize=size_in, layout="constrained")
         axes = figure.add_subplot()
         for label, curve in chart.curves.items():
             share = np.linspace(0, 100, len(curve.mean))
@@ -86,15 +85,20 @@ def cycle_chart(chart: CycleChart, name: str) -> str:
         return _element(figure, name, f"{chart.title} over the stride: {ranges}")
 
 
-def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str) -> str:
-    """Chart, an svg element, of curves over time.
+def time_chart(
+    chart: TimeChart,
+    time_s: NDArray[np.float64],
+    name: str,
+    size_in: tuple[float, float] = (3.7, 2.1),
+) -> str:
+    """Chart, an svg element, of curves over time, of a size in inches of 72 px.
 
     Args:
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
     """
     with matplotlib.rc_context(_curve_style(name)):
-        figure = Figure(layout="constrained")
+        figure = Figure(figsize=size_in, layout="constrained")
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
         for label, (values, colour) in chart.curves.items():

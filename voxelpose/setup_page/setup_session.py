@@ -13,9 +13,11 @@ from msgspec import UNSET
 from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.upright import UprightFrame, axis_name, direction_of
-from silhouette_core.estimator import BackgroundKind
+from silhouette_core.estimator import BackgroundKind, Settings
 from silhouette_core.image.foreground import SilhouetteStages
+from silhouette_core.image.seen_people import people_looked_for
 from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.progress import SilentReporter
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.unknown_places import RECORDING_FILE
@@ -53,6 +55,15 @@ _MEANWHILE = (
 _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
 
 
+class _Notes(SilentReporter):
+    """Keeps the last note."""
+
+    words = ""
+
+    def note(self, text: str) -> None:
+        self.words = text
+
+
 class SetupSession:
     """A recording folder behind the page."""
 
@@ -82,6 +93,7 @@ class SetupSession:
         self._moments = previews.MomentFrames(self._recording)
         self._backgrounds = previews.BackgroundModels(self._learned)
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
+        self._notes = _Notes()
 
     def close(self) -> None:
         """Ends what is running, but for the studio's job."""
@@ -159,10 +171,12 @@ class SetupSession:
         model = self._model(asked)
         if model is None:
             return {"ready": False}
-        masks = model.of(frames)
+        with self._staging:  # the pose network looks at one moment after the other
+            masks = model.of(frames, step=asked.moment)
         return {
             "ready": True,
             "guessed": list(model.without_background),
+            "note": self._notes.words,
             "cameras": {
                 name: {
                     "png": base64.b64encode(
@@ -193,7 +207,7 @@ class SetupSession:
             if model is None:
                 return None
             frame = self._moments.frames(asked.moment)[asked.camera]
-            self._staged = key, model.stages(asked.camera, frame)
+            self._staged = key, model.stages(asked.camera, frame, asked.moment)
         return self._staged[1]
 
     def _model(
@@ -215,7 +229,10 @@ class SetupSession:
 
     def _learned(self, kind: BackgroundKind) -> Silhouettes:
         source = DrawnRecording(**vars(self._recording))
-        return Silhouettes(source, kind, LONG_SIDE_PX)
+        use, _ = self._settings().get("network", ("auto", ""))
+        settings = Settings(background=kind, network=use)
+        people = people_looked_for(source, settings, self._notes)
+        return Silhouettes(source, kind, LONG_SIDE_PX, people=people)
 
     def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points. InputError where there

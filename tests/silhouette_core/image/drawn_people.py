@@ -7,14 +7,16 @@ from silhouette_core.image.pose_network import POINTS, Crop, PersonSeen, cropped
 
 
 class BrightPeople:
-    """Sees what is brighter than 100 as a person, upright; grey of 150 as somebody doubtful."""
+    """Sees what is above 100 in a channel as a person, upright; at 150 as somebody doubtful."""
 
-    def __init__(self):
-        self.looks = 0
+    def __init__(self, channel=0):
+        self.looks, self.channel = 0, channel
 
-    def look(self, picture, crop: Crop) -> PersonSeen:
+    def look(self, picture, crop: Crop, others=None) -> PersonSeen:
         self.looks += 1
-        square = cropped(picture, crop)[..., 0]
+        square = cropped(picture, crop)[..., self.channel]
+        if others is not None:
+            square[others] = 0
         mask = square > 100
         count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
         if count > 1:  # the person in the middle of the square

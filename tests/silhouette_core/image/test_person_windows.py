@@ -59,6 +59,17 @@ def test_who_appears_later_is_found():
     assert found[-1]
 
 
+def test_people_who_touch_are_followed_each():
+    """The network sees either of two who overlap, unless the other one is painted out."""
+    windows = PeopleWindows(BrightPeople(), most=2)
+    for step in range(24):
+        left, right = 40 + 4 * step, 220 - 4 * step
+        people = windows.see(picture((left, 60, 30, 90), (right, 60, 30, 90)))
+        if abs(left - right) > 24:
+            assert list(people) == [0, 1]
+    assert right - left < 30
+
+
 def test_two_windows_never_hold_the_same_person():
     windows = PeopleWindows(BrightPeople(), most=2)
     windows.see(picture((60, 60, 30, 90), (200, 60, 30, 90)))
@@ -103,9 +114,9 @@ def test_what_is_sure_from_one_square_alone_is_nobody():
 
         sides = ()
 
-        def look(self, picture, crop):
+        def look(self, picture, crop, others=None):
             seen, again = (
-                super().look(picture, crop),
+                super().look(picture, crop, others),
                 any(abs(crop.side_px - side) < 15 for side in self.sides),
             )
             self.sides = (*self.sides, crop.side_px) if crop.side_px < 200 else self.sides

@@ -1,8 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.pose_network import POINTS, Crop, PersonSeen
-from silhouette_core.image.seen_joints import SeenJoints, deviations_m, joint_weights
+from silhouette_core.image.seen_joints import (
+    SeenJoints,
+    deviations_m,
+    joint_weights,
+    joints_of_silhouette,
+)
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 
 CAMERA = look_at("cam_1", (3.0, -2.0, 1.4), (0.0, 0.0, 1.0), distortion=(-0.1, 0.02, 0, 0, 0))
@@ -41,3 +48,21 @@ def test_joints_of_whom_the_network_is_not_sure_do_not_count():
     assert SeenJoints.of(person(points, presence=0.9), CAMERA) is None
     points[3] = np.nan
     assert SeenJoints.of(person(points), CAMERA) is None
+
+
+def test_joints_of_a_silhouette_are_those_of_who_shares_most_of_it():
+    """Two people beside each other; all points of each are in one place."""
+    people = {}
+    for number, left in ((0, 20), (3, 100)):
+        place = np.tile([left + 20.0, 60.0], (POINTS, 1))
+        people[number] = replace(person(place), crop=Crop(left + 20, 60, 40))
+    width, height = CAMERA.size
+    mask = np.zeros((height, width), np.bool_)
+    mask[40:80, 50:130] = True
+    wanted = SeenJoints.of(people[3], CAMERA)
+    for silhouette in (mask, mask[::2, ::2]):
+        np.testing.assert_array_equal(
+            joints_of_silhouette(people, CAMERA, silhouette).rays, wanted.rays
+        )
+    assert joints_of_silhouette(people, CAMERA, np.zeros_like(mask)) is None
+    assert joints_of_silhouette({}, CAMERA, mask) is None

@@ -2,9 +2,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from silhouette_core.image import seen_people
+from tests.silhouette_core.image.drawn_people import BrightPeople
 from tests.sources import ring, write_staged
 from tests.voxelpose.live.sessions import MOTION, STANDING, running, wait_until
 from voxelpose.live.live_estimators import posed_body
@@ -88,6 +91,23 @@ def test_the_empty_view_is_learned_after_a_countdown(settings, monkeypatch):
         assert session.state.phase == "countdown"
         wait_until(lambda: estimator.seen > 3)
         assert session.state.phase in ("searching", "following")
+
+
+def test_without_an_empty_view_the_network_tells_who_is_there(settings, monkeypatch):
+    """Nobody has to step out of the picture."""
+    monkeypatch.setattr("voxelpose.live.session._LEARNED_FRAMES", 5)
+    monkeypatch.setattr(seen_people, "PoseNetwork", lambda _: BrightPeople(channel=2))
+    alone = replace(settings, empty={}, loop=True, network=Path("network"))
+    assert alone.asked == RIG.names and settings.asked == ()
+    with running(alone) as (session, _, frames):
+        session.learn_background()
+        assert session.state.phase == "learning" and "walk about" in session.state.message
+        wait_until(lambda: session.state.phase == "following", 60)
+        wait_until(lambda: frames[-1].body is not None)
+        last = frames[-1]
+    for name, mask in last.silhouettes.items():
+        true = cv2.resize(last.pictures[name][..., 2], mask.shape[::-1]) > 140
+        assert (true & mask).sum() > 0.8 * (true | mask).sum()
 
 
 def test_what_a_stage_raises_ends_the_session(settings):

@@ -1,4 +1,5 @@
 import errno
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from tests.sources import ring, write_staged
 from tests.voxelpose.live.sessions import MOTION
 from voxelpose.live import live_silhouettes
-from voxelpose.live.live_silhouettes import SilhouetteProcess
+from voxelpose.live.live_silhouettes import PeopleInTurn, SilhouetteProcess
 from voxelpose.recording.folder import Recording
 
 
@@ -34,6 +35,26 @@ def test_silhouettes_near_the_last_ones_are_those_of_the_whole_pictures(tmp_path
                 break
     finally:
         process.close()
+
+
+def test_the_network_looks_at_one_camera_after_the_other_as_idle_time_allows():
+    class Windows:
+        looks = 0
+
+        def see(self, picture):
+            self.looks += 1
+            time.sleep(0.01)
+            return {0: picture}
+
+    windows = {"a": Windows(), "b": Windows()}
+    people, frames = PeopleInTurn(windows), {"a": "picture of a", "b": "picture of b"}
+    for step, (idle_s, seen) in enumerate([(0, "a"), (0.001, ""), (1, "b"), (0, ""), (1, "a")]):
+        people.idle_s += idle_s
+        people.look(step, frames)
+        assert [name for name in frames if people.of(name, step)] == [*seen]
+    people.idle_s = 1
+    people.look(5, {"a": "picture of a"})  # b is silent
+    assert (windows["a"].looks, windows["b"].looks) == (3, 1)
 
 
 def test_too_little_shared_memory_is_said(monkeypatch):

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import shutil
 import socket
 import time
 from dataclasses import replace
@@ -15,11 +16,13 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig
+from silhouette_core.image import seen_people
+from tests.silhouette_core.image.drawn_people import BrightPeople
 from tests.sources import figure_masks, ring, turned, write_figure, write_recording
-from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, served, staged
+from tests.voxelpose.setup_page.setup_scenes import SIZE, ask, opened, served, staged
 from voxelpose.recording.folder import Recording
 from voxelpose.setup_page.check_findings import repair_folder
-from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest
+from voxelpose.setup_page.page_requests import LARGEST_BODY, SaveRequest, SilhouetteRequest
 from voxelpose.view.serving.page_answers import parse_request
 
 TOKEN = "open & sesame"
@@ -126,6 +129,29 @@ def test_the_page_loads_nothing_from_elsewhere(local):
 def test_pictures_that_are_not_there_are_said_in_a_line(local, path):
     status, content = ask(local, path)
     assert status == 400 and isinstance(content, dict) and len(content["error"]) < 200
+
+
+def test_silhouettes_without_an_empty_view_are_made_with_the_network(tmp_path, monkeypatch):
+    folder = staged(tmp_path / "staged", 2)
+    shutil.rmtree(folder / "background")
+    asked = parse_request(b'{"moment": 3, "background": "moving", "places": {}}', SilhouetteRequest)
+
+    def silhouettes():
+        session = opened(folder)
+        while not (answer := session.silhouettes(asked))["ready"]:
+            time.sleep(0.05)
+        session.close()
+        return answer["note"], [one["share"] for one in answer["cameras"].values()]
+
+    monkeypatch.setattr(seen_people, "installed_network", lambda use: None)
+    note, _ = silhouettes()
+    assert note.startswith("cam_1, cam_2: no empty view") and "network install" in note
+    monkeypatch.setattr(seen_people, "installed_network", lambda use: use == "auto" and tmp_path)
+    monkeypatch.setattr(seen_people, "PoseNetwork", lambda path: BrightPeople(channel=2))
+    note, shares = silhouettes()
+    pictures = next(iter(Recording.open(folder).at([3])))
+    true = [(picture[..., 2] > 150).mean() for picture in pictures.values()]
+    assert note == "" and shares == pytest.approx(true, rel=0.2)
 
 
 DAMAGED = [

@@ -21,6 +21,7 @@ from voxelpose.multiview.people import MOST_PEOPLE
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
 from voxelpose.multiview.people.presence import (
     ASKED_HZ,
+    HIDDEN_S,
     at_all_times,
     find_people,
     metre_px,
@@ -61,13 +62,13 @@ def people_places(
             yield store[t]
             reporter.advance()
 
-    most = MOST_PEOPLE if people is None else people
+    most = [people or _most_at(prepared, steps, float(time_s)) for time_s in times_s[steps]]
     with clock("people"):
         tracks_m, things_m = (
             at_all_times(found_m, times_s[steps], times_s)
             for found_m in find_people(observer, frames(), times_s[steps], most)
         )
-        axes_m = _each_person(prepared, tracks_m, people, reporter)[:most]
+        axes_m = _each_person(prepared, tracks_m, people, reporter)[: people or MOST_PEOPLE]
     if people is not None and len(axes_m) < people:
         found = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
         raise InputError(
@@ -84,6 +85,19 @@ def people_places(
         for found_m in (axes_m, things_m)
     )
     return places_m, things_m
+
+
+def _most_at(prepared: PreparedSilhouettes, steps: NDArray[np.int64], time_s: float) -> int:
+    """How many people there are at most at a time: as many as the pose network sees together within
+    the time for which somebody may be hidden.
+
+    Args:
+        steps: frames that are asked for.
+    """
+    near = steps[np.abs(prepared.times_s[steps] - time_s) <= HIDDEN_S]
+    seen = [prepared.footage.people_together(t) for t in near.tolist()]
+    known = [count for count in seen if count is not None]
+    return min(MOST_PEOPLE, max(known, default=MOST_PEOPLE)) or 1
 
 
 def _each_person(

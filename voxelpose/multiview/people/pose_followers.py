@@ -146,7 +146,7 @@ class PoseFollowers:
         except InputError:
             return np.empty((0, 2)), np.empty(0, np.bool_)
         self._observer = HullObserver(views, volume, CARVING.voxel_m, rule)
-        sets = PresenceSearch(self._observer, len(self.people)).sets(masks)
+        sets = PresenceSearch(self._observer).sets(masks, len(self.people))
         best = sets.members[0]
         away = np.linalg.norm(sets.axes_m[best][:, None] - self._places_m[others], axis=2)
         free = best[(away > PEOPLE.reach_m).all(axis=1)]

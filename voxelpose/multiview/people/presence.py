@@ -54,21 +54,24 @@ class PresenceSearch:
 
     Args:
         observer: carves the hull of everybody.
-        most: number of people, at most.
     """
 
-    def __init__(self, observer: HullObserver, most: int):
+    def __init__(self, observer: HullObserver):
         """Prepares reduced cameras."""
-        self._observer, self._most = observer, most
+        self._observer = observer
         self._cameras = [camera.pinhole(1 / _REDUCED) for camera in observer.views.rig]
         self._person_px = PEOPLE.seen_m2 * (metre_px(observer) / _REDUCED) ** 2
 
     def sets(
-        self, masks: list[NDArray[np.bool_]], before_m: NDArray[np.float64] | None = None
+        self,
+        masks: list[NDArray[np.bool_]],
+        most: int,
+        before_m: NDArray[np.float64] | None = None,
     ) -> PeopleSets:
         """Sets of people that silhouettes (h, w) bool of all cameras allow, best first.
 
         Args:
+            most: number of people, at most.
             before_m: (n, 2) float64, axes of the frame before, which are asked for as well: the
                 hull of people who stand near to each other is thickest between them.
         """
@@ -77,7 +80,7 @@ class PresenceSearch:
         pairs = zip(masks, self._cameras, strict=True)
         seen = [_reduced(mask, camera.size) for mask, camera in pairs]
         explained = [self._explained(hull, axis, seen) for axis in axes]
-        members, cost = self._ranked(explained, seen)
+        members, cost = self._ranked(explained, seen, most)
         return PeopleSets(axes, upright, members, cost)
 
     def _axes(
@@ -125,6 +128,7 @@ class PresenceSearch:
         self,
         explained: list[list[NDArray[np.bool_]]],
         seen: list[NDArray[np.bool_]],
+        most: int,
     ) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
         """The cheapest sets of people at some axes, and their costs."""
         packed = [[np.packbits(mask) for mask in masks] for masks in explained]
@@ -132,7 +136,7 @@ class PresenceSearch:
         empty = [np.zeros_like(bits) for bits in whole]
         grown: list[tuple[tuple[int, ...], list[NDArray[np.uint8]]]] = [((), empty)]
         found = list(grown)
-        for _ in range(min(self._most, len(explained))):
+        for _ in range(min(most, len(explained))):
             grown = [
                 ((*members, k), [a | b for a, b in zip(union, packed[k], strict=True)])
                 for members, union in grown
@@ -254,7 +258,7 @@ def find_people(
     observer: HullObserver,
     frames: Iterable[list[NDArray[np.bool_]]],
     times_s: NDArray[np.float64],
-    most: int,
+    most: Sequence[int],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where people are in some frames of a recording, and what is as large and nobody.
 
@@ -262,16 +266,16 @@ def find_people(
         observer: as of `PresenceSearch`.
         frames: T frames' silhouettes (h, w) bool of all cameras, made when they are asked for.
         times_s: (T,) float64, of these frames.
-        most: number of people who are there at a time, at most.
+        most: number of people who are there in each frame, at most.
 
     Returns:
         Axes (N, T, 2) float64 in the world's xy plane, m, of N people; NaN where one is not there.
         Who comes back after more than `HIDDEN_S` is another one. Then the same of things.
     """
-    search, elapsed_s = PresenceSearch(observer, most), np.diff(times_s)
+    search, elapsed_s = PresenceSearch(observer), np.diff(times_s)
     sets: list[PeopleSets] = []
-    for masks in frames:
-        sets.append(search.sets(masks, sets[-1].axes_m if sets else None))
+    for masks, count in zip(frames, most, strict=True):
+        sets.append(search.sets(masks, count, sets[-1].axes_m if sets else None))
     people, things = link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s)
     return join_tracks(people, times_s), join_tracks(things, times_s)
 

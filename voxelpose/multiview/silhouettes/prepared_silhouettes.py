@@ -18,7 +18,7 @@ from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
-from silhouette_core.image.seen_joints import SeenJoints
+from silhouette_core.image.seen_joints import SeenJoints, joints_of_silhouette
 from silhouette_core.image.seen_people import SeenPeople, people_seen
 from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
@@ -87,8 +87,17 @@ class Footage:
         name = self.source.rig.names[camera]
         if self.people is None:
             return None
-        person = self.people.nearest(name, t + self.late_frames.get(name, 0), mask)
-        return None if person is None else SeenJoints.of(person, self.source.rig[name])
+        people = self.people.of(name, t + self.late_frames.get(name, 0))
+        return joints_of_silhouette(people, self.source.rig[name], mask)
+
+    def people_together(self, t: int) -> int | None:
+        """How many people the network sees together in a frame, in the camera that shows most of
+        them; None: it is not asked.
+        """
+        if self.people is None:
+            return None
+        pairs = zip(self.source.rig.names, self.late, strict=True)
+        return max(self.people.count(name, t + late) for name, late in pairs)
 
     def silhouettes(self, bodies: BodyOdds | None = None) -> Silhouettes:
         """The background, with what is known of bodies, see `Silhouettes`."""

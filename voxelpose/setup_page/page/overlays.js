@@ -124,7 +124,7 @@ export class Overlays {
     const shares = Object.entries(answer.cameras).map(([name, { share }]) => `${name} ${(100 * share).toFixed(1)} %`);
     const guessed = answer.guessed.length
       ? ` No empty view of ${answer.guessed.join(", ")}: the background is estimated from the frames.` : "";
-    this.silhouetteText(`Share of the picture: ${shares.join(", ")}.${guessed}`);
+    this.silhouetteText(`Share of the picture: ${shares.join(", ")}.${guessed} ${answer.note}`);
   }
 
   async ground(current) {

@@ -115,7 +115,7 @@ def sees(monkeypatch):
     """Where the hull shows people, as the test says: a list of places, and whether upright."""
     told = {"axes": [], "upright": []}
 
-    def sets(self, masks):
+    def sets(self, masks, most):
         count = len(told["axes"])
         members = [np.arange(count)]
         axes = np.array(told["axes"], float).reshape(count, 2)

@@ -40,8 +40,8 @@ def union(*silhouettes):
     return [np.logical_or.reduce(masks) for masks in zip(*silhouettes, strict=True)]
 
 
-def search(seen_by, most=6):
-    return PresenceSearch(observer(seen_by), most)
+def search(seen_by):
+    return PresenceSearch(observer(seen_by))
 
 
 def observer(seen_by):
@@ -57,20 +57,22 @@ def test_people_and_not_the_phantoms_between_them(cameras):
         photograph(seen_by, body, stance(body, {}, place))
         for body, place in zip(bodies, places, strict=True)
     ]
-    sets = search(seen_by).sets(union(*people))
+    sets = search(seen_by).sets(union(*people), 6)
     if cameras == 3:
         assert len(sets.axes_m) > 3
     found = sets.axes_m[sets.members[0]]
     assert len(found) == 3
     apart = np.linalg.norm(found[:, None] - np.array(places)[None], axis=2)
     assert apart.min(axis=1).max() < 0.15 and len(set(apart.argmin(axis=1))) == 3
+    fewer = search(seen_by).sets(union(*people), 2)  # as many as the pose network sees
+    assert max(map(len, fewer.members)) == 2
 
 
 def test_one_person_with_arms_and_legs_apart_is_one():
     model, seen_by = fitting_model(), views(4)
     apart = {f"{side}_upper_arm.abduction": 90.0 for side in ("left", "right")}
     apart |= {"left_thigh.flexion": 60.0, "right_thigh.flexion": -20.0}
-    sets = search(seen_by).sets(photograph(seen_by, model, stance(model, apart)))
+    sets = search(seen_by).sets(photograph(seen_by, model, stance(model, apart)), 6)
     assert len(sets.members[0]) == 1
 
 
@@ -94,9 +96,9 @@ def test_where_somebody_was_before_is_asked_for_too():
     seen_by = views(4)
     near = union(*(post(seen_by, 0, y, 0.3, 1.6) for y in (-0.17, 0.17)))
     presence = search(seen_by)
-    alone = presence.sets(near).axes_m
+    alone = presence.sets(near, 6).axes_m
     before_m = np.array([[0.0, -0.3], [0.0, 0.3], [1.2, 1.2]])
-    asked = presence.sets(near, before_m).axes_m
+    asked = presence.sets(near, 6, before_m).axes_m
     assert len(alone) == 1 and len(asked) == 3
     assert np.linalg.norm(asked - before_m[1], axis=1).min() < 0.05
 
@@ -104,7 +106,7 @@ def test_where_somebody_was_before_is_asked_for_too():
 def test_what_is_much_thinner_than_a_person_is_nobody():
     model, seen_by = fitting_model(), views(4)
     person = photograph(seen_by, model, stance(model))
-    sets = search(seen_by).sets(union(person, post(seen_by, 0.9, 0.3)))
+    sets = search(seen_by).sets(union(person, post(seen_by, 0.9, 0.3)), 6)
     assert len(sets.axes_m) > 1  # it is asked for
     assert len(sets.members[0]) == 1
 
@@ -113,14 +115,14 @@ def test_somebody_who_lies_is_not_taken_for_several():
     model, seen_by = fitting_model(), views(4)
     lying = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])
     pose = Pose(np.array([0.0, 0, 0.15]), lying, stance(model).angles_rad)
-    sets = search(seen_by).sets(photograph(seen_by, model, pose))
+    sets = search(seen_by).sets(photograph(seen_by, model, pose), 6)
     assert len(sets.members[0]) == 0
 
 
 def test_nobody_is_nobody():
     seen_by = views(3)
     empty = [np.zeros(camera.size[::-1], bool) for camera in seen_by.rig]
-    people, things = find_people(observer(seen_by), [empty] * 2, np.arange(2.0), 6)
+    people, things = find_people(observer(seen_by), [empty] * 2, np.arange(2.0), [6] * 2)
     assert not len(people) and not len(things)
 
 
@@ -138,7 +140,7 @@ def test_people_keep_their_numbers_while_they_walk_past_each_other():
                 )
             )
         )
-    found, _ = find_people(observer(seen_by), frames, times_s, 6)
+    found, _ = find_people(observer(seen_by), frames, times_s, [6] * len(frames))
     assert found.shape == (2, 8, 2)
     for track in found:
         ahead = np.sign(track[-1, 0] - track[0, 0])
@@ -173,10 +175,10 @@ def test_somebody_who_runs_is_kept():
 def test_who_crouches_is_somebody_and_what_is_low_at_all_times_nobody():
     seen_by, times_s = views(4), np.arange(3) / 10
     low, high = (post(seen_by, 0.3, 0.2, 0.4, height_m) for height_m in (0.8, 1.6))
-    (person,), _ = find_people(observer(seen_by), [low, high, high], times_s, 6)
+    (person,), _ = find_people(observer(seen_by), [low, high, high], times_s, [6] * 3)
     np.testing.assert_allclose(person, [(0.3, 0.2)] * 3, atol=0.1)
     for frames in ([low] * 3, [low, high, low]):
-        people, (thing,) = find_people(observer(seen_by), frames, times_s, 6)
+        people, (thing,) = find_people(observer(seen_by), frames, times_s, [6] * len(frames))
         assert not len(people)
         np.testing.assert_allclose(thing, person)
 
@@ -187,7 +189,7 @@ def test_a_crate_is_nobody_wherever_the_volume_begins():
     asked = HullObserver(seen_by, deep, 0.025, body_rule(4, 0))
     person = photograph(seen_by, fitting_model(), stance(fitting_model(), {}, (-0.4, 0)))
     both = union(person, post(seen_by, 0.6, 0.2, 0.4, 0.8))
-    people, things = find_people(asked, [both] * 3, times_s, 6)
+    people, things = find_people(asked, [both] * 3, times_s, [6] * 3)
     assert len(people) == len(things) == 1
     np.testing.assert_allclose(things[0], [(0.6, 0.2)] * 3, atol=0.1)
 
