@@ -51,8 +51,10 @@ class PersonFinder:
 
     def among(self, picture: Frame, mask: Mask, people: Sequence[Mask]) -> Person | None:
         """Person in a frame (H, W, 3) as recorded, among what may be it, (h, w), undistorted, as
-        are those whom the network sees.
+        are those whom the network sees: of several, the others are nobody.
         """
+        for other in sorted(people, key=self._away)[1:]:
+            mask = mask & ~other
         person = find_person(mask, self._near_px, self._usual_px)
         if person is None:
             return None
@@ -63,6 +65,15 @@ class PersonFinder:
         self._usual_px = area if usual is None else _mixed(usual, area)
         self._near_px = np.array([moments["m10"], moments["m01"]]) / area
         return person
+
+    def _away(self, mask: Mask) -> float:
+        """How far a mask (h, w) is from where the person was last; at first, how small it is."""
+        moments = cv2.moments(mask.view(np.uint8), binaryImage=True)
+        area = moments["m00"]
+        if self._near_px is None or not area:
+            return np.inf if self._near_px is not None else -area
+        centre_px = np.array([moments["m10"], moments["m01"]]) / area
+        return float(np.linalg.norm(centre_px - self._near_px))
 
 
 @dataclass(eq=False)

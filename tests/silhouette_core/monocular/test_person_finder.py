@@ -7,7 +7,7 @@ from benchmarks.silhouette_source import SilhouetteSource
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
-from silhouette_core.monocular.person_finder import OneOfPeople, people_apart
+from silhouette_core.monocular.person_finder import OneOfPeople, PersonFinder, people_apart
 from silhouette_core.progress import SilentReporter
 from tests.sources import ring
 
@@ -71,6 +71,13 @@ def test_people_who_pass_each_other_are_found_in_one_silhouette_where_the_networ
         off = [abs(a - b) for a, b in zip(left, true, strict=True) if a is not None]
         assert max(off) <= 15  # what both cover is nobody's here
     assert merged[0] == merged[1] >= sum(touching)  # told apart, and less sure
+
+
+def test_whoever_touches_the_only_person_is_left_out_where_the_network_sees_both():
+    finder = PersonFinder(CAMERA, coloured=False)
+    for other in walk(200, 129, 30) + walk(129, 200, 30):
+        found = finder.find(*filmed(100, other, seen=True))
+        assert np.flatnonzero(found.mask.any(axis=0))[[0, -1]].tolist() == [100, 129]
 
 
 def test_those_who_turn_back_are_told_by_their_colours():
