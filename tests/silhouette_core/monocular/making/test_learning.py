@@ -78,7 +78,7 @@ def unseen_takes():
     ]
 
 
-def errors_of(proposal):
+def errors_of(proposal, *, joints_seen=False):
     """Median errors over movements, statures: of the mean pose, of the likeliest mode (causal or
     not), of the best mode, of the offset.
     """
@@ -91,6 +91,7 @@ def errors_of(proposal):
                 InsideGrids(take.skin, take.shading),
             ),
             coloured=np.arange(len(take)) % 2 == 0,
+            joints=take.seen * joints_seen,
         )
         geometry = take.pitch_rad, take.heading_rad, take.anchor, take.time_s
         lengths = np.linalg.norm(take.joints - proposal.network.mean_joints, axis=-1)
@@ -111,6 +112,11 @@ def test_motion_that_the_shipped_proposal_has_not_learned_is_told():
     # The likeliest mode may be the wrong one of two mirrored in depth, the best one is not.
     assert error[False] < 0.5 * error["mean"] and error[True] < 0.5 * error["mean"]
     assert error["best"] < 0.4 * error["mean"] and error["offset"] < 0.02
+
+
+def test_joints_that_are_seen_tell_the_shipped_proposal_more():
+    blind, seen = (errors_of(shipped_proposal(), joints_seen=known) for known in (False, True))
+    assert seen[False] < 0.95 * blind[False] and seen[True] < 0.95 * blind[True]
 
 
 @pytest.mark.slow
