@@ -28,7 +28,7 @@ from silhouette_core.monocular.making.checkpoint import Checkpoint
 from silhouette_core.monocular.making.from_motion import learned_from, motion_digest, read_clips
 from silhouette_core.monocular.making.network_training import TrainingSettings
 from silhouette_core.monocular.making.proposal_learning import LearningSettings
-from silhouette_core.monocular.making.virtual_joints import SeenErrors
+from silhouette_core.monocular.making.virtual_joints import seen_errors
 from silhouette_core.monocular.proposal import shipped
 from silhouette_core.motion.motion import Motion
 from voxelpose.cli.terminal import Progress
@@ -57,7 +57,7 @@ NUMBERS = (
 
 def recipe() -> str:
     """Digest of all but the recorded motion that decides what is learned."""
-    facts = repr((SIZES, SETTINGS, FURTHER, NUMBERS, SeenErrors.measured()))
+    facts = repr((SIZES, SETTINGS, FURTHER, NUMBERS, tuple(seen_errors())))
     return hashlib.sha256(facts.encode()).hexdigest()
 
 

@@ -69,10 +69,9 @@ class PersonFinder:
     def _away(self, mask: Mask) -> float:
         """How far a mask (h, w) is from where the person was last; at first, how small it is."""
         moments = cv2.moments(mask.view(np.uint8), binaryImage=True)
-        area = moments["m00"]
-        if self._near_px is None or not area:
-            return np.inf if self._near_px is not None else -area
-        centre_px = np.array([moments["m10"], moments["m01"]]) / area
+        if self._near_px is None:
+            return -moments["m00"]
+        centre_px = np.array([moments["m10"], moments["m01"]]) / max(moments["m00"], 1)
         return float(np.linalg.norm(centre_px - self._near_px))
 
 

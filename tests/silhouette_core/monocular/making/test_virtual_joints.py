@@ -3,7 +3,7 @@
 import numpy as np
 
 from silhouette_core.image.seen_joints import deviations_m
-from silhouette_core.monocular.making.virtual_joints import SeenErrors, virtual_seen_joints
+from silhouette_core.monocular.making.virtual_joints import seen_errors, virtual_seen_joints
 
 
 def takes(count=80):
@@ -16,7 +16,7 @@ def test_they_are_off_by_what_was_measured():
     codes = codes[(codes != 0).any(axis=2)]
     off_mm = 1750 * codes[..., :30].reshape(-1, 15, 2) / 3
     visible = codes[..., 30:].reshape(-1, 15)
-    stated_mm = np.hypot(1000 * deviations_m(visible), SeenErrors.measured().together_mm)
+    stated_mm = np.hypot(1000 * deviations_m(visible), seen_errors()[5])
     # Half of two normal errors are within 1.18 deviations, which vary here from take to take.
     share = np.linalg.norm(off_mm, axis=-1) < 1.18 * stated_mm
     assert (np.abs(share.mean(axis=0) - 0.5) < 0.12).all()
