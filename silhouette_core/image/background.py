@@ -329,7 +329,10 @@ class BackgroundModel:
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
-        return count_shadows(self._aligned(frame), self._background)
+        frame = np.ascontiguousarray(frame)
+        # Light that changes smoothly over the picture would explain large shadows, too.
+        even = self._aligner.shifted(frame, np.zeros((3, 6)))
+        return count_shadows(self._aligner.applied(frame, even), self._background)
 
     def as_grey(
         self, frames: Sequence[np.ndarray] | np.ndarray, several: bool = False
