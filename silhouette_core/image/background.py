@@ -329,7 +329,6 @@ class BackgroundModel:
 
     def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
-        frame = np.ascontiguousarray(frame)
         # Light that changes smoothly over the picture would explain large shadows, too.
         even = self._aligner.shifted(frame, np.zeros((3, 6)))
         return count_shadows(self._aligner.applied(frame, even), self._background)

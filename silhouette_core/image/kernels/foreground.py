@@ -225,8 +225,8 @@ def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, m
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's,
     times what light and shadow have as ratio, within the two of light, on the window's outside
-    pixels. Pixels with too few
-    of either, or too little contrast, keep their label. Frame and mean are (3, H, W).
+    pixels. Pixels with too few of either, or too little contrast, keep their label. Frame and mean
+    are (3, H, W).
     """
     images, regions = (planes, mean), (band, inside, outside)
     for row in range(mask.shape[0]):

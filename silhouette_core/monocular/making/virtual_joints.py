@@ -39,12 +39,10 @@ def virtual_seen_joints(
         constant = kept * rng.normal(0, 1, (joints, 2)) + new * rng.normal(0, 1, shape)
         return np.asarray(constant + slow * wandering(2 * joints).reshape(shape), np.float64)
 
-    odds = hidden + spread * (wandering(joints) + rng.normal(0, 1, joints))
-    visibility = 1 / (1 + np.exp(odds))
+    visibility = 1 / (1 + np.exp(hidden + spread * (wandering(joints) + rng.normal(0, 1, joints))))
     sigma_mm = 1000 * deviations_m(visibility)[..., None]
     sigma_mm = sigma_mm * np.exp(rng.normal(0, uneven, (joints, 1)))
-    errors_mm = sigma_mm * errors(joints)
-    errors_mm += together_mm * errors(1)
+    errors_mm = sigma_mm * errors(joints) + together_mm * errors(1)
     codes = seen_codes(places + errors_mm / _STATURE_MM, visibility)
     if rng.random() < often_lost:
         codes[wandering(1)[:, 0] > lost] = 0
