@@ -105,7 +105,7 @@ def test_the_headline_is_the_verdict_of_the_terminal(tmp_path):
 
 def test_uncertain_joints_are_named(tmp_path):
     plain = result(tmp_path)
-    quality = {"landmark_confidence": {"left_wrist": 0.2, "neck": 0.9}}
+    quality = {"landmark_confidence": {"left_wrist": 0.2, "neck": 0.9, "head_top": 0.9}}
     unsure = replace(plain, summary={**plain.summary, "quality": quality})
     found = findings(unsure, CameraCheck())
     (joints,) = [one for one in found if one.title == "Joints"]
