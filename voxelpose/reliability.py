@@ -141,11 +141,6 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
             "something that stands beside the person, as a chair does, was left out: look at the"
             " contact sheet whether legs were taken for it; mark it as unknown to be sure"
         )
-    if facts.get("cut_by_body"):
-        yield (
-            "the body explained the silhouettes poorly, so they were cut anew where it was found:"
-            " look at the contact sheet, above all at hands and feet, and record the empty view"
-        )
     shares = list(facts.get("by_texture", {}).values())
     if None in shares:
         yield (

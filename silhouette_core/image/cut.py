@@ -206,17 +206,6 @@ def cut_size(size: tuple[int, int]) -> tuple[int, int]:
     return max(round(size[0] * factor), 1), max(round(size[1] * factor), 1)
 
 
-def body_odds(body: NDArray[np.bool_], reach_px: float, most: float) -> NDArray[np.float32]:
-    """What a body (h, w) bool, drawn where it is thought to be, says of each pixel, (h, w) nats:
-    the more the farther inside or outside of its outline, `most` from `reach_px` on.
-    """
-    inside, outside = (
-        cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-        for mask in (body, ~body)
-    )
-    return most * ((inside - outside) / np.float32(reach_px)).clip(-1, 1).astype(np.float32)
-
-
 def _reduced(
     background: Background,
     size: tuple[int, ...],

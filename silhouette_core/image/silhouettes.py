@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -34,7 +34,6 @@ from silhouette_core.read_ahead import side_by_side
 Window = tuple[slice, slice]
 EMPTY_VIEW, UNIFORM = "an empty view", "a uniform backdrop"
 ESTIMATED = "estimated from the recording's own frames"
-BodyOdds = Callable[[str, int, tuple[int, int]], NDArray[np.float32]]
 
 _BACKGROUND_FRAMES = 120
 _OCCUPIED, _SEEN = 40, 16  # frames that are looked at beforehand without an empty view, and with
@@ -60,7 +59,6 @@ class Silhouettes:
         *,
         ahead: bool = True,
         people: People | None = None,
-        bodies: BodyOdds | None = None,
     ) -> None:
         """Builds the background models of a recording.
 
@@ -73,8 +71,6 @@ class Silhouettes:
                 cast shadows are, and the person's colours. Cameras without frames of the empty
                 scene need them anyway.
             people: Whom the pose network sees. None: it is not asked.
-            bodies: Tells where the person is thought to be: odds (h, w) of `body_odds` by a
-                camera's name, the number of a frame and the size. None: nothing does.
 
         Raises:
             InputError: A background cannot be read, or differs in size from its camera's image;
@@ -94,7 +90,6 @@ class Silhouettes:
         self._exposures: dict[str, Exposure] = {}  # of each camera's last whole frame
         self._learning: frozenset[str] = frozenset()  # cameras whose person is not known ahead
         self.people = people
-        self._bodies = bodies
         self.kinds: dict[str, str] = {}
         self.moving: tuple[str, ...] = ()
         self._shaking: dict[str, CameraMovement] = {}
@@ -212,7 +207,7 @@ class Silhouettes:
             near: rows and columns of the silhouettes outside of which nothing is looked for, by
                 camera name; for the refined method, in frames that follow on each other. None:
                 whole frames.
-            step: The number of the frames, by which bodies are asked.
+            step: The number of the frames, by which the pose network is asked.
         """
 
         self._look(step, frames)
@@ -257,7 +252,7 @@ class Silhouettes:
         Args:
             name: of the camera.
             frame: as recorded; the stages have the size of its silhouettes.
-            step: The number of the frame, by which bodies are asked.
+            step: The number of the frame, by which the pose network is asked.
 
         Raises:
             InputError: the silhouettes are given, so that nothing makes them.
@@ -280,16 +275,11 @@ class Silhouettes:
             self.people.look(step, frames)
 
     def _evidence(self, name: str, step: int | None) -> NDArray[np.float32] | None:
-        """What the pose network, and the body, say of a frame in the size in which it is cut."""
-        if step is None:
+        """What the pose network says of a frame in the size in which it is cut."""
+        if step is None or self.people is None:
             return None
-        size, terms = cut_size(self._sizes[name]), []
-        if self.people is not None:
-            seen = self.people.of(name, step)
-            terms.append(people_odds(seen, size[0] / self._cameras[name].size[0], size))
-        if self._bodies is not None:
-            terms.append(self._bodies(name, step, size))
-        return np.asarray(np.sum(terms, axis=0), np.float32) if terms else None
+        size, seen = cut_size(self._sizes[name]), self.people.of(name, step)
+        return people_odds(seen, size[0] / self._cameras[name].size[0], size)
 
     def joints(self, name: str, step: int, mask: NDArray[np.bool_]) -> SeenJoints | None:
         """Joints that the network sees, in a frame of a camera, of the person with a silhouette

@@ -122,15 +122,6 @@ def test_nobody_turns_round_within_a_tenth_of_a_second():
     assert verdict_of(numbers).level == "reliable"
 
 
-def test_silhouettes_that_the_body_made_are_no_witness_for_it():
-    numbers = summary(right=0.98)
-    numbers["facts"]["cut_by_body"] = {"cam_1": 0.2}
-    verdict = verdict_of(numbers)
-    assert verdict.level == "doubtful" and "cut anew where it was found" in verdict.reason
-    numbers["facts"]["cut_by_body"] = {}
-    assert verdict_of(numbers).level == "reliable"
-
-
 def test_grey_cameras_leave_a_doubt_where_nobody_looked_beforehand():
     numbers = summary(error=40.0)
     numbers["facts"]["by_texture"] = {"cam_1": None}

@@ -308,20 +308,6 @@ class CameraRepair:
 
 
 @dataclass(frozen=True)
-class BodyEvidence:
-    """Silhouettes cut anew where the body was found (`silhouettes.body_evidence`).
-
-    Tuned on seeds 306 and 308 of level 2, docs/log/silhouettes.md.
-    """
-
-    reach_m: float = 0.06
-    """m. From the body's outline, where it says most of a pixel. By eye."""
-    most: float = 4.5
-    """Nats. That most: of a hundred pixels so far inside, one is not the person's. With 3.0, seed
-    308's IoU is 0.83 instead of 0.95. Less than `COLOURS.most_odds`: a sure pixel decides."""
-
-
-@dataclass(frozen=True)
 class Completion:
     """Silhouettes completed where clothes resemble the background (`silhouettes.completion`).
 
@@ -349,4 +335,3 @@ PERSON_COST, PERSON_SEARCH, PROPOSALS = PersonCost(), PersonSearch(), Proposals(
 HULL_GIRTH = HullGirth()
 STATIC_OBJECTS, CAMERA_REPAIR = StaticObjectSearch(), CameraRepair()
 COMPLETION, UP_SEARCH = Completion(), UpSearch()
-BODY_EVIDENCE = BodyEvidence()

@@ -133,26 +133,12 @@ def test_what_an_unknown_estimator_used_is_not_claimed(desk):
 def test_kept_added_and_taken_out_have_their_colours():
     alone, used, body = (np.zeros((60, 80), bool) for _ in range(3))
     alone[:, :40], used[:, 20:60], body[10:50, 65:75] = True, True, True
-    one = FitSilhouette(alone, used, body, ("added by the body", "taken out by the body"))
+    one = FitSilhouette(alone, used, body, ("added here", "taken out here"))
     image = cv2.imdecode(np.frombuffer(one.picture(), np.uint8), cv2.IMREAD_UNCHANGED)
     taken, kept, added, line = (image[30, x] for x in (10, 30, 50, 65))
     assert taken[2] > 200 > taken[1] and added[1] > 200 > added[2] and kept[0] > 200 > kept[2]
     assert line[1] > 150 < line[2] and line[0] < 100 and not image[30, 70, 3]
-    assert one.summary().startswith("33.3 % added by the body; 33.3 % taken out by the body")
-
-
-def test_the_body_cut_what_the_result_says_it_cut(desk):
-    """With the body as evidence, the models are others, and a pixel is told what the body said."""
-    write_result(desk, 2, cut_by_body={"cam_1": 0.1, "cam_2": 0.1})
-    scenes = ResultScenes("out")
-    page = SilhouettePage(scenes)
-    answer = asked(page, stage="body", pixel=PIXEL)["explained"]
-    assert answer["person"] and answer["measures"][-1] == "inside the body"
-    assert answer["measures"][-2].startswith("body +")
-    answer = asked(page, stage="body", pixel=[2, 2])["explained"]
-    assert not answer["person"] and answer["measures"][-2].startswith("body −")
-    assert "by the body" in asked(page, stage="body")["note"]
-    assert page._models.get(True) is not page._models.get(False)
+    assert one.summary().startswith("33.3 % added here; 33.3 % taken out here")
 
 
 def test_cameras_that_the_fit_put_in_step_are_shown_in_step(desk):

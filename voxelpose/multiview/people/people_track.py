@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -159,12 +159,8 @@ class PeopleTrack:
 
     def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
         """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
-
-        def again(cut: PreparedSilhouettes) -> list[Tracked]:
-            return replace(self, prepared=cut).followed(kept)
-
-        found, changed = self.work.cut_anew(self.followed(kept), self.prepared, again, kept)
-        facts = [self.work.finished(*one) | {"cut_by_body": changed} for one in found]
+        found = self.followed(kept)
+        facts = [self.work.finished(*one) for one in found]
         unexplained = self._unexplained([tracker for tracker, _ in found])
         return [
             (tracker, own | {"unexplained_frames": unexplained})

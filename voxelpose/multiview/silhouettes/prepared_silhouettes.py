@@ -20,7 +20,7 @@ from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.seen_joints import SeenJoints, joints_of_silhouette
 from silhouette_core.image.seen_people import SeenPeople, people_seen
-from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
@@ -99,16 +99,10 @@ class Footage:
         pairs = zip(self.source.rig.names, self.late, strict=True)
         return max(self.people.count(name, t + late) for name, late in pairs)
 
-    def silhouettes(self, bodies: BodyOdds | None = None) -> Silhouettes:
-        """The background, with what is known of bodies, see `Silhouettes`."""
-        settings = self.settings
-        return Silhouettes(
-            self.source,
-            settings.background,
-            LONG_SIDE_PX,
-            people=self.people,
-            bodies=bodies,
-        )
+    def silhouettes(self) -> Silhouettes:
+        """The background."""
+        background = self.settings.background
+        return Silhouettes(self.source, background, LONG_SIDE_PX, people=self.people)
 
 
 @dataclass(frozen=True, eq=False)

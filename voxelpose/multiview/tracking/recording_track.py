@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -25,8 +25,6 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
-from voxelpose.multiview.quality.quality import NEAR_MM
-from voxelpose.multiview.silhouettes.body_evidence import cut_by_bodies
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -35,7 +33,6 @@ from voxelpose.multiview.tracking.tracking import PoseTracker
 REFIT_FRAMES = 12
 """Frames of a recording to which the body is adapted again, and by which tracks are compared."""
 _ROUNDS = 4  # in which something that stands beside the person is left out
-_CUTS = 2  # of the silhouettes by the body
 _OTHER_SEX = {"male": "female", "female": "male"}
 _NECK = LANDMARK_NAMES.index("neck")
 _Facts = dict[str, object]
@@ -124,15 +121,8 @@ class TrackWork:
         """Poses of all frames, and facts for the summary; `kept` closes what the tracker needs."""
         if self.known is not None and self.known.person is None:
             return self._given(self._observations(prepared, kept), self.known)
-        tracker, start, objects, shown = self._person(prepared, kept)
-
-        def again(cut: PreparedSilhouettes) -> list[Tracked]:
-            observations = self._observations(cut, kept)
-            return [self.tracked(observations, objects=start.candidate.objects)]
-
-        [(tracker, start)], changed = self.cut_anew([(tracker, start)], shown, again, kept)
+        tracker, start, objects = self._person(prepared, kept)
         facts = self.finished(tracker, start)
-        facts["cut_by_body"] = changed
         if objects is not None:
             pairs = zip(prepared.rig.names, objects.pixels, strict=True)
             shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
@@ -156,18 +146,15 @@ class TrackWork:
             "sex_template": tracker.body.model.sizes.sex,
             "shape": dict(zip(names, tracker.body.model.shape.round(4).tolist(), strict=True)),
             "objects_share": {},
-            "cut_by_body": {},
         }
         return facts | _found(tracker, start.poses)
 
     def _person(
         self, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[PoseTracker, Start, StaticObjects | None, PreparedSilhouettes]:
-        """Tracks a person; while improbable, again without what stands beside; keeps the best, and
-        its silhouettes.
-        """
+    ) -> tuple[PoseTracker, Start, StaticObjects | None]:
+        """Tracks a person; while improbable, again without what stands beside; keeps the best."""
         tracker, start = self.tracked(self._observations(prepared, kept))
-        objects, shown = None, prepared
+        objects = None
         for _ in range(_ROUNDS):
             wrong = is_improbable(spread_errors(tracker))
             if objects is None and not wrong:
@@ -181,7 +168,7 @@ class TrackWork:
             again = self.tracked(self._observations(without, kept), objects=True)
             if _cost([again]) >= _cost([(tracker, start)]):
                 break
-            objects, shown, (tracker, start) = found, without, again
+            objects, (tracker, start) = found, again
         if objects is not None:
             self.reporter.note(
                 "something stands apart from the person all the time: it is left out"
@@ -190,40 +177,7 @@ class TrackWork:
                 " out, and what it hides; look at the contact sheet whether it is no part of the"
                 " person"
             )
-        return tracker, start, objects, shown
-
-    def cut_anew(
-        self,
-        found: list[Tracked],
-        prepared: PreparedSilhouettes,
-        again: Callable[[PreparedSilhouettes], list[Tracked]],
-        kept: ExitStack,
-    ) -> tuple[list[Tracked], dict[str, float]]:
-        """While somebody is improbable, tracks everybody `again` in silhouettes cut anew where all
-        were found; the more probable are taken, if they are elsewhere. Also what share of the
-        silhouettes changed, by camera name.
-        """
-        changed: dict[str, float] = {}
-        given = prepared.footage.source.silhouettes_given
-        for _ in range(_CUTS if self.settings.background != "paper" and not given else 0):
-            if not any(is_improbable(spread_errors(tracker)) for tracker, _ in found):
-                break
-            bodies = [(tracker.body.model, _supposed(tracker)) for tracker, _ in found]
-            cut = kept.enter_context(cut_by_bodies(prepared, bodies, self.clock, self.reporter))
-            others = again(cut)
-            # Where both agree the first stand: a body is no witness for silhouettes that it made.
-            pairs = zip(found, others, strict=True)
-            agree = all(_apart_mm(old, new) < NEAR_MM for (old, _), (new, _) in pairs)
-            if agree or _cost(others) >= _cost(found):
-                break
-            found, changed = others, _changed(prepared, cut)
-        if changed:
-            whose = "the bodies" if len(found) > 1 else "the body"
-            they = "they were found" if len(found) > 1 else "it was found"
-            self.reporter.note(
-                f"{whose} explained the silhouettes poorly: they were cut anew where {they}"
-            )
-        return found, changed
+        return tracker, start, objects
 
     def tracked(
         self, observations: ObservationStore, *, objects: bool = False
@@ -296,36 +250,6 @@ class TrackWork:
     def _polish(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))
         tracker.polish()
-
-
-def _changed(old: PreparedSilhouettes, new: PreparedSilhouettes) -> dict[str, float]:
-    """Share of silhouettes that others do not have in common with them, by camera name."""
-    moments = even_moments(len(old.store), REFIT_FRAMES).tolist()
-    pairs = (zip(old.store[t], new.store[t], strict=True) for t in moments)
-    shares = np.mean(
-        [[(a ^ b).sum() / max((a | b).sum(), 1) for a, b in pair] for pair in pairs], axis=0
-    )
-    return dict(zip(old.rig.names, shares.round(4).tolist(), strict=True))
-
-
-def _supposed(tracker: PoseTracker) -> list[Pose | None]:
-    """Poses; also where one of several people is, and was not found: as in the nearest frame."""
-    poses, places_m = tracker.poses, tracker.observations.places_m
-    posed = np.array([t for t, pose in enumerate(poses) if pose is not None])
-    if places_m is None or not len(posed):
-        return poses
-    supposed: list[Pose | None] = [None] * len(poses)
-    for t in np.flatnonzero(tracker.observations.there).tolist():
-        near = int(posed[np.abs(posed - t).argmin()])
-        pose, moved_m = poses[near], places_m[t] - places_m[near]
-        supposed[t] = pose and replace(pose, root_m=pose.root_m + moved_m)
-    return supposed
-
-
-def _apart_mm(first: PoseTracker, second: PoseTracker) -> float:
-    """Median distance of the joints of two tracks of the same frames."""
-    apart = np.linalg.norm(first.joints_m() - second.joints_m(), axis=2)
-    return 1000 * float(np.nanmedian(apart))
 
 
 def _cost(people: list[Tracked]) -> float:

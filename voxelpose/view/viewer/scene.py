@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.estimator import BackgroundKind
 from silhouette_core.image.seen_people import SeenPeople
-from silhouette_core.image.silhouettes import BodyOdds, Silhouettes, UndistortedView, scaled_unknown
+from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scaled_unknown
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
@@ -177,14 +177,8 @@ class CameraFrames:
     @cached_property
     def silhouettes(self) -> Silhouettes:
         """The background models; learned when first asked for."""
-        return self.silhouettes_with(None)
-
-    def silhouettes_with(self, bodies: BodyOdds | None) -> Silhouettes:
-        """Background models learned anew, with what is known of bodies, see `Silhouettes`."""
-        known: dict[str, Any] = {"bodies": bodies}
-        if self._network is not None:
-            known["people"] = SeenPeople(self._recording.rig.names, self._network)
-        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, **known)
+        people = self._network and SeenPeople(self._recording.rig.names, self._network)
+        return Silhouettes(self._recording, self._kind, LONG_SIDE_PX, people=people)
 
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:

@@ -1,9 +1,8 @@
 """The page beside the viewer: how the silhouettes of a recording came about, and what a fit made of
 them, with the pixel under the mouse explained.
 
-A result holds no silhouettes. They are made by the code and the settings of the fit, with the body
-that it found: cut by the body where the fit cut them, else completed by the other cameras; of one
-camera, what is no piece of the person is left out.
+A result holds no silhouettes. They are made by the code and the settings of the fit: completed by
+the other cameras; of one camera, what is no piece of the person is left out.
 """
 
 import base64
@@ -18,13 +17,12 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.estimator import ONE_CAMERA, Frame
-from silhouette_core.image.cut import cut_size
 from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes, as_recorded
 from silhouette_core.monocular.person import find_person
-from voxelpose.multiview.silhouettes.body_evidence import BodyEvidence
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 from voxelpose.view.images.canvas import encoded, png
+from voxelpose.view.images.figure import body_parts
 from voxelpose.view.serving import page_answers
 from voxelpose.view.viewer import previews
 from voxelpose.view.viewer.previews import SILHOUETTE
@@ -43,8 +41,6 @@ class FitSilhouette:
     used: Mask  # that the fit used
     body: Mask  # where the fitted body is; empty where it was not found
     reasons: tuple[str, str]  # why something was added, and why it was taken out
-    # (h, w) float32, nats that the body spoke for the person; None: it did not.
-    odds: NDArray[np.float32] | None = None
 
     def picture(self) -> bytes:
         """PNG to be laid over the frame: kept, added and taken out, and the body's outline."""
@@ -65,10 +61,6 @@ class FitSilhouette:
         alone, used = bool(self.alone[at]), bool(self.used[at])
         why = before["why"] if alone == used else self.reasons[0 if used else 1]
         measures = [*before["measures"]]
-        if self.odds is not None:
-            height, width = self.odds.shape
-            row, column = at[0] * height // len(self.alone), at[1] * width // self.alone.shape[1]
-            measures.append(f"body {self.odds[row, column]:+.1f} nats".replace("-", "−"))
         if self.body.any():
             measures.append(f"{'inside' if self.body[at] else 'outside'} the body")
         return {**before, "person": used, "why": why, "measures": measures}
@@ -93,31 +85,12 @@ class FitSilhouettes:
     """Silhouettes of a result's recording."""
 
     def __init__(self, scenes: ResultScenes) -> None:
-        self._scenes, recording = scenes, scenes.recording
-        self.cut = bool(scenes.facts.get("cut_by_body"))  # whether the fit did, by the bodies
+        self._scenes = scenes
         found = scenes.facts.get("late_frames", {})  # by camera name
         self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
-        self._evidence: BodyEvidence | None = None  # of everybody that is fitted
-        if recording is not None:
-            poses = [scenes.poses(number) for number in recording.numbers.tolist()]
-            given = scenes.views.rig, recording.rig, list(self.late.values())
-            people = enumerate(scenes.motions)
-            bodies = [(motion.model, [step[k] for step in poses]) for k, motion in people]
-            self._evidence = BodyEvidence(bodies, *given) if bodies else None
-
-    def model(self, cut: bool) -> Silhouettes:
-        """Background models, learned with the body where silhouettes were `cut` by it."""
-        reader = self._scenes.reader
-        if reader is None:
-            raise ValueError("there is no recording")
-        return reader.silhouettes_with(self._evidence) if cut else reader.silhouettes
 
     def of(
-        self,
-        moment: int,
-        frames: Mapping[str, Frame],
-        plain: Silhouettes,
-        cut: Silhouettes | None = None,
+        self, moment: int, frames: Mapping[str, Frame], plain: Silhouettes
     ) -> dict[str, FitSilhouette]:
         """Silhouettes of a moment, by camera name; empty where nothing is fitted.
 
@@ -125,25 +98,12 @@ class FitSilhouettes:
             moment: from 0, of the frames that belong together.
             frames: (H, W, 3) uint8, BGR, by camera name.
             plain: by the pictures alone.
-            cut: by the body; None: the fit did not cut.
         """
-        if self._evidence is None:
+        if not self._scenes.motions:
             return {}
-        alone = plain.of(frames, step=moment)
-        used, reasons, odds = alone, ("", ""), {}
-        bodies = {
-            name: self._evidence.silhouette(name, moment + self.late[name], mask.shape[::-1])
-            for name, mask in alone.items()
-        }
-        if cut is not None:
-            steps = {name: moment + self.late[name] for name in frames}
-            used = {k: cut.of({k: frame}, step=steps[k])[k] for k, frame in frames.items()}
-            reasons = "added by the body", "taken out by the body"
-            odds = {
-                name: self._evidence(name, steps[name], cut_size(mask.shape[::-1]))
-                for name, mask in alone.items()
-            }
-        elif self._scenes.estimator == "multiview":
+        alone, bodies = plain.of(frames, step=moment), self._bodies(moment)
+        used, reasons = alone, ("", "")
+        if self._scenes.estimator == "multiview":
             used, reasons = (
                 self._completed(moment, frames, plain, alone),
                 ("added: other cameras show it", ""),
@@ -152,8 +112,28 @@ class FitSilhouettes:
             used = {name: self._person(name, mask, bodies[name]) for name, mask in alone.items()}
             reasons = "", "taken out: no piece of the person"
         return {
-            name: FitSilhouette(mask, used[name], bodies[name], reasons, odds.get(name))
+            name: FitSilhouette(mask, used[name], bodies[name], reasons)
             for name, mask in alone.items()
+        }
+
+    def _bodies(self, moment: int) -> dict[str, Mask]:
+        """Everybody's fitted body (h, w) bool by camera name, as recorded."""
+        scenes = self._scenes
+        number = int(scenes.recording.numbers[moment]) if scenes.recording else 0
+        pairs = list(zip(scenes.motions, scenes.bodies(number), strict=True))
+        return {
+            camera.name: self._as_recorded(
+                camera.name,
+                np.logical_or.reduce(
+                    [
+                        body_parts(motion.model, body.vertices_m, camera) > 0
+                        for motion, body in pairs
+                        if body is not None
+                    ]
+                    or [np.zeros(camera.size[::-1], np.bool_)]
+                ),
+            )
+            for camera in scenes.views.rig
         }
 
     def _completed(
@@ -195,7 +175,6 @@ class FitSilhouettes:
 
 FOLDER = "silhouettes"
 """Of the server, in which the page is."""
-_PLAIN, _CUT = False, True
 
 
 class SilhouettePage:
@@ -205,12 +184,12 @@ class SilhouettePage:
         """Reads nothing yet of scenes of a result, or of a recording; InputError where that is
         missing.
         """
-        if scenes.recording is None:
+        if scenes.recording is None or (reader := scenes.reader) is None:
             raise InputError(scenes.missing)
         self._scenes, self._recording = scenes, scenes.recording
         self._moments = previews.MomentFrames(self._recording)
         self._fit = FitSilhouettes(scenes)
-        self._models = previews.BackgroundModels(self._fit.model)
+        self._models = previews.BackgroundModels(lambda _: reader.silhouettes)
         self._working = threading.Lock()
         self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
         self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
@@ -265,16 +244,15 @@ class SilhouettePage:
     def _stage(self, asked: previews.StageAsked) -> dict[str, Any]:
         """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
         body = asked.stage == "body"
-        kinds = (_PLAIN, _CUT) if body and self._fit.cut else (_PLAIN,)
-        models = [model for kind in kinds if (model := self._models.get(kind)) is not None]
-        if len(models) < len(kinds):
+        model = self._models.get("plain")
+        if model is None:
             return {"ready": False}
         frames, answer = self._frames(asked.moment), {"ready": True}
         if not self._recording.silhouettes_given:
             key = asked.camera, asked.moment
             if self._staged is None or self._staged[0] != key:
                 frame = frames[asked.camera]
-                self._staged = key, models[0].stages(asked.camera, frame, asked.moment)
+                self._staged = key, model.stages(asked.camera, frame, asked.moment)
             alone = previews.StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
@@ -283,7 +261,7 @@ class SilhouettePage:
         if not body:
             return answer
         if self._fitted is None or self._fitted[0] != asked.moment:
-            self._fitted = asked.moment, self._fit.of(asked.moment, frames, *models)
+            self._fitted = asked.moment, self._fit.of(asked.moment, frames, model)
         return answer | self._changed(asked, answer)
 
     def _changed(self, asked: previews.StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
