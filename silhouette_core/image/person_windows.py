@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.estimator import Frame
+from silhouette_core.image.cleanup import dilated
 from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
 
 MOST = 6
@@ -23,6 +24,7 @@ _TURNS = np.radians([0, 90, -90]).tolist()  # somebody stands, or lies on either
 _EVERY = 4  # frames in which others are looked for once, where somebody is known
 _CHANGED = 12  # grey levels by which a place changes: more than noise and flicker do
 _SMALL_PX = 160  # shorter side of the pictures by which changes are found
+_BESIDE_PX = 9  # of those pictures: what is nearer changes together
 
 
 @dataclass(eq=False)
@@ -61,12 +63,12 @@ class PeopleWindows:
         others are skipped, where they may be anywhere.
         """
         first = self._small is None
-        changed = self._changed(picture)
         for person in self._people:
             seen = self._seen(picture, person)
             person.absent = 0 if seen is not None else person.absent + 1
             person.seen = seen or person.seen
         self._leave()
+        changed = self._changed(picture)
         if len(self._people) < self._most:
             there = any(not person.absent for person in self._people)
             self._look_for_others(picture, changed, whole=first or (skipped and not there))
@@ -111,12 +113,10 @@ class PeopleWindows:
         found: list[PersonSeen] = []
         for crop, moves in self._unseen(changed, picture.shape[1::-1], whole):
             seen = self._look(picture, crop)
-            near = next_crop(seen)
-            if near is None:
-                continue
-            seen = self._look(picture, near)
-            if seen.is_sure:  # a thing is so from one square, and not from the next
-                seen = self._look(picture, next_crop(seen) or near)
+            for _ in range(2):  # a thing is sure from one square, and not from the next
+                near = next_crop(seen)
+                if near is not None and seen.is_there:
+                    seen = self._look(picture, near)
             known = [*(person.seen for person in self._people), *found]
             if seen.is_sure or (moves and seen.is_there):
                 found += [] if any(same_person(seen, one) for one in known) else [seen]
@@ -157,7 +157,7 @@ class PeopleWindows:
         yield crop, False
 
     def _changed(self, picture: Frame) -> list[Crop]:
-        """Squares about what changed since the last frame, largest first."""
+        """Squares about what changed since the last frame beside who is known, largest first."""
         scale = _SMALL_PX / min(picture.shape[:2])
         small = cv2.cvtColor(
             cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA),
@@ -167,7 +167,11 @@ class PeopleWindows:
         if before is None:
             return []
         changed = cv2.absdiff(small, before) > _CHANGED
-        grown = cv2.dilate(changed.view(np.uint8), np.ones((9, 9), np.uint8))
+        for person in self._people:
+            if not person.absent:
+                known = person.seen.odds(small.shape[1::-1], scale) > 0
+                changed &= ~dilated(known, _BESIDE_PX)
+        grown = cv2.dilate(changed.view(np.uint8), np.ones((_BESIDE_PX, _BESIDE_PX), np.uint8))
         _, _, boxes, _ = cv2.connectedComponentsWithStats(grown)
         large = [box for box in boxes[1:] if box[3] > _SMALL_PX / 8]
         large.sort(key=lambda box: -int(box[cv2.CC_STAT_AREA]))
