@@ -124,3 +124,13 @@ def test_what_is_sure_from_one_square_alone_is_nobody():
 
     windows = PeopleWindows(OneSquare())
     assert windows.see(picture((100, 60, 30, 90))) == {}
+
+
+def test_a_square_in_which_nobody_is_likely_is_looked_at_once():
+    class Unlikely(BrightPeople):
+        def look(self, picture, crop, others=None):
+            return replace(super().look(picture, crop, others), presence=0.2)
+
+    network = Unlikely()
+    assert PeopleWindows(network).see(picture((100, 60, 30, 90))) == {}
+    assert network.looks == len([*squares(320, 240)])

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.footprint import footprint
@@ -47,6 +48,34 @@ def hull_pieces(
         own = hull & ((nearest == k) & (away[k] <= CARVING.limb_m))[:, :, None]
         pieces[person] = [footprint(own, grid, camera) for camera in observer.views.rig]
     return pieces
+
+
+def seen_pieces(
+    pieces: Sequence[Masks | None], seen: Sequence[Sequence[NDArray[np.bool_]]]
+) -> list[Masks | None]:
+    """Pieces, with what the pose network sees of somebody instead where it does; others have no
+    share in that.
+
+    Args:
+        pieces: of N people, (h, w) bool in every camera, see `hull_pieces`.
+        seen: by camera, the masks (h, w) bool of those whom it sees, who do not overlap.
+    """
+    people = {k: list(piece) for k, piece in enumerate(pieces) if piece is not None}
+    for c, masks in enumerate(seen):
+        overlap = [[_overlap(own[c], mask) for mask in masks] for own in people.values()]
+        costs = -np.array(overlap).reshape(len(people), len(masks))
+        taken = zip(*linear_sum_assignment(costs), strict=True)
+        by_person = {[*people][row]: masks[k] for row, k in taken if costs[row, k] < 0}
+        for person, own in people.items():
+            others = [mask for k, mask in by_person.items() if k != person]
+            beside = np.logical_or.reduce([np.zeros_like(own[c]), *others])
+            own[c] = by_person.get(person, own[c] & ~beside)
+    return [people.get(k) for k in range(len(pieces))]
+
+
+def _overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+    """Intersection over union of two masks (h, w)."""
+    return float(np.count_nonzero(one & other) / max(np.count_nonzero(one | other), 1))
 
 
 def own_and_unknown(

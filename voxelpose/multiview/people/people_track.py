@@ -18,7 +18,12 @@ from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.people import MOST_PEOPLE
-from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, silhouettes_of
+from voxelpose.multiview.people.own_silhouettes import (
+    Masks,
+    hull_pieces,
+    seen_pieces,
+    silhouettes_of,
+)
 from voxelpose.multiview.people.presence import (
     ASKED_HZ,
     HIDDEN_S,
@@ -219,7 +224,8 @@ class PeopleTrack:
 
     def _hull_pieces_at(self, t: int) -> list[Masks | None]:
         axes_m = np.concatenate([self.places_m, self.things_m])[:, t, :2]
-        return hull_pieces(self.prepared.store[t], axes_m, self.prepared.observer)
+        pieces = hull_pieces(self.prepared.store[t], axes_m, self.prepared.observer)
+        return seen_pieces(pieces, self.prepared.footage.people_masks(t))
 
     def _drawn_pieces(self, trackers: Sequence[PoseTracker]) -> Iterator[list[Masks | None]]:
         """Where each frame's people are seen, by their bodies, and things, by the hull."""

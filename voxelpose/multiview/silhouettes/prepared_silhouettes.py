@@ -19,7 +19,7 @@ from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.seen_joints import SeenJoints, joints_of_silhouette
-from silhouette_core.image.seen_people import SeenPeople, people_seen
+from silhouette_core.image.seen_people import SeenPeople, people_masks, people_seen
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
@@ -89,6 +89,16 @@ class Footage:
             return None
         people = self.people.of(name, t + self.late_frames.get(name, 0))
         return joints_of_silhouette(people, self.source.rig[name], mask)
+
+    def people_masks(self, t: int) -> list[list[NDArray[np.bool_]]]:
+        """Where the network sees each of the people in a frame, (h, w) bool by pinhole camera."""
+        found: list[list[NDArray[np.bool_]]] = []
+        for camera, late, lens in zip(self.source.rig, self.late, self.lenses, strict=True):
+            people = {} if self.people is None else self.people.of(camera.name, t + late)
+            size = lens.pinhole.size
+            masks = people_masks(people, size[0] / camera.size[0], size)
+            found.append([lens.undistort(mask) for mask in masks])
+        return found
 
     def people_together(self, t: int) -> int | None:
         """How many people the network sees together in a frame, in the camera that shows most of

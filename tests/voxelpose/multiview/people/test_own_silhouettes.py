@@ -13,7 +13,12 @@ from tests.voxelpose.multiview.matching_scenes import (
 )
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.people.own_silhouettes import hull_pieces, own_and_unknown, silhouettes_of
+from voxelpose.multiview.people.own_silhouettes import (
+    hull_pieces,
+    own_and_unknown,
+    seen_pieces,
+    silhouettes_of,
+)
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
 VOLUME = VoxelGrid.from_bounds((-1.5, -1.5, -0.05), (1.5, 1.5, 2.1), 0.05)
@@ -48,6 +53,19 @@ def test_where_another_is_drawn_before_the_background_nothing_is_known():
     (own,), (unknown,) = own_and_unknown([row(1, 2)], [[row(1, 2)], [row(8, 9)]], 0)
     assert np.flatnonzero(own).tolist() == [1, 2]
     assert np.flatnonzero(unknown).tolist() == [8, 9]
+
+
+def test_whom_the_network_sees_has_the_pixels_of_the_mask_and_others_have_not():
+    pieces = [[row(1, 2, 3, 4, 5)], None, [row(4, 5, 6, 7, 8)]]
+    first, away, second = seen_pieces(pieces, [[row(5, 6, 7), row(1, 2, 3)]])
+    assert away is None
+    assert np.flatnonzero(first[0]).tolist() == [1, 2, 3]
+    assert np.flatnonzero(second[0]).tolist() == [5, 6, 7]
+    first, _, second = seen_pieces(pieces, [[row(4, 5, 6, 7)]])  # the other is not seen
+    assert np.flatnonzero(first[0]).tolist() == [1, 2, 3]
+    assert np.flatnonzero(second[0]).tolist() == [4, 5, 6, 7]
+    first, _, second = seen_pieces(pieces, [[row(10, 11)]])  # somebody else
+    assert [np.flatnonzero(one[0])[0] for one in (first, second)] == [1, 4]
 
 
 def test_what_others_may_hide_is_a_share_of_the_persons_own_piece():
