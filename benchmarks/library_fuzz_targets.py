@@ -22,8 +22,8 @@ from silhouette_core.scoring.cpu import CpuBackend
 
 def make_library(path: Path, model: BodyModel, *, learned: bool) -> None:
     """Writes a library of one movement of a body, with a proposal that learned nothing or none."""
-    from silhouette_core.monocular.making.base_poses import base_poses
-    from silhouette_core.monocular.making.build import build_library
+    from silhouette_core.monocular.tree.base_poses import base_poses
+    from silhouette_core.monocular.tree.build import build_library
     from silhouette_core.monocular.tree.pose_library import LibrarySettings
     from silhouette_core.monocular.tree.store import write_library
 

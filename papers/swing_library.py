@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.distance import Weighting
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.transitions import find_neighbours
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement

@@ -20,9 +20,9 @@ from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
-from silhouette_core.monocular.making.base_poses import BasePoses, base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.tree.base_poses import BasePoses, base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root

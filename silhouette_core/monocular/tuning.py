@@ -39,7 +39,7 @@ class FilterSettings:
 
 @dataclass(frozen=True)
 class MotionModel:
-    """Steps from one frame to the next (`tree.transitions`, `making.base_poses`)."""
+    """Steps from one frame to the next (`tree.transitions`, `tree.base_poses`)."""
 
     sigma_scale: float = 2.5
     """1. Factor on the measured sigmas: with 54 joint angles, these would leave nearly all of a
@@ -101,7 +101,7 @@ class RootSearch:
 
 @dataclass(frozen=True)
 class Tree:
-    """Division of a library's samples (`making.build`)."""
+    """Division of a library's samples (`tree.build`)."""
 
     thresholds: tuple[float, float, float] = (0.0173, 0.0110, 0.0074)
     """1. Largest silhouette distances of samples from their nodes, level by level: with them, the

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree.transitions import transitions

@@ -15,11 +15,11 @@ from silhouette_core.monocular.body_library import (
     library_of_body,
     sampled_motion,
 )
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.occlusion import usual_areas
 from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX

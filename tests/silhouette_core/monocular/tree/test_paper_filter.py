@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import identity
 
 from silhouette_core.image.distance import pixel_weights
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
@@ -17,7 +17,7 @@ from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's

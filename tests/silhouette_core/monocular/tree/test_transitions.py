@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.transitions import find_neighbours, transitions
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture(scope="module")
