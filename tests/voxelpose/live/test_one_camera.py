@@ -39,7 +39,7 @@ def live(library, tmp_path):
         options = MonocularOptions(str(tmp_path / "lib.vplib"), "any")
         settings = Settings(person().sizes.stature_m, smooth=False)
         camera = RIG.cameras[0]
-        made.append(LiveMonocular(camera, settings, options, 25.0, True, SilentReporter()))
+        made.append(LiveMonocular(camera, settings, options, True, SilentReporter()))
         return made[-1]
 
     yield of
