@@ -107,8 +107,9 @@ def swing_library(
     model = next(iter(motions.values())).model
     library = build_library(base_poses(motions, settings), model, settings, reporter)
     # Of so few poses, occluded arms reach hundreds: more than a library usually stores.
-    neighbours = find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)
-    return replace(library, neighbours=neighbours)
+    kept = min(NEIGHBOURS, len(library))
+    dm1, dm2 = (find_neighbours(library, aware, kept, reporter) for aware in (False, True))
+    return replace(library, neighbours=dm1 | dm2)
 
 
 def _movement(rng: np.random.Generator) -> Movement:

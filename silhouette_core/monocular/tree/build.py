@@ -100,6 +100,8 @@ def build_library(
         root_sigma_rad=bases.root_sigma_rad,
         bounds_px=spans[-1].bounds,
     )
+    if model.person is None:
+        return library  # nobody knows how it moves
     neighbours = checkpoint.step("neighbours", lambda: find_neighbours(library, reporter=reporter))
     return replace(library, neighbours=neighbours)
 

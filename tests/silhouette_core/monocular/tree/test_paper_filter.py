@@ -242,9 +242,9 @@ def test_leaves_have_the_posterior_of_their_samples(library, camera):
     matrix = transitions(library, True)
     masks = [seen(library, 5), seen(library, 9)]
     tracker, (_, frame) = follow(library, camera, matrix, masks, sigma=0.5)
-    leaves, of_leaves, samples, probability = tracker._update(tracker.priors[1], frame.window)
-    assert len(leaves) > 3 and of_leaves.sum() == pytest.approx(1)
-    for leaf, expected in zip(leaves, of_leaves, strict=True):
+    found = tracker._update(tracker.priors[1], frame.window)
+    assert len(found.leaves) > 3 and found.of_leaves.sum() == pytest.approx(1)
+    for leaf, expected in zip(found.leaves, found.of_leaves, strict=True):
         inside = library.leaf_samples[slice(*library.leaf_offsets[leaf : leaf + 2])]
-        among = probability[np.isin(samples, inside)]
+        among = found.probability[np.isin(found.samples, inside)]
         np.testing.assert_allclose(among.sum(axis=0), expected, rtol=1e-5)
