@@ -3,8 +3,8 @@
 
 As a program it follows a whole clip and prints what a frame takes, as Okada and Stenger's Fig. 6
 (d) does. As cases of `make bench` one
-frame is searched in runs, in images with NumPy, and in images with numba: the same windows, scales,
-shifts and nodes, in one run. Without a library in $VOXELPOSE_LIBRARY one of 60,000 samples is made
+frame is searched in runs, in images with NumPy, and in images with numba: the same positions and
+nodes, in one run. Without a library in $VOXELPOSE_LIBRARY one of 60,000 samples is made
 from the program's own motions, once, in out/.
 """
 
@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from copy import copy
 from functools import cache
 from pathlib import Path
 
@@ -26,21 +27,15 @@ from benchmarks.scene import ring
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
-from silhouette_core.image.distance import Weighting
 from silhouette_core.image.raster import render_parts
-from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.making.from_motion import make_library
-from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.silhouette_weights import relative_weights
-from silhouette_core.monocular.tree.evidence import SHIFTS_PX, Alignment, Evidence
-from silhouette_core.monocular.tree.forward import FilterFrame, ForwardFilter
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
-from silhouette_core.monocular.tree.rendering import STATURE_PX, masks_of
+from silhouette_core.monocular.person import find_person, upright_distance
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, PaperFrame, initial_prior
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.monocular.tree.store import read_library
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
-from silhouette_core.monocular.window import look_at
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.scoring.cpu import CpuBackend
@@ -49,7 +44,6 @@ _MADE = Path(__file__).resolve().parents[1] / "out" / "benchmarks" / "filter.vpl
 _SETTINGS = LibrarySettings(poses=60_000)
 _FRAMES = 60
 _MOVEMENT, _SHAPE_SEED, _STATURE_M = "walk", 5, 1.75
-_WEIGHTING: Weighting = "balanced"
 
 Score = Callable[[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]], NDArray[np.float64]]
 
@@ -61,56 +55,31 @@ def numpy_distances(
     return np.array([weights[mask ^ one].sum(dtype=np.float64) for one in silhouettes]) / mask.size
 
 
-class DenseEvidence(Evidence):
-    """The same evidence, weighed pixel by pixel; the nodes' images are drawn outside of the time.
+class DenseBackend(CpuBackend):
+    """Weighs silhouettes pixel by pixel; their images are drawn outside of the time.
 
     Args:
-        evidence: whose windows are taken.
         score: of many images.
-        drawn: nodes' images, by the level's reduction and their number; what is missing is drawn
-            and kept.
     """
 
-    def __init__(
-        self, evidence: Evidence, score: Score, drawn: dict[tuple[int, int], NDArray[np.bool_]]
-    ):
-        super().__init__(evidence.windows, CpuBackend(), evidence.weighting)
-        self.score, self.drawn = score, drawn
+    def __init__(self, score: Score):
+        self.score, self.drawn = score, {}  # by the images' height and their number
 
-    def _images(
-        self, spans: Spans, nodes: NDArray[np.integer], reduction: int
-    ) -> NDArray[np.bool_]:
-        if (reduction, len(nodes)) not in self.drawn:
-            size = self.windows[0].mask.shape
-            self.drawn[reduction, len(nodes)] = masks_of(
-                spans, nodes, (size[1] // reduction, size[0] // reduction)
-            )
-        return self.drawn[reduction, len(nodes)]
-
-    def distances(
-        self,
-        spans: Spans,
-        nodes: NDArray[np.integer],
-        reduction: int,
-        shifts_px: NDArray[np.integer] = SHIFTS_PX,
-    ) -> Alignment:
-        images, result = self._images(spans, nodes, reduction), []
-        for window in self.windows:
-            picture, weights = relative_weights(window, self.weighting, reduction)
-            height, width = picture.shape
-            wide, margins = np.pad(picture, 1), np.pad(weights, 1, mode="edge").astype(np.float32)
-            for dx, dy in shifts_px:
-                part = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
-                own = np.ascontiguousarray(wide[part])
-                outside = float(margins[wide].sum() - margins[part][own].sum())
-                result.append(
-                    self.score(own, images, np.ascontiguousarray(margins[part])) * picture.size
-                    + outside
-                )
-        flat = np.stack(result)
-        best = flat.argmin(axis=0)
-        scale, move = np.divmod(best, len(shifts_px))
-        return Alignment(flat[best, np.arange(len(nodes))], scale, shifts_px[move] * reduction)
+    def span_distances(self, target, spans, which, parallel=True):
+        """See `Backend.span_distances`."""
+        (height, width), margin, result = target.masks[0].shape, target.margin_px, []
+        if (height, len(which)) not in self.drawn:
+            self.drawn[height, len(which)] = masks_of(spans, which, (width, height))
+        images = self.drawn[height, len(which)]
+        for mask, weights in zip(target.masks, target.weights, strict=True):
+            wide = np.pad(mask, margin)
+            margins = np.pad(weights, margin, mode="edge").astype(np.float32)
+            for right, down in target.shifts_px + margin:
+                part = slice(down, down + height), slice(right, right + width)
+                own, weighed = (np.ascontiguousarray(one[part]) for one in (wide, margins))
+                outside = float(margins[wide].sum() - weighed[own].sum())
+                result.append(self.score(own, images, weighed) * mask.size + outside)
+        return target.scale * np.stack(result, axis=1)
 
 
 def library_file() -> Path:
@@ -127,9 +96,8 @@ def library_file() -> Path:
 
 
 @cache
-def _tree() -> TreeFilter:
-    library = read_library(library_file())
-    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())
+def _library() -> PoseLibrary:
+    return read_library(library_file())
 
 
 @cache
@@ -156,57 +124,50 @@ def clip() -> tuple[Camera, list[NDArray[np.bool_]]]:
     return camera, masks
 
 
-@cache
-def _follow(tree: TreeFilter, count: int) -> tuple[list[FilterFrame], list[float]]:
-    """Filters the clip's first frames; returns what is believed and the seconds that each took."""
-    camera, masks = clip()
-    forward, beliefs, seconds = ForwardFilter(tree, camera, weighting=_WEIGHTING), [], []
-    for number, mask in enumerate(masks[:count]):
+def _tracker() -> PaperFilter:
+    """The filter before the clip's first frame."""
+    library, (camera, masks) = _library(), clip()
+    matrix = transitions(library, True, normalised=False)
+    distance_m = upright_distance(camera, masks[0], library.model.length_m)
+    return PaperFilter(library, matrix, camera, distance_m, initial_prior(library), CpuBackend())
+
+
+def _follow(tracker: PaperFilter, count: int) -> list[float]:
+    """Filters the clip's first frames; returns the seconds that each took."""
+    seconds = []
+    for number, mask in enumerate(clip()[1][:count]):
         person = find_person(mask)
         if person is None:
             raise RuntimeError(f"frame {number} shows nobody")
         started = time.perf_counter()
-        beliefs.append(forward.step(number / 30, person.mask))
+        tracker.step(number / 30, person.mask)
         seconds.append(time.perf_counter() - started)
-    return beliefs, seconds
+    return seconds
 
 
 def _against(score: Score, name: str, goal: str) -> Case:
-    tree, (camera, masks) = _tree(), clip()
-    beliefs, _ = _follow(tree, _FRAMES)
-    by_work = (
-        np.argsort([sum(belief.posterior.scored) for belief in beliefs[1:]], kind="stable") + 1
-    )
-    chosen = int(
-        by_work[len(by_work) // 2]
-    )  # the frame for which as many nodes are scored as for the median one
-    before, belief = beliefs[chosen - 1 : chosen + 1]
-    metre_px = STATURE_PX / tree.library.model.sizes.stature_m
-    drawn: dict[tuple[int, int], NDArray[np.bool_]] = {}
+    """The frame in the middle of the clip."""
+    tracker, dense, number = _tracker(), DenseBackend(score), _FRAMES // 2
+    _follow(tracker, number)
 
-    def frame(dense: bool) -> Posterior:
-        windows = [
-            look_at(camera, masks[chosen], window.distance_m, metre_px) for window in belief.windows
-        ]
-        evidence = Evidence(windows, CpuBackend(), _WEIGHTING)
-        return tree.update(
-            tree.predict(before.posterior),
-            DenseEvidence(evidence, score, drawn) if dense else evidence,
-        )
+    def frame(before: PaperFilter) -> PaperFrame:
+        return before.step(number / 30, clip()[1][number])
 
-    def check(ours: Posterior, theirs: Posterior) -> str:
-        same = ours.scored == theirs.scored and np.allclose(
-            ours.distance, theirs.distance, atol=1e-6
-        )
-        return (
-            ""
-            if same
-            else f"other nodes were scored or other distances found: {ours.scored}, {theirs.scored}"
-        )
+    def pixel_by_pixel() -> PaperFilter:
+        other = copy(tracker)
+        other._backend = dense
+        return other
+
+    def check(ours: PaperFrame, theirs: PaperFrame) -> str:
+        posteriors = np.zeros((2, len(_library()), ours.probability.shape[1]))
+        for one, found in zip(posteriors, (ours, theirs), strict=True):
+            one[found.samples] = found.probability
+        same = np.allclose(*posteriors, atol=1e-4)
+        return "" if same else "the posteriors differ"
 
     return Case(
-        Timed(lambda _: frame(False), repeats=10),
-        Timed(lambda _: frame(True)),
+        Timed(frame, lambda: copy(tracker), repeats=10),
+        Timed(frame, pixel_by_pixel),
         name,
         check,
         rounds=3,
@@ -226,18 +187,11 @@ def against_dense() -> Case:
 
 def main() -> None:
     """Follows the clip and prints what its frames took."""
-    tree = _tree()
-    threads = set_threads()
-    _follow(tree, 3)
-    beliefs, seconds = _follow(tree, _FRAMES)
-    levels = " / ".join(f"{len(level):,}" for level in tree.library.levels)
-    scored = " / ".join(
-        f"{n:,.0f}" for n in np.median([belief.posterior.scored for belief in beliefs], axis=0)
-    )
-    print(
-        f"{len(tree.library):,} samples, {levels} nodes, of which {scored} were scored (median);"
-        f" {threads} threads"
-    )
+    library, threads = _library(), set_threads()
+    _follow(_tracker(), 3)
+    seconds = _follow(_tracker(), _FRAMES)
+    levels = " / ".join(f"{len(level):,}" for level in library.levels)
+    print(f"{len(library):,} samples, {levels} nodes; {threads} threads")
     first, later = 1000 * seconds[0], 1000 * np.array(seconds[1:])
     spread = f"min {later.min():.1f}, median {np.median(later):.1f}, max {later.max():.1f}"
     print(f"ms a frame over {len(later)} frames: {spread}; the first {first:.1f}")

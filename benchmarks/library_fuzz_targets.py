@@ -22,8 +22,8 @@ from silhouette_core.scoring.cpu import CpuBackend
 
 def make_library(path: Path, model: BodyModel, *, learned: bool) -> None:
     """Writes a library of one movement of a body, with a proposal that learned nothing or none."""
-    from silhouette_core.monocular.making.base_poses import base_poses
-    from silhouette_core.monocular.making.build import build_library
+    from silhouette_core.monocular.tree.base_poses import base_poses
+    from silhouette_core.monocular.tree.build import build_library
     from silhouette_core.monocular.tree.pose_library import LibrarySettings
     from silhouette_core.monocular.tree.store import write_library
 
@@ -79,35 +79,27 @@ def _features(proposal):
     return FrameFeatures(codes, zeros, zeros, np.zeros((2, 3), np.float32), np.array([0.0, 0.04]))
 
 
-@cache
-def _evidence():
-    from silhouette_core.monocular.tree.evidence import Evidence
-    from silhouette_core.monocular.window import look_at
-
-    camera = Camera(
-        "cam", (320, 240), ring(1, (320, 240)).cameras[0].matrix, np.zeros(0), np.eye(3), np.ones(3)
-    )
-    mask = np.zeros((240, 320), bool)
-    mask[40:200, 140:180] = True
-    window = look_at(camera, mask, 4.0, 90.0)
-    return Evidence([window], CpuBackend())
-
-
 def use_library(path: Path) -> None:
     """Reads a library and works with it as `track` does."""
+    from silhouette_core.monocular.tree.paper_filter import PaperFilter
+    from silhouette_core.monocular.tree.sample_search import find_samples
     from silhouette_core.monocular.tree.store import read_library
     from silhouette_core.monocular.tree.summary import summary
     from silhouette_core.monocular.tree.transitions import transitions
-    from silhouette_core.monocular.tree.tree_filter import TreeFilter
 
     library = read_library(path)
     summary(library, path)
     library.pose(np.arange(min(len(library), 50)))
     library.render(np.arange(min(len(library), 2)))
+    camera = ring(1, (320, 240)).cameras[0]
+    camera = Camera("cam", camera.size, camera.matrix, np.zeros(0), np.eye(3), np.ones(3))
+    mask = np.zeros((240, 320), bool)
+    mask[40:200, 140:180] = True
+    find_samples(library, camera, mask, CpuBackend()).poses([0])
     even = np.full(len(library), 1 / len(library))
     for aware in (False, True):
-        tree = TreeFilter(library, transitions(library, aware), CpuBackend())
-        posterior = tree.update(even, _evidence())
-        tree.update(tree.predict(posterior), _evidence())
+        tracker = PaperFilter(library, transitions(library, aware), camera, 4.0, even, CpuBackend())
+        for time_s in (0.0, 0.1):
+            tracker.poses(tracker.step(time_s, mask), [0])
     if library.proposal is not None:
         library.proposal.modes([_features(library.proposal)])[0]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.distance import Weighting
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.transitions import find_neighbours
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement
@@ -107,8 +107,9 @@ def swing_library(
     model = next(iter(motions.values())).model
     library = build_library(base_poses(motions, settings), model, settings, reporter)
     # Of so few poses, occluded arms reach hundreds: more than a library usually stores.
-    neighbours = find_neighbours(library, min(NEIGHBOURS, len(library)), reporter)
-    return replace(library, neighbours=neighbours)
+    kept = min(NEIGHBOURS, len(library))
+    dm1, dm2 = (find_neighbours(library, aware, kept, reporter) for aware in (False, True))
+    return replace(library, neighbours=dm1 | dm2)
 
 
 def _movement(rng: np.random.Generator) -> Movement:

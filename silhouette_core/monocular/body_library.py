@@ -20,15 +20,13 @@ from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
-from silhouette_core.monocular.making.base_poses import BasePoses, base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.tree.base_poses import BasePoses, base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
-from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.tuning import SAMPLED_MOTION, TREE
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
@@ -123,8 +121,7 @@ def library_of_body(
     if not model.tree.root_fixed:
         return library, None
     reporter.stage("root")
-    tree = TreeFilter(library, transitions(library, False), backend)
-    root = find_root(tree, camera, masks)
+    root = find_root(library, camera, masks, backend)
     reporter.stage("pose library")
     return _from_one_side(library, recorded is None, camera, root), root
 

@@ -185,9 +185,9 @@ class _Tracking:
             InputError: nobody is found in any frame.
         """
         source, settings, options = self.source, self.settings, self.options
-        (tracked, root), interval_s = self.tracked, 1 / source.fps
+        tracked, root = self.tracked
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
-        stages = PoseStages(tracked, self.camera, settings, options, interval_s, clock, root)
+        stages = PoseStages(tracked, self.camera, settings, options, clock, root)
         people = read_ahead(_people(source, self.silhouettes, finder, clock))
         frames = _noted(people, stages)
         if settings.smooth:  # otherwise a frame needs what was found in the last

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from calib.camera import Camera
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
@@ -23,12 +21,9 @@ from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTrac
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.monocular.tracking.observed_frame import Proposer
 from silhouette_core.monocular.tracking.trajectory import PendingFrame, PoseTrajectory
-from silhouette_core.monocular.tree.forward import ForwardFilter
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.sample_proposer import SampleProposer
 from silhouette_core.monocular.tree.store import read_library
-from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -83,7 +78,6 @@ class PoseStages:
     Args:
         tracked: the person, or the library of another body.
         settings: of the estimation; `smooth` decides whether later frames are waited for.
-        interval_s: time between two frames.
         root: place of the root of a body that is no person's, if that stands still.
     """
 
@@ -93,7 +87,6 @@ class PoseStages:
         camera: Camera,
         settings: Settings,
         options: MonocularOptions,
-        interval_s: float,
         clock: StageClock,
         root: Pose | None = None,
     ):
@@ -115,11 +108,7 @@ class PoseStages:
         else:
             tracking = TrackerSettings.of_given_body(model.length_m)
             areas = usual_areas(tracked.areas)
-            away = None if root is None else float(np.linalg.norm(root.root_m - pinhole.center_m))
-            steps = transitions(tracked, True, interval_s=interval_s)
-            tree = TreeFilter(tracked, steps, backend)
-            forward = ForwardFilter(tree, pinhole, "balanced", away, interval_s)
-            self.proposer = SampleProposer(forward, root, tracking.different_m)
+            self.proposer = SampleProposer(tracked, pinhole, backend, root, tracking.different_m)
         tracker = HypothesisTracker(model, pinhole, areas, tracking, backend)
         self.trajectory = PoseTrajectory(tracker, self.proposer, settings.smooth, clock)
         self._clock = clock

@@ -29,7 +29,7 @@ def reduced_weights(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """The silhouette (h, w) bool of a window at a resolution, and d_P (h, w) float64; 0 where the
     camera does not reach: what it does not show speaks neither for nor against a pose. Arguments as
-    of `relative_weights`.
+    of `relative_weights` and `pixel_weights`.
     """
     mask, seen = window.mask, window.seen
     for _ in range(int(np.log2(reduction))):
@@ -39,21 +39,16 @@ def reduced_weights(
 
 
 def relative_weights(
-    window: Window,
-    weighting: Weighting,
-    reduction: int,
-    bounds_px: Rectangle | None = None,
+    window: Window, reduction: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Pixel weights of a window, relative to the whole silhouette's weight.
+    """Balanced pixel weights of a window, relative to the whole silhouette's weight.
 
     The paper divides by the pixels of the region that holds both silhouettes, which is the same for
     all its pictures. Here the same person fills more or less of the window as the assumed distance
     changes, and the smaller picture would always seem to fit better.
 
     Args:
-        weighting: See `pixel_weights`.
         reduction: 1, 2 or 4: how many times smaller than the window.
-        bounds_px: Rectangle of the library, see `pixel_weights`; None: the window.
 
     Returns:
         The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
@@ -61,7 +56,7 @@ def relative_weights(
 
     Source: Okada and Stenger, eq. (6)-(9).
     """
-    mask, weights = reduced_weights(window, weighting, reduction, bounds_px)
+    mask, weights = reduced_weights(window, "balanced", reduction)
     return mask, weights / max(float(weights[mask].sum()), 1e-6)
 
 
@@ -88,7 +83,7 @@ class SignedWeights:
     @classmethod
     def from_window(cls, window: Window, backend: Backend, reduction: int) -> SignedWeights:
         """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
-        mask, weights = relative_weights(window, "balanced", reduction)
+        mask, weights = relative_weights(window, reduction)
         center = (window.axis_px + 0.5) / reduction - 0.5
         focal = window.focal_px / reduction
         matrix = np.array([[focal, 0.0, center[0]], [0.0, focal, center[1]], [0.0, 0.0, 1.0]])

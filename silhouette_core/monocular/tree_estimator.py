@@ -20,8 +20,6 @@ from silhouette_core.estimator import Estimate, FrameSource, Settings, read_opti
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.body_library import some_silhouettes
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.monocular_estimator import (
     HypothesisStore,
     check_person,
@@ -30,6 +28,8 @@ from silhouette_core.monocular.monocular_estimator import (
 from silhouette_core.monocular.monocular_stages import STARTS, assumed_stature
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX

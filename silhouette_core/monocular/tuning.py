@@ -13,33 +13,22 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """Likelihood and pruning of the tree's filter (`tree.tree_filter`)."""
+    """Likelihood and pruning of the tree's filter (`tree.descent`, `tree.paper_filter`)."""
 
     sigma: float = 0.07
     """1. Standard deviation of the silhouette distance of the true pose, eq. (10), as a fraction of
     the silhouette's own weight. Source unknown: the paper does not state it."""
-    coarse: float = 1.5
-    """1. Factor on sigma for every level above the last, where a representative stands for a larger
-    node. By eye."""
     survivors: float = 1e-3
     """1. A node's children are scored if its posterior reaches this fraction of the best node's.
     The exact posterior is kept (tests/silhouette_core/monocular/test_ablation.py)."""
-    most: int = 1500
-    """Nodes kept per level, at most. Source as of `survivors`."""
-    moved: int = 500
-    """Nodes per level that are moved to where they fit best, if there are more than twice
-    as many: those that are likely where they are. Source as of `survivors`."""
     first_deg: float = 45.0
     """Degrees. Deviation of every angle from the upright pose that faces the camera, in the paper's
     first frame. By eye: the paper does not state it."""
-    floor: float = 0.10
-    """1. Fraction of the prior that is spread evenly over the library, so that the filter recovers
-    from a wrong pose. By eye."""
 
 
 @dataclass(frozen=True)
 class MotionModel:
-    """Steps from one frame to the next (`tree.transitions`, `making.base_poses`)."""
+    """Steps from one frame to the next (`tree.transitions`, `tree.base_poses`)."""
 
     sigma_scale: float = 2.5
     """1. Factor on the measured sigmas: with 54 joint angles, these would leave nearly all of a
@@ -56,7 +45,7 @@ class MotionModel:
 
 @dataclass(frozen=True)
 class Distances:
-    """Assumed distances of the person, and when it is lost (`tree.forward`). All by eye."""
+    """Assumed distances of the person, and when it is lost. All by eye."""
 
     first_range: float = 0.30
     """1. Logarithm by which distances differ from the upright one that are tried in a first frame:
@@ -101,7 +90,7 @@ class RootSearch:
 
 @dataclass(frozen=True)
 class Tree:
-    """Division of a library's samples (`making.build`)."""
+    """Division of a library's samples (`tree.build`)."""
 
     thresholds: tuple[float, float, float] = (0.0173, 0.0110, 0.0074)
     """1. Largest silhouette distances of samples from their nodes, level by level: with them, the

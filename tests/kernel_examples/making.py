@@ -4,12 +4,6 @@ from tests.kernel_examples import Example
 from tests.kernel_examples.tree import masks
 
 
-def thin_rows(rng):
-    # Multiples of half the tolerance: many differences are the tolerance exactly.
-    rows = 0.5 * rng.integers(-4, 5, (60, 4))
-    return Example((rows, np.array([2, 0]), 1.0, np.zeros(60, bool)))
-
-
 def spoil_silhouettes(rng):
     discs = np.concatenate([rng.uniform(-3, 18, (6, 3, 2)), rng.uniform(-2, 5, (6, 3, 1))], axis=2)
     edges = np.array([-1, 0, 1, -1, 0, 1], np.int8)

@@ -51,3 +51,9 @@ def nearest_samples(rng):
     filled = np.empty((sources, 9), np.int32), np.empty((sources, 9), np.float32)
     scales = rng.uniform(0.2, 2, sources), views, same_pitch
     return Example((*given, *scales, *filled), rtol=1e-6)
+
+
+def thin_rows(rng):
+    # Multiples of half the tolerance: many differences are the tolerance exactly.
+    rows = 0.5 * rng.integers(-4, 5, (60, 4))
+    return Example((rows, np.array([2, 0]), 1.0, np.zeros(60, bool)))

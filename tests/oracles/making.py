@@ -5,13 +5,6 @@ with. Each takes the arguments of the kernel of its name and fills the same arra
 import numpy as np
 
 
-def thin_rows(rows, grid, tolerance, kept):
-    """Okada and Stenger, section 3: a row goes if a kept one is within the tolerance everywhere."""
-    for n, row in enumerate(rows):
-        near = (np.abs(row - rows[:n][kept[:n]]) <= tolerance).all(axis=1)
-        kept[n] = not near.any()
-
-
 def spoil_silhouettes(masks, edges, discs):
     """Neighbours to the left and above of the foreground or of the background, then discs."""
     y, x = np.indices(masks.shape[1:])

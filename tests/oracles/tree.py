@@ -60,3 +60,10 @@ def nearest_samples(
 def _steps(masks):
     """Changes (N, h, w + 1) along the rows of masks (N, h, w), empty outside."""
     return np.diff(np.pad(masks, ((0, 0), (0, 0), (1, 1))).astype(np.int8), axis=2)
+
+
+def thin_rows(rows, grid, tolerance, kept):
+    """Okada and Stenger, section 3: a row goes if a kept one is within the tolerance everywhere."""
+    for n, row in enumerate(rows):
+        near = (np.abs(row - rows[:n][kept[:n]]) <= tolerance).all(axis=1)
+        kept[n] = not near.any()

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import write_library
 from tests.clips import waving
 from tests.outside import install_backends, note_calls
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring, write_staged
 
 ROOT = Path(__file__).resolve().parents[2]

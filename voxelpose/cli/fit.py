@@ -51,7 +51,7 @@ SHARES = {  # a hundred seconds of the recording of `voxelpose demo`, 2026-11, w
         "tree, level 1": 15,
         "tree, level 2": 4,
         "tree, level 3": 6,
-        "motion models": 6,
+        "motion model": 6,
         "tracking": 30,
         "pictures": 7,
     },

@@ -196,7 +196,6 @@ class LiveMonocular(LiveEstimator):
         camera: Camera,
         settings: Settings,
         options: MonocularOptions,
-        fps: float,
         coloured: bool,
         reporter: Reporter,
     ):
@@ -204,7 +203,7 @@ class LiveMonocular(LiveEstimator):
         person_for(options, settings, reporter)  # here, where it is reported
         self._finder = PersonFinder(camera, coloured and not options.outline_only)
         self._name = camera.name
-        super().__init__(MonocularPoses, camera, settings, options, fps)
+        super().__init__(MonocularPoses, camera, settings, options)
 
     def prepare(self, moment: LiveMoment) -> SeenPerson | None:
         """Person in a frame; None where it shows nobody."""
@@ -220,9 +219,9 @@ class LiveMonocular(LiveEstimator):
 class MonocularPoses:
     """Poses of the person whom one camera sees."""
 
-    def __init__(self, camera: Camera, settings: Settings, options: MonocularOptions, fps: float):
+    def __init__(self, camera: Camera, settings: Settings, options: MonocularOptions):
         person = person_for(options, settings, SilentReporter())
-        self._stages = PoseStages(person, camera, settings, options, 1 / fps, _Untimed())
+        self._stages = PoseStages(person, camera, settings, options, _Untimed())
 
     def step(self, seen: SeenPerson) -> People:
         """The likeliest pose and others."""

@@ -138,7 +138,7 @@ def make_estimator(
         return LiveTree(recording.rig.cameras[0], settings, chosen, live.fps, reporter)
     options = read_options(MonocularOptions, settings.options, "monocular")
     coloured = not recording.silhouettes_given
-    return LiveMonocular(recording.rig.cameras[0], settings, options, live.fps, coloured, reporter)
+    return LiveMonocular(recording.rig.cameras[0], settings, options, coloured, reporter)
 
 
 def _named(

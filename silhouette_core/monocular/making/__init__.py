@@ -1,1 +1,1 @@
-"""What is made before anybody is tracked: pose libraries, virtual takes, trained networks."""
+"""What is made before anybody is tracked: library files, virtual takes, trained networks."""

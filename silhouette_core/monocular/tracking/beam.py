@@ -90,7 +90,6 @@ def select_different(
     order: NDArray[np.int64],
     count: int,
     least_m: float,
-    others: Sequence[int] = (),
 ) -> list[int]:
     """Indices of the first poses in an order that differ from each other.
 
@@ -99,15 +98,13 @@ def select_different(
         order: indices of the poses, best first.
         count: largest number of poses.
         least_m: mean distance of the joints above which two poses differ.
-        others: indices of poses from which the chosen ones must differ, too.
     """
     chosen: list[int] = []
     for k in order:
         if len(chosen) == count:
             break
         if all(
-            np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > least_m
-            for other in (*others, *chosen)
+            np.linalg.norm(joints[k] - joints[other], axis=-1).mean() > least_m for other in chosen
         ):
             chosen.append(int(k))
     return chosen

@@ -135,9 +135,7 @@ def _check_level(name: str, level: Level, samples: int) -> None:
 
 def _check_neighbours(library: PoseLibrary) -> None:
     """Checks the nearest samples, of which the first is the sample itself."""
-    if not library.neighbours:
-        return  # they are searched for when they are needed
-    for model in ("dm1", "dm2"):
+    for model in {name.partition(".")[0] for name in library.neighbours}:
         index, square = (library.neighbours[f"{model}.{name}"] for name in ("index", "square"))
         kept = index.shape[1] if index.ndim == 2 else 0
         name = f"neighbours.{model}"

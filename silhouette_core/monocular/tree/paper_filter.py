@@ -20,20 +20,20 @@ from scipy.spatial.transform import Rotation
 from calib.camera import Camera
 from silhouette_core.image.distance import Weighting, pixel_weights
 from silhouette_core.monocular.silhouette_weights import reduced_weights
-from silhouette_core.monocular.tree.evidence import SHIFTS_PX
-from silhouette_core.monocular.tree.pose_library import PoseLibrary
-from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, yaw_rotations
-from silhouette_core.monocular.tree.tree_filter import (
-    concatenated_ranges,
-    node_sums,
-    samples_of,
+from silhouette_core.monocular.tree.descent import (
+    SHIFTS_PX,
+    Posterior,
+    log_sums,
+    sample_poses,
+    tree_posterior,
 )
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
-from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
@@ -89,34 +89,7 @@ class PaperFilter:
         p(x_t^{njL}|z_{1:t-1}) =
         \sum_{i=1}^{N_R} p(x_t^{njL}|x_{t-1}^i)\, p(x_{t-1}^i|z_{1:t-1})
 
-    The likelihood follows from the silhouette distance :math:`d_{sil}` between the observation
-    :math:`P_o` and the projection :math:`P_m` of the pose,
-
-    .. math::
-        :label: okada-10
-
-        p(z_t|x_t) \propto \exp\left(-\frac{d_{sil}(P_o, P_m)^2}{2\sigma^2}\right)
-
-    A node :math:`\theta_t^{jl}`, number :math:`j` of level :math:`l`, takes that of its
-    representative :math:`\bar{x}_t^{jl}`; the volume of its set :math:`S^{jl}` counts as constant:
-
-    .. math::
-        :label: okada-11
-
-        p(z_t|\theta_t^{jl}) \approx p(z_t|\bar{x}_t^{jl})\, \mathrm{vol}(S^{jl})
-
-    The tree is descended level by level; a node is scored if its parent survived. In a surviving
-    leaf all poses look alike: its likelihood counts for each of them, with their own priors:
-
-    .. math::
-        :label: okada-12
-
-        p(x_t^{njL}|z_{1:t}) = c_t\, p(z_t|x_t^{njL})\, p(x_t^{njL}|z_{1:t-1})
-
-    .. math::
-        :label: okada-13
-
-        p(x_t^{njL}|z_{1:t}) \approx c_t\, p(z_t|\theta_t^{jL})\, p(x_t^{njL}|z_{1:t-1})
+    The rest of a frame is `tree_posterior`.
 
     Args:
         library: poses and their tree; N samples.
@@ -131,7 +104,7 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, eq. (1), (2), (10)-(14); the grid, and the distance followed beside
+    Source: Okada and Stenger, eq. (1), (2), (14); the grid, and the distance followed beside
     it, are ours.
     """
 
@@ -171,22 +144,22 @@ class PaperFilter:
             prior = np.outer(self._first, np.full(len(places_m), 1 / len(places_m)))
         else:
             prior = self._predict(self._last, time_s, places_m)
-        leaves, of_leaves, samples, probability = self._update(prior, window)
-        self._last = PaperFrame(time_s, window, samples, probability, places_m)
+        found = self._update(prior, window)
+        self._last = PaperFrame(time_s, window, found.samples, found.probability, places_m)
         if not self._in_place:
-            self._follow_distance(mask, leaves, of_leaves)
+            self._follow_distance(mask, found)
         return self._last
 
     def poses(self, frame: PaperFrame, rows: Sequence[int]) -> PoseArrays:
         """Samples of some rows of a posterior as poses in the world, where each is likeliest."""
-        library, window = self.library, frame.window
-        sample = frame.samples[rows]
-        base, view = library.sample_base[sample], library.sample_view[sample]
-        heading = window.heading_rad + library.views[view, 0]
-        rotation = yaw_rotations(heading) @ rotation_matrices(library.base_quaternion[base])
-        shift = self._shifts_px[frame.probability[rows].argmax(axis=1)]
-        root = window.unproject(library.pelvis_px[sample] + shift, window.distance_m)
-        return PoseArrays(root, rotation, library.base_angles[base].astype(float))
+        cell = frame.probability[rows].argmax(axis=1)
+        return sample_poses(
+            self.library,
+            frame.samples[rows],
+            [frame.window],
+            np.zeros_like(cell),
+            self._shifts_px[cell],
+        )
 
     def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
         """The silhouette as the library's camera would see it at a multiple of the distance."""
@@ -202,42 +175,19 @@ class PaperFilter:
         steps = int(np.clip(round((time_s - last.time_s) / self._interval_s), 1, _MOST_STEPS))
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
         moved = -0.5 * cdist(last.places_m, places_m, "sqeuclidean") / sigma_m**2
-        moved = np.exp(moved - _log_sums(moved)[:, None])
+        moved = np.exp(moved - log_sums(moved)[:, None])
         prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (2), (14)
         for _ in range(steps - 1):
             prior = self._transitions.T @ prior
         return prior
 
-    def _update(
-        self, prior: NDArray[np.float64], window: Window
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        """The surviving leaves (K,) and their posterior (K, C), their samples (M,) and theirs (M,
-        C), likeliest first, eq. (12) and (13), by a prior (N, C).
-        """
-        library = self.library
-        of_nodes = node_sums(library, prior)
-        nodes = kept = np.arange(len(library.levels[0]))
-        log_likelihood = log_posterior = np.empty((0, 0))
-        for depth, level in enumerate(library.levels):
-            if depth:
-                first = library.child_offsets[depth - 1]
-                nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
-            target = self._target(window, WINDOW_PX[0] // level.size_px[0])
-            distance = self._backend.span_distances(target, level.spans, nodes)
-            log_likelihood = -0.5 * (distance / self._sigma) ** 2  # eq. (10), (11)
-            with np.errstate(divide="ignore"):
-                log_posterior = log_likelihood + np.log(of_nodes[depth][nodes])
-            each = rounded(_log_sums(log_posterior))
-            kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
-        samples, number = samples_of(library, nodes[kept])
-        of_leaf = kept[number]
-        with np.errstate(divide="ignore"):
-            posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))  # eq. (12), (13)
-        probability = np.exp(posterior - posterior.max())
-        probability /= probability.sum()  # eq. (1): c_t
-        order = np.argsort(-posterior.max(axis=1), kind="stable")
-        of_leaves = np.exp(log_posterior[kept] - log_posterior.max())
-        return nodes[kept], of_leaves / of_leaves.sum(), samples[order], probability[order]
+    def _update(self, prior: NDArray[np.float64], window: Window) -> Posterior:
+        """Posterior by a prior (N, C)."""
+
+        def target_of(reduction: int) -> Target:
+            return self._target(window, reduction)
+
+        return tree_posterior(self.library, prior, target_of, self._sigma, self._backend)
 
     def _target(self, window: Window, reduction: int) -> Target:
         """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
@@ -245,11 +195,9 @@ class PaperFilter:
         mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _follow_distance(
-        self, mask: NDArray[np.bool_], leaves: NDArray[np.int64], of_leaves: NDArray[np.float64]
-    ) -> None:
-        """Follows the distance by the size in which the silhouettes of some leaves (K,) fit best,
-        in the mean over their posterior (K, C), by XOR, eq. (6).
+    def _follow_distance(self, mask: NDArray[np.bool_], found: Posterior) -> None:
+        """Follows the distance by the size in which the silhouettes of the surviving leaves fit
+        best, in the mean over their posterior, by XOR, eq. (6).
 
         It counts relative to the root of the silhouette's area: with that of the leaf, which stays,
         to their geometric mean, so that neither is preferred to be the larger one. Relative to the
@@ -259,19 +207,10 @@ class PaperFilter:
         masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
         weights = tuple(np.full(one.shape, max(one.sum(), 1) ** -0.5) for one in masks)
         target = Target(masks, weights, self._shifts_px)
-        apart = self._backend.span_distances(target, self.library.levels[-1].spans, leaves)
-        mean = np.einsum("kc,ksc->s", of_leaves, apart.reshape(len(leaves), len(masks), -1))
+        apart = self._backend.span_distances(target, self.library.levels[-1].spans, found.leaves)
+        by_size = apart.reshape(len(found.leaves), len(masks), -1)
+        mean = np.einsum("kc,ksc->s", found.of_leaves, by_size)
         self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
-
-
-def _log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithms (N,) of the sums of the rows of what logarithms (N, C) are of, -inf of zeros.
-
-    SciPy's `logsumexp` takes ten times as long for the few numbers of a node.
-    """
-    most = np.maximum(logarithms.max(axis=1), np.finfo(float).min)
-    with np.errstate(divide="ignore"):
-        return np.log(np.exp(logarithms - most[:, None]).sum(axis=1)) + most
 
 
 def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
-from silhouette_core.monocular.tree.tree_filter import Posterior, TreeFilter
+from silhouette_core.monocular.tree.sample_search import FoundSamples, find_samples
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
@@ -25,6 +25,7 @@ from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.posterior import still_root
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import REFINEMENT
 
@@ -45,7 +46,9 @@ class _Frame:
     errors: NDArray[np.float64]
 
 
-def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_]]) -> Pose:
+def find_root(
+    library: PoseLibrary, camera: Camera, masks: Sequence[NDArray[np.bool_]], backend: Backend
+) -> Pose:
     """Placement of a root that stands still.
 
     The best poses of every frame and view are refined with their roots free. A root that is near to
@@ -54,28 +57,34 @@ def find_root(tree: TreeFilter, camera: Camera, masks: Sequence[NDArray[np.bool_
     headings.
 
     Args:
-        tree: filter over a library of the body from all sides.
+        library: of the body, from all sides.
         camera: pinhole camera without distortion.
         masks: silhouettes (h, w) bool of some frames, not empty.
 
     Returns:
         The root, with the joint angles of one of the frames.
     """
-    model = tree.library.model
+    model = library.model
     surface, views = Surface(model, 500), PinholeViews.from_rig(Rig((camera,)))
-    frames = [_refined(tree, camera, views, surface, mask) for mask in masks]
-    found = [_settled(tree, surface, frames, root) for root in _likely_roots(frames)]
+    frames = [
+        _refined(find_samples(library, camera, mask, backend), views, surface, mask, backend)
+        for mask in masks
+    ]
+    found = [_settled(surface, frames, root, backend) for root in _likely_roots(frames)]
     root, held = min(found, key=_error)
     turned = [
         [_turned(frame, turn, model) for frame in held]
         for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
     ]
     others = [
-        (frames[0].poses[0], [_held(surface, frame, frames[0].poses[0], tree) for frame in frames])
+        (
+            frames[0].poses[0],
+            [_held(surface, frame, frames[0].poses[0], backend) for frame in frames],
+        )
         for frames in turned
     ]
     likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
-    settled = [_settled(tree, surface, frames, frames[0].poses[0]) for _, frames in likely]
+    settled = [_settled(surface, frames, frames[0].poses[0], backend) for _, frames in likely]
     return min([(root, held), *settled], key=_error)[0]
 
 
@@ -85,14 +94,14 @@ def _error(found: tuple[Pose, list[_Frame]]) -> float:
 
 
 def _settled(
-    tree: TreeFilter, surface: Surface, frames: Sequence[_Frame], root: Pose
+    surface: Surface, frames: Sequence[_Frame], root: Pose, backend: Backend
 ) -> tuple[Pose, list[_Frame]]:
     """A root placed by all frames together, and their poses with it."""
     for _ in range(_ROUNDS):
-        held = [_held(surface, frame, root, tree) for frame in frames]
+        held = [_held(surface, frame, root, backend) for frame in frames]
         best = [frame.poses[int(frame.errors.argmin())] for frame in held]
         root = still_root(surface, [frame.observation for frame in frames], best, _HELD)
-    return root, [_held(surface, frame, root, tree) for frame in frames]
+    return root, [_held(surface, frame, root, backend) for frame in frames]
 
 
 def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Frame:
@@ -118,22 +127,20 @@ def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pos
 
 
 def _refined(
-    tree: TreeFilter,
-    camera: Camera,
+    found: FoundSamples,
     views: PinholeViews,
     surface: Surface,
     mask: NDArray[np.bool_],
+    backend: Backend,
 ) -> _Frame:
     """The best poses of every view, refined with the root free."""
-    filter_frame = ForwardFilter(tree, camera).step(0.0, mask)
-    rows = _best_of_views(tree, filter_frame.posterior)
-    poses = candidates_of(tree, filter_frame, rows).poses()
-    observation = Observation.from_masks(views, [mask], filter_frame.distance_m)
-    return _fitted(tree, surface, observation, poses, _STARTS, 3, 0.1 * filter_frame.distance_m)
+    poses = found.poses(_best_of_views(found)).poses()
+    observation = Observation.from_masks(views, [mask], found.distance_m)
+    return _fitted(backend, surface, observation, poses, _STARTS, 3, 0.1 * found.distance_m)
 
 
 def _fitted(
-    tree: TreeFilter,
+    backend: Backend,
     surface: Surface,
     observation: Observation,
     poses: Sequence[Pose],
@@ -148,17 +155,16 @@ def _fitted(
     sigma[:count] = sigma_m
     starts = [RefineStart(pose, refining, PosePrior(pose, sigma)) for pose in poses]
     refined = [one.pose for one in refine_many(surface, observation, starts)]
-    errors = mask_errors(surface.model, refined, observation.views, observation.masks, tree.backend)
+    errors = mask_errors(surface.model, refined, observation.views, observation.masks, backend)
     return _Frame(observation, refined, errors)
 
 
-def _best_of_views(tree: TreeFilter, posterior: Posterior) -> list[int]:
-    order = np.argsort(posterior.distance, kind="stable")
-    view = tree.library.sample_view[posterior.samples]
+def _best_of_views(found: FoundSamples) -> list[int]:
+    view = found.library.sample_view[found.samples]
     return [
-        int(row)
-        for own in range(len(tree.library.views))
-        for row in order[view[order] == own][:_OF_EACH_VIEW]
+        row
+        for own in range(len(found.library.views))
+        for row in np.flatnonzero(view == own)[:_OF_EACH_VIEW].tolist()
     ]
 
 
@@ -189,11 +195,11 @@ def _likely_roots(frames: Sequence[_Frame]) -> list[Pose]:
     return chosen
 
 
-def _held(surface: Surface, frame: _Frame, root: Pose, tree: TreeFilter) -> _Frame:
+def _held(surface: Surface, frame: _Frame, root: Pose, backend: Backend) -> _Frame:
     """The likeliest poses of a frame, refined with a root that is held."""
     likely = rounded(_costs(frame, root))
     poses = [
         Pose(root.root_m, root.root_rotation, frame.poses[k].angles_rad)
         for k in np.argsort(likely, kind="stable")[:_LIKELY]
     ]
-    return _fitted(tree, surface, frame.observation, poses, _HELD, 6, 1e-5)
+    return _fitted(backend, surface, frame.observation, poses, _HELD, 6, 1e-5)

@@ -19,7 +19,7 @@ from silhouette_core.monocular.tree.kernels import transitions as kernels
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices
-from silhouette_core.progress import Reporter
+from silhouette_core.progress import Reporter, SilentReporter
 
 if TYPE_CHECKING:
     from silhouette_core.monocular.tree.pose_library import PoseLibrary
@@ -69,8 +69,9 @@ def transitions(
 
     Source: Okada and Stenger, eq. (4); the restriction to neighbours is ours.
     """
-    kept = library.neighbours or find_neighbours(library)
-    name = "dm2" if occlusion_aware else "dm1"
+    name, kept = "dm2" if occlusion_aware else "dm1", library.neighbours
+    if f"{name}.index" not in kept:
+        kept = find_neighbours(library, occlusion_aware)
     index, square = (
         np.asarray(kept[f"{name}.{array}"])[:, :neighbours] for array in ("index", "square")
     )
@@ -88,45 +89,39 @@ def transitions(
 
 
 def find_neighbours(
-    library: PoseLibrary, kept: int = KEPT, reporter: Reporter | None = None
+    library: PoseLibrary,
+    occlusion_aware: bool = True,
+    kept: int = KEPT,
+    reporter: Reporter | None = None,
 ) -> dict[str, NDArray]:
-    """Nearest samples of every sample, for both motion models.
+    """Nearest samples of every sample, for one motion model.
 
     Exact as long as they are among the views of the 256 base poses that are nearest in joint
     angles. Only samples of the same pitch count, since the camera does not move.
 
     Args:
+        occlusion_aware: DM2; else DM1.
         kept: number of neighbours, including the sample itself.
 
     Returns:
-        dm1.index and dm2.index (N, K) int32, dm1.square and dm2.square (N, K) float32: squared
-        distance in sigmas, nearest first.
+        dm2.index (N, K) int32 and dm2.square (N, K) float32, or those of dm1: squared distance in
+        sigmas, nearest first.
     """
-    if reporter is not None:
-        reporter.stage("motion models", 2 * len(library))
+    reporter = reporter or SilentReporter()
+    reporter.stage("motion model", len(library))
     orientation = view_orientations(
         library.base_quaternion[library.sample_base], library.views[library.sample_view]
     )
-    result: dict[str, NDArray] = {}
-    for name, occluded in (("dm1", np.zeros_like(library.occluded)), ("dm2", library.occluded)):
-        index, square = (
-            np.empty((len(library), kept), np.int32),
-            np.empty((len(library), kept), np.float32),
-        )
-        for start in range(0, len(library), _AT_ONCE):
-            sources = np.arange(start, min(start + _AT_ONCE, len(library)))
-            _nearest(
-                library,
-                orientation,
-                sources,
-                occluded[sources],
-                index[sources[0] : sources[-1] + 1],
-                square[sources[0] : sources[-1] + 1],
-            )
-            if reporter is not None:
-                reporter.advance(len(sources))
-        result |= {f"{name}.index": index, f"{name}.square": square}
-    return result
+    occluded = library.occluded if occlusion_aware else np.zeros_like(library.occluded)
+    index = np.empty((len(library), kept), np.int32)
+    square = np.empty((len(library), kept), np.float32)
+    for start in range(0, len(library), _AT_ONCE):
+        sources = np.arange(start, min(start + _AT_ONCE, len(library)))
+        part = slice(start, start + _AT_ONCE)
+        _nearest(library, orientation, sources, occluded[part], index[part], square[part])
+        reporter.advance(len(sources))
+    name = "dm2" if occlusion_aware else "dm1"
+    return {f"{name}.index": index, f"{name}.square": square}
 
 
 def view_orientations(

@@ -5,13 +5,10 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.store import write_library
-from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 
 SETTINGS = LibrarySettings(
@@ -33,8 +30,3 @@ def quick_library_file(library, tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "quick.vplib"
     write_library(replace(library, proposal=unlearned_proposal()), path)
     return path
-
-
-@pytest.fixture(scope="session")
-def tree(library):
-    return TreeFilter(library, transitions(library, occlusion_aware=True), CpuBackend())

@@ -3,20 +3,21 @@ switched off, the same outcome is clearly worse. Parts that need a learned propo
 test_with_proposal.py.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.tree.forward import ForwardFilter, candidates_of
+from silhouette_core.monocular.person import upright_distance
+from silhouette_core.monocular.tree import descent
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import TreeFilter
-from silhouette_core.monocular.tuning import FilterSettings
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions
+from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at, films, performed
 
 FRONT = camera_at((0, -4.0, 1.3), size=(320, 240))
 STEP, INTERVAL_S = 2, 1 / 15
-EVERY_NODE = FilterSettings(survivors=0.0, most=10**9, moved=10**9)
 
 
 @pytest.fixture(scope="module")
@@ -26,86 +27,75 @@ def stroll():
     return motion.landmarks()[list(rows)], films(motion, FRONT, rows)
 
 
-@pytest.fixture
-def sparse(library):
-    """A tree filter of its own for frames at 15 Hz."""
-    matrix = transitions(library, True, interval_s=INTERVAL_S)
-    return TreeFilter(library, matrix, CpuBackend())
+def follow(library, masks, kind=PaperFilter):
+    """The filter, and its posteriors."""
+    matrix = transitions(library, True, normalised=False, interval_s=INTERVAL_S)
+    distance_m = upright_distance(FRONT, masks[0], library.model.length_m)
+    given = library, matrix, FRONT, distance_m, initial_prior(library), CpuBackend()
+    tracker = kind(*given, interval_s=INTERVAL_S)
+    return tracker, [tracker.step(INTERVAL_S * k, mask) for k, mask in enumerate(masks)]
 
 
-class FromTheFront(ForwardFilter):
-    """Begins with people who face the camera."""
-
-    def _prior(self, window, last, time_s, restarted):
-        prior = super()._prior(window, last, time_s, restarted)
-        if last is not None:
-            return prior
-        return self.tree.weigh_views(prior, np.exp(2 * np.cos(self.tree.library.views[:, 0])))
-
-
-def follow(tree, masks):
-    filter_ = FromTheFront(tree, FRONT, interval_s=INTERVAL_S)
-    return [filter_.step(INTERVAL_S * k, mask) for k, mask in enumerate(masks)]
-
-
-def expected_error_m(tree, filter_frame, truth):
+def expected_error_m(tracker, frame, truth):
     """Mean distance of the joints about the pelvis, expected over the posterior."""
-    posterior = filter_frame.posterior
-    rows = np.arange(min(200, len(posterior.samples)))
-    poses = candidates_of(tree, filter_frame, rows)
-    turns = quaternions(poses.root_rotation)
-    model = tree.library.model
-    joints = landmarks(model, *forward(model, poses.root_m, turns, poses.angles_rad))
+    rows = np.arange(min(200, len(frame.samples)))
+    model = tracker.library.model
+    joints = landmarks(model, *place(model, *tracker.poses(frame, rows).arrays))
     apart = np.linalg.norm((joints - joints[:, :1]) - (truth - truth[:1]), axis=-1).mean(axis=1)
-    return np.average(apart, weights=posterior.probability[rows])
+    return np.average(apart, weights=frame.probability[rows].sum(axis=1))
 
 
-def facing(tree, filter_frame):
+def facing(library, frame):
     """Probability of facing the camera."""
-    library, posterior = tree.library, filter_frame.posterior
-    yaw = library.views[library.sample_view[posterior.samples], 0]
-    return posterior.probability[np.cos(yaw) > 0].sum()
+    yaw = library.views[library.sample_view[frame.samples], 0]
+    return frame.probability[np.cos(yaw) > 0].sum()
 
 
-def test_the_prior_decides_what_silhouettes_leave_open(sparse, stroll, monkeypatch):
+class WithoutMotion(PaperFilter):
+    """After the first frame, every pose is as likely before."""
+
+    def _predict(self, last, time_s, places_m):
+        even = super()._predict(last, time_s, places_m).sum(axis=0) / len(self.library)
+        return np.tile(even, (len(self.library), 1))
+
+
+def test_the_prior_decides_what_silhouettes_leave_open(library, stroll):
     """From the front, a leg in front looks like the other one behind, and facing the camera like
     facing away. With a uniform prior both halves of the posterior stay equally likely.
     """
     truth, masks = stroll
     error, least_facing = {}, {}
-    for prior in ("motion model", "uniform"):
-        if prior == "uniform":
-            uniform = np.full(len(sparse.library), 1 / len(sparse.library))
-            monkeypatch.setattr(sparse, "predict", lambda *_, uniform=uniform: uniform)
-        frames = follow(sparse, masks)
+    for kind in (PaperFilter, WithoutMotion):
+        tracker, frames = follow(library, masks, kind)
         later = list(zip(frames, truth, strict=True))[5:]
-        error[prior] = np.mean([expected_error_m(sparse, *pair) for pair in later])
-        least_facing[prior] = min(facing(sparse, frame) for frame, _ in later)
-    assert error["motion model"] < 0.09
-    assert error["motion model"] < 0.6 * error["uniform"]
-    assert least_facing["motion model"] > 0.9 > 0.7 > least_facing["uniform"]
+        error[kind] = np.mean([expected_error_m(tracker, *pair) for pair in later])
+        least_facing[kind] = min(facing(library, frame) for frame, _ in later)
+    print(error, least_facing)
+    assert error[PaperFilter] < 0.09
+    assert error[PaperFilter] < 0.6 * error[WithoutMotion]
+    assert least_facing[PaperFilter] > 0.9 > 0.7 > least_facing[WithoutMotion]
 
 
-def test_pruning_scores_few_leaves_and_loses_nothing(sparse, stroll, monkeypatch):
+def test_pruning_scores_few_leaves_and_loses_nothing(library, stroll, monkeypatch):
     """Against the exhaustive search under the same prior. Without thresholds every leaf is scored;
     with thresholds that are too high, probable leaves are lost.
     """
-    exhaustive = TreeFilter(sparse.library, sparse.transitions, CpuBackend(), EVERY_NODE)
-    leaf = np.empty(len(sparse.library), np.int64)
-    counts = np.diff(sparse.library.leaf_offsets)
-    leaf[sparse.library.leaf_samples] = np.repeat(np.arange(len(counts)), counts)
-    update, scored, same_leaf, lost = sparse.update, [], [], []
+    scored, lost, same = [], [], []
+    every = replace(descent.FILTER, survivors=1e-300)
 
-    def compared(prior, evidence):
-        pruned, whole = update(prior, evidence), exhaustive.update(prior, evidence)
-        scored.append(np.array(pruned.scored) / len(sparse.library.levels[-1]))
-        same_leaf.append(leaf[pruned.samples[0]] == leaf[whole.samples[0]])
-        lost.append(whole.probability[~np.isin(whole.samples, pruned.samples)].sum())
-        return pruned
+    class Compared(PaperFilter):
+        def _update(self, prior, window):
+            pruned = super()._update(prior, window)
+            with monkeypatch.context() as exhaustive:
+                exhaustive.setattr(descent, "FILTER", every)
+                whole = super()._update(prior, window)
+            scored.append(len(pruned.leaves) / len(library.levels[-1]))
+            same.append(pruned.samples[0] == whole.samples[0])
+            lost.append(whole.probability[~np.isin(whole.samples, pruned.samples)].sum())
+            return pruned
 
-    monkeypatch.setattr(sparse, "update", compared)
-    follow(sparse, stroll[1][:16])
-    of_leaves, of_all = np.array(scored)[1:, -1].mean(), np.array(scored)[1:].sum(axis=1).mean()
-    assert of_leaves < 0.2 and of_all < 0.4
-    assert np.mean(same_leaf) >= 0.9
+    follow(library, stroll[1][:16], Compared)
+    print(scored, lost, same)
+    assert np.mean(scored[1:]) < 0.2
+    assert np.mean(same) >= 0.9
     assert np.mean(lost) < 0.03 and max(lost) < 0.1

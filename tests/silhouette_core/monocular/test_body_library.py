@@ -15,19 +15,17 @@ from silhouette_core.monocular.body_library import (
     library_of_body,
     sampled_motion,
 )
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.occlusion import usual_areas
 from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
-from silhouette_core.monocular.tree.forward import ForwardFilter
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.sample_proposer import SampleProposer
+from silhouette_core.monocular.tree.sample_search import find_samples
 from silhouette_core.monocular.tree.store import write_library
-from silhouette_core.monocular.tree.transitions import transitions
-from silhouette_core.monocular.tree.tree_filter import TreeFilter
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
@@ -64,10 +62,9 @@ def test_a_smaller_silhouette_is_farther_away():
 
 def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed):
     poses, masks = filmed
-    tree = TreeFilter(library, transitions(library, True, interval_s=1 / 15), CpuBackend())
-    frame = ForwardFilter(tree, CAMERA).step(0.0, masks[0])
+    found = find_samples(library, CAMERA, masks[0], CpuBackend())
     true_m = np.linalg.norm(poses[0].root_m - CAMERA.center_m)
-    assert frame.distance_m == pytest.approx(true_m, rel=0.2)
+    assert found.distance_m == pytest.approx(true_m, rel=0.2)
 
 
 def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
@@ -84,9 +81,7 @@ def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
 @pytest.mark.slow
 def test_a_still_root_is_found_by_frames_of_one_camera(library, filmed):
     poses, masks = filmed
-    root = find_root(
-        TreeFilter(library, transitions(library, False), CpuBackend()), CAMERA, masks[::5]
-    )
+    root = find_root(library, CAMERA, masks[::5], CpuBackend())
     assert np.linalg.norm(root.root_m - poses[0].root_m) < 0.06
     turn = Rotation.from_matrix(root.root_rotation @ poses[0].root_rotation.T).magnitude()
     assert np.degrees(turn) < 10
@@ -97,10 +92,7 @@ def test_a_held_root_is_the_one_of_all_hypotheses(library, filmed):
     root = Pose(poses[0].root_m, poses[0].root_rotation, np.zeros(4))
     model, person = desk_lamp(), Person(masks[0], False)
     settings = TrackerSettings.of_given_body(model.length_m)
-    forward = ForwardFilter(
-        TreeFilter(library, transitions(library, True, interval_s=1 / 15), CpuBackend()), CAMERA
-    )
-    proposer = SampleProposer(forward, root, settings.different_m)
+    proposer = SampleProposer(library, CAMERA, CpuBackend(), root, settings.different_m)
     (proposal,) = proposer.propose([proposer.note(0.0, person)], [person], True)
     tracker = HypothesisTracker(model, CAMERA, usual_areas(library.areas), settings, CpuBackend())
     observed = tracker.observe(masks[0], proposal.distance_m, 0.0)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import read_library, write_library
 from tests.clips import waving
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
 

@@ -8,12 +8,12 @@ import pytest
 from benchmarks.library_fuzz_targets import unlearned_proposal
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.monocular_stages import MonocularOptions
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import SilentReporter
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 from tests.sources import ring
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
 from voxelpose.live.live_estimators import LiveMoment, LiveMonocular, LiveTree
@@ -39,7 +39,7 @@ def live(library, tmp_path):
         options = MonocularOptions(str(tmp_path / "lib.vplib"), "any")
         settings = Settings(person().sizes.stature_m, smooth=False)
         camera = RIG.cameras[0]
-        made.append(LiveMonocular(camera, settings, options, 25.0, True, SilentReporter()))
+        made.append(LiveMonocular(camera, settings, options, True, SilentReporter()))
         return made[-1]
 
     yield of

@@ -32,7 +32,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, swaying
 
 STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
 TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)

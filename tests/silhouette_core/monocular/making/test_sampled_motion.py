@@ -8,9 +8,9 @@ import pytest
 from calib.errors import InputError
 from examples.bodies.example_bodies import desk_lamp, quadruped, robot_arm
 from silhouette_core.monocular.body_library import sampled_motion
-from silhouette_core.monocular.making.base_poses import base_poses
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.making.from_motion import make_library, read_clips
+from silhouette_core.monocular.tree.base_poses import base_poses
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.store import read_library, write_library

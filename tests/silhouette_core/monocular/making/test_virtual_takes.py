@@ -23,7 +23,7 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     level_axes,
 )
 from silhouette_core.motion.motion import Motion
-from tests.silhouette_core.monocular.making.small_library import swaying
+from tests.silhouette_core.monocular.tree.small_library import swaying
 
 MIDDLE = (np.array(GRID[::-1]) - 1) / 2
 

@@ -7,7 +7,6 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.monocular.making.build import build_library
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal, SilhouetteEncoding
@@ -29,9 +28,10 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     seen_codes,
     shading_grid,
 )
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, silhouette_levels
 from silhouette_core.monocular.tree.store import read_library, write_library
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture

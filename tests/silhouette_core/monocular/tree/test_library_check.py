@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import read_library, write_library
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 
 ONE_WRONG = {
     "base_angles": np.nan,
@@ -97,7 +97,7 @@ def test_a_tree_that_is_none_is_refused(made, tmp_path):
 
 
 def test_neighbours_that_are_none_are_refused(made, tmp_path):
-    for key, value in (("dm1.index", -1), ("dm2.index", 10**6), ("dm1.square", np.nan)):
+    for key, value in (("dm2.index", -1), ("dm2.index", 10**6), ("dm2.square", np.nan)):
         wrong = {**made.neighbours, key: with_one(made.neighbours[key], value)}
         assert key in refusal(replace(made, neighbours=wrong), tmp_path / "me.vplib")
     none = {key: array[:, :0] for key, array in made.neighbours.items()}

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import identity
 
 from silhouette_core.image.distance import pixel_weights
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
@@ -17,7 +17,7 @@ from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's
@@ -242,9 +242,9 @@ def test_leaves_have_the_posterior_of_their_samples(library, camera):
     matrix = transitions(library, True)
     masks = [seen(library, 5), seen(library, 9)]
     tracker, (_, frame) = follow(library, camera, matrix, masks, sigma=0.5)
-    leaves, of_leaves, samples, probability = tracker._update(tracker.priors[1], frame.window)
-    assert len(leaves) > 3 and of_leaves.sum() == pytest.approx(1)
-    for leaf, expected in zip(leaves, of_leaves, strict=True):
+    found = tracker._update(tracker.priors[1], frame.window)
+    assert len(found.leaves) > 3 and found.of_leaves.sum() == pytest.approx(1)
+    for leaf, expected in zip(found.leaves, found.of_leaves, strict=True):
         inside = library.leaf_samples[slice(*library.leaf_offsets[leaf : leaf + 2])]
-        among = probability[np.isin(samples, inside)]
+        among = found.probability[np.isin(found.samples, inside)]
         np.testing.assert_allclose(among.sum(axis=0), expected, rtol=1e-5)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import is_library, read_library, write_library
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
-from silhouette_core.monocular.making.build import build_library
+from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.tree import PoseSpace
-from tests.silhouette_core.monocular.making.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
 
 
 @pytest.fixture(scope="module")

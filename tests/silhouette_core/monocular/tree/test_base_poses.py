@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from silhouette_core.monocular.making.base_poses import motion_sigmas, pose_features, thin_poses
+from silhouette_core.monocular.tree.base_poses import motion_sigmas, pose_features, thin_poses
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.heading import split_heading

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.checks import float_array
 from calib.errors import InputError
-from silhouette_core.monocular.making.kernels.thinning import thin_rows
+from silhouette_core.monocular.tree.kernels.thinning import thin_rows
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS

@@ -4,7 +4,7 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.monocular.making.base_poses import base_poses
+from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.motion.motion import Motion
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
-from silhouette_core.monocular.making.base_poses import BasePoses
-from silhouette_core.monocular.making.checkpoint import Arrays, Checkpoint
 from silhouette_core.monocular.occlusion import occluded_parts, usual_areas
+from silhouette_core.monocular.tree.base_poses import BasePoses
+from silhouette_core.monocular.tree.checkpoint import Arrays, Checkpoint
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import (
     SIZES_PX,
@@ -100,6 +100,8 @@ def build_library(
         root_sigma_rad=bases.root_sigma_rad,
         bounds_px=spans[-1].bounds,
     )
+    if model.person is None:
+        return library  # nobody knows how it moves
     neighbours = checkpoint.step("neighbours", lambda: find_neighbours(library, reporter=reporter))
     return replace(library, neighbours=neighbours)
 

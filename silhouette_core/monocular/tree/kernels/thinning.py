@@ -1,7 +1,7 @@
 """Greedy thinning of poses with a hash grid.
 
 Source: the criterion is Okada and Stenger's, section 3; the grid is ours, with the hash of Fowler,
-Noll and Vo (FNV-1a). Reference: `tests.oracles.making`, pair by pair.
+Noll and Vo (FNV-1a). Reference: `tests.oracles.tree`, pair by pair.
 """
 
 import numpy as np
