@@ -47,10 +47,15 @@ def tree_posterior(
     sigma: float,
     backend: Backend,
 ) -> Posterior:
-    r"""Posterior of a frame.
+    r"""Posterior of a frame: of the state :math:`x_t`, given the silhouettes :math:`z_{1:t}`,
 
-    The likelihood follows from the silhouette distance :math:`d_{sil}` between the observation
-    :math:`P_o` and the projection :math:`P_m` of the pose,
+    .. math::
+        :label: okada-1
+
+        p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
+
+    with the normalising constant :math:`c_t`. The likelihood follows from the silhouette distance
+    :math:`d_{sil}` between the observation :math:`P_o` and the projection :math:`P_m` of the pose,
 
     .. math::
         :label: okada-10
@@ -85,7 +90,7 @@ def tree_posterior(
             images of a level are.
         sigma: of eq. (10), in units of the targets' distances.
 
-    Source: Okada and Stenger, eq. (10)-(13).
+    Source: Okada and Stenger, eq. (1), (10)-(13).
     """
     of_nodes = node_sums(library, prior)
     nodes = kept = np.arange(len(library.levels[0]))

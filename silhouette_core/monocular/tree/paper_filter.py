@@ -66,14 +66,7 @@ class PaperFilter:
     r"""Recursive filter over the frames of one camera, as the paper writes it.
 
     The posterior of the state :math:`x_t`, a pose and a position, given the silhouettes
-    :math:`z_{1:t}` so far, is
-
-    .. math::
-        :label: okada-1
-
-        p(x_t|z_{1:t}) = c_t\, p(z_t|x_t)\, p(x_t|z_{1:t-1})
-
-    with the normalising constant :math:`c_t`. Its prior is predicted,
+    :math:`z_{1:t}` so far, is that of `descent.tree_posterior`. Its prior is predicted,
 
     .. math::
         :label: okada-2
@@ -104,8 +97,8 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, eq. (1), (2), (14); the grid, and the distance followed beside
-    it, are ours.
+    Source: Okada and Stenger, eq. (2), (14); the grid, and the distance followed beside it,
+    are ours.
     """
 
     def __init__(

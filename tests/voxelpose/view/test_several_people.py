@@ -63,7 +63,7 @@ def test_pictures_have_the_colours_of_people(scenes, couple):
 def test_everybody_is_outlined_among_the_silhouettes(scenes):
     evidence = FitSilhouettes(scenes)
     frames = scenes.reader._read(3)
-    found = evidence.of(3, frames, evidence.model(False))
+    found = evidence.of(3, frames, scenes.reader.silhouettes)
     for one in found.values():
         assert np.count_nonzero(one.body & one.used) / np.count_nonzero(one.body | one.used) > 0.85
 

@@ -125,7 +125,8 @@ def test_a_thing_is_seen_where_its_hull_is_beside_the_bodies():
     people = zip(*(photograph(VIEWS, *one) for one in PEOPLE), strict=True)
     volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
     observer = HullObserver(VIEWS, volume, 0.025, body_rule(5, 0))
-    prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
+    unseen = namespace(people_masks=lambda t: [[]] * 5)
+    prepared = namespace(store=[[a | b for a, b in people]], observer=observer, footage=unseen)
     places = [np.array([[(*place, 1.0)]]) for place in PLACES]
     ((body, thing),) = PeopleTrack(namespace(), prepared, *places)._drawn_pieces(trackers)
     own, other = (photograph(VIEWS, *one) for one in PEOPLE)
