@@ -367,7 +367,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Consecutive frames refined together (`refinement.trajectory_fit`). By eye."""
+    """Consecutive frames refined together (`tracking.trajectory_fit`). By eye."""
 
     acceleration: float = 0.35
     """1. Standard deviation of a pose's second differences, over `dynamics.pose_step_sigma`."""
@@ -384,6 +384,20 @@ class Trajectory:
     """m. Scale of the robust weight of that height: somebody may jump."""
 
 
+@dataclass(frozen=True)
+class Steps:
+    """Steps between the hypotheses of consecutive frames (`tracking.step_costs`). By eye."""
+
+    restart: float = 45.0
+    """Nats. Largest cost of a step; what costs more is no movement."""
+    longest_frame: float = 3.0
+    """1 / FPS. Interval of frames up to which a frame counts more than one of 1 / FPS."""
+    spacing_deg: float = 3.0
+    """Degrees. Distance of angles that refinement does not tell apart."""
+    spacing_m: float = 0.05
+    """m. The same of places."""
+
+
 BACKGROUND = Background()
 FOREGROUND = Foreground()
 SHADOW = CastShadow()
@@ -396,6 +410,7 @@ PRESENCE = Presence()
 PLAUSIBILITY = Plausibility()
 CAMERA_MOTION = CameraMotion()
 MEASURING = Measuring()
+STEPS = Steps()
 DYNAMICS = Dynamics()
 RETARGETING = Retargeting()
 REFINEMENT = Refinement()

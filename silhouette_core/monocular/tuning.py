@@ -231,8 +231,6 @@ class ProposedModes:
     """Statures. Range of it in which z = 0 may be the floor."""
     alike_m: float = 0.08
     """Metres. Mean distance of the joints of modes that are averaged."""
-    longest_frame: float = 3.0
-    """1 / FPS. Interval of frames up to which a frame counts more than one of 1 / FPS."""
 
 
 @dataclass(frozen=True)

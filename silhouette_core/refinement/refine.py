@@ -191,7 +191,7 @@ def free_unknowns(model: BodyModel) -> np.ndarray:
     return np.concatenate([np.arange(6), 6 + np.flatnonzero(~model.tree.dof_fixed)])
 
 
-def _step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
+def step_bounds(angles_rad: np.ndarray, model: BodyModel) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest steps (K, 6 + D) of poses with angles (K, D): trust region and limits."""
     trust = REFINEMENT.trust_rad
     low = np.full((len(angles_rad), 6 + angles_rad.shape[1]), -trust)
@@ -226,7 +226,7 @@ def solve_steps(
         (K, n) float64; zero for what is held fixed.
     """
     steps = np.empty_like(gradient)
-    low, high = _step_bounds(angles_rad, model)
+    low, high = step_bounds(angles_rad, model)
     bounded_steps(matrix, gradient, free_unknowns(model), low, high, steps)
     return steps
 

@@ -12,8 +12,6 @@ class Refining:
     step_reach_m: float = 0.18
     """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
     follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
-    smooth_reach_m: float = 0.08
-    """m. First reach where nothing but the neighbours in time is new. Chosen by eye."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about. Of the sequences that were tuned before."""
     spacing_m: float = 0.035
@@ -49,20 +47,16 @@ class Tracking:
 
 @dataclass(frozen=True)
 class OffLine:
-    """Repair of a whole recording's poses (`tracking.tracking`)."""
+    """Candidates for a whole recording's poses (`tracking.tracking`)."""
 
     limbs_again_s: float = 0.5
     """s. Time between the frames in which arms and legs are searched. Chosen by eye."""
-    jump_m: float = 0.10
-    """m. Mean step of the joints within 1 / FPS from which it may be a jump: 3 m/s. By eye."""
-    jump_ratio: float = 3.0
-    """1. Over the steps around it, from which it is one. Chosen by eye."""
-    continued: float = 1.1
-    """1. Of a stretch's error, up to which one that continues its neighbours replaces it."""
-    continued_short: float = 1.5
-    """1. The same of a short stretch. Chosen by eye."""
-    short_s: float = 0.25
-    """s. Length of a short stretch. Chosen by eye."""
+    frame_residuals: float = 16.0
+    """1. As `PersonCost.frame_residuals`, between poses of one body. dance8, 1522, opencap_walk,
+    244 (root_mm): 8 30.7, 50.4, 63.6, 17.7; 16 25.5, 59.8, 63.6, 17.7; 32 25.5, 83.5, 63.6, 18."""
+    same_m: float = 0.03
+    """m. Distance of every joint within which two candidates are one pose. opencap_walk (root_mm,
+    silhouette error): 0.05 67.8 and 0.0794, 0.03 65.6 and 0.0774, 0.02 65.9 and 0.0775."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from silhouette_core.monocular.tracking.observed_frame import FrameProposal, Obs
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import USUAL_SPACING_M
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.tuning import STEPS
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ class TrackerSettings:
     reduction: int = 2
     different_m: float = 0.07
     same_m: float = 0.035
-    restart: float = 45.0
+    restart: float = STEPS.restart
     temperature: float = 17.0
     steadiness: float = 1.0
     both_ways: bool = False

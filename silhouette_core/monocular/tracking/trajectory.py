@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.beam import Beam, backtrack
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame, Proposer
 from silhouette_core.monocular.tuning import DISTANCES
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
-from silhouette_core.refinement.trajectory_fit import fit_trajectory
 from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.tracking.beam import Beam, backtrack
+from silhouette_core.tracking.trajectory_fit import FrameEvidence, fit_trajectory
 
 _BLOCK, _AHEAD = 150, 45  # frames decided together, and frames that must follow them
 _REMEMBERED = 60  # frames whose median distance is the usual one
@@ -193,10 +193,11 @@ class PoseTrajectory:
         """Poses of all pending frames, refined together."""
         return fit_trajectory(
             self.tracker.surface,
-            [seen.contour for seen in observed],
+            [
+                FrameEvidence(seen.contour, seen.time_s, beam.priors[k])
+                for seen, beam, k in zip(observed, beams, chosen, strict=True)
+            ],
             [beam.poses[k] for beam, k in zip(beams, chosen, strict=True)],
-            np.array([seen.time_s for seen in observed]),
-            [beam.priors[k] for beam, k in zip(beams, chosen, strict=True)],
             self.tracker.costs.stood_on,
             live=not self.smooth,
             before=self._decided,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tracking.beam import select_different
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, Proposer
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.sample_search import find_samples
@@ -23,6 +22,7 @@ from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
+from silhouette_core.tracking.beam import select_different
 from silhouette_core.tuning import REFINEMENT
 
 _CONSIDERED, _SEEDS = 150, 16  # samples of a frame

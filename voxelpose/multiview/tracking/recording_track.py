@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.moments import even_moments
-from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.body_source import names_result
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
-from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.adaptation import stature_of
-from silhouette_core.refinement.surface import Surface
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import MORE_PLACEMENTS, BodyGeometry, sampled_vertices
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
@@ -33,36 +30,17 @@ from voxelpose.multiview.tracking.tracking import PoseTracker
 REFIT_FRAMES = 12
 """Frames of a recording to which the body is adapted again, and by which tracks are compared."""
 _ROUNDS = 4  # in which something that stands beside the person is left out
-_OTHER_SEX = {"male": "female", "female": "male"}
-_NECK = LANDMARK_NAMES.index("neck")
 _Facts = dict[str, object]
 Tracked = tuple[PoseTracker, Start]
 """Somebody who was followed, and from which start."""
 
 
-def refit(tracker: PoseTracker, start: Start, any_sex: bool) -> None:
-    """Adapts the tracker's body again. A body that stays as it is, is left so.
-
-    Args:
-        tracker: with poses, which follow where the other template is taken.
-        any_sex: whether the template of the other sex is tried as well; the more probable body of
-            both is taken.
-    """
-    if start.prior.covariance is None:
-        return
+def refit(tracker: PoseTracker, start: Start) -> None:
+    """Adapts the tracker's body again to its poses. A body that stays as it is, is left so."""
     frames = _clear_frames(tracker)
     poses = {t: pose for t in frames if (pose := tracker.poses[t]) is not None}
-    own = tracker.body.model
-    starts = [replace(start, body=tracker.body, poses=poses, unclear={}, errors={})]
-    if any_sex:
-        starts.append(_of_other_sex(starts[0], tracker))
-    best = min(side_by_side(lambda one: adapted(one, frames), starts), key=Start.cost)
-    tracker.body = best.body
-    if best.body.model.sizes.sex != own.sizes.sex:
-        tracker.poses = [
-            None if pose is None else with_joints_of(best.body.model, own, pose)
-            for pose in tracker.poses
-        ]
+    again = replace(start, body=tracker.body, poses=poses, unclear={}, errors={})
+    tracker.body = adapted(again, frames).body
 
 
 def spread_errors(tracker: PoseTracker) -> list[float]:
@@ -77,30 +55,6 @@ def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
     clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
     chosen = clear[even_moments(len(clear), REFIT_FRAMES)].tolist()
     return {t: frame for t in chosen if (frame := tracker.observe(t)) is not None}
-
-
-def _of_other_sex(start: Start, tracker: PoseTracker) -> Start:
-    """Start with the template of the other sex, of the same deviations."""
-    own, backend_name = start.body.model, start.body.body_volume.backend_name
-    sizes = replace(own.sizes, sex=_OTHER_SEX[own.sizes.sex])
-    template = BodyModel.from_sizes(sizes)
-    surface = Surface(template.reshaped(own.shape), taken=sampled_vertices(sizes.sex))
-    voxel_size_m = tracker.observations.observer.voxel_size_m
-    return replace(
-        start,
-        candidate=replace(start.candidate, template=sizes.sex),
-        body=BodyGeometry.from_surface(surface, voxel_size_m, backend_name),
-        prior=replace(start.prior, expected=template.shape),
-        poses={t: with_joints_of(surface.model, own, pose) for t, pose in start.poses.items()},
-    )
-
-
-def with_joints_of(model: BodyModel, other: BodyModel, pose: Pose) -> Pose:
-    """A pose of another body with the root where a body has it whose neck is in the same place."""
-    higher = (other.landmarks_m[_NECK] - other.joints_m[0]) - (
-        model.landmarks_m[_NECK] - model.joints_m[0]
-    )
-    return Pose(pose.root_m + pose.root_rotation @ higher, pose.root_rotation, pose.angles_rad)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +91,8 @@ class TrackWork:
         """Adapts the body a last time and refines every pose; facts for the summary."""
         self.reporter.stage("proportions")
         with self.clock("proportions"):
-            refit(tracker, start, self.known is None and self.settings.sex == "unknown")
-        self._polish(tracker)
+            refit(tracker, start)
+        self._smooth(tracker)
         names = [axis.name for axis in SHAPE_AXES]
         facts: _Facts = {
             "stature_m": stature_of(tracker.body.model),
@@ -202,7 +156,7 @@ class TrackWork:
         tracker = self._tracker(body, observations)
         poses = {t: fit.pose for t, fit in fits.items()}
         self._follow(tracker, poses, {t: fit.error for t, fit in fits.items()})
-        self._polish(tracker)
+        self._smooth(tracker)
         return tracker, _found(tracker, poses)
 
     def _tracker(self, body: BodyGeometry, observations: ObservationStore) -> PoseTracker:
@@ -219,56 +173,37 @@ class TrackWork:
     def _follow(
         self, tracker: PoseTracker, poses: dict[int, Pose], errors: dict[int, float]
     ) -> None:
-        """Tracks from the anchor frames, and searches again what went wrong."""
+        """Follows the poses of the anchor frames, and searches more."""
         count = len(tracker.observations)
         self.reporter.stage("tracking", count)
-        tracker.begin(poses, errors)
-        self._mend(tracker)
+        tracker.follow([(t, PoseFit(pose, errors[t])) for t, pose in poses.items()])
+        self._improve(tracker)
 
     def again(self, tracker: PoseTracker, anchors: Sequence[int]) -> None:
         """Follows somebody again whose silhouettes have changed, also from frames that are searched
         without a prior.
         """
-        self._polish(tracker)
+        self._smooth(tracker)
         with self.clock("first poses"):
-            searched = zip(side_by_side(tracker.anchor, anchors), anchors, strict=True)
-            better = [t for found, t in searched if found]
-        for t in sorted(better, key=lambda k: tracker.error[k]):
-            tracker.carry(t)
-        self._mend(tracker)
+            tracker.search(anchors)
+        self._improve(tracker)
 
-    def _mend(self, tracker: PoseTracker) -> None:
-        count = len(tracker.observations)
+    def _improve(self, tracker: PoseTracker) -> None:
+        """Adds candidates where the trajectory is worst, and of arms and legs."""
         self.reporter.stage("repair")
         with self.clock("repair"):
-            begin_again(tracker)
-            tracker.repair(3 + count // 100)
-            tracker.mend_jumps()
+            tracker.search_worst(max(REFIT_FRAMES, len(tracker.observations) // 100))
         self.reporter.stage("limbs")
-        tracker.recheck()
+        tracker.search_limbs()
 
-    def _polish(self, tracker: PoseTracker) -> None:
+    def _smooth(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))
-        tracker.polish()
+        tracker.smooth()
 
 
 def _cost(people: list[Tracked]) -> float:
     """Cost of the people that were tracked."""
     return sum(start.cost_of(spread_errors(tracker)) for tracker, start in people)
-
-
-def begin_again(tracker: PoseTracker) -> None:
-    """Searches other frames without a prior while the track is improbable, and tracks from those
-    that improve.
-
-    What the first poses have in common, like a head in the place of an arm, is carried through the
-    whole recording and shows as no rise of the error.
-    """
-    there = np.flatnonzero(tracker.observations.there)
-    for t in there[even_moments(len(there), REFIT_FRAMES)].tolist():
-        improbable = is_improbable(spread_errors(tracker))
-        if improbable and tracker.anchor(t, MORE_PLACEMENTS):
-            tracker.carry(t)
 
 
 def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:

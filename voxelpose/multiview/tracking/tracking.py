@@ -1,44 +1,52 @@
-"""Poses over time off line: anchored in clear frames, stepped from there forward and backward, and
-smoothed.
+"""Poses over time off line: candidates of every frame, the cheapest trajectory through them, and
+its joint fit.
+
+A pose that was searched in one frame is followed from there both ways: what it becomes in each is a
+candidate, beside those that others become. So which limb was wrong for a while, which leg crossed,
+or who was turned round, is decided by the cost of the whole trajectory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
-from itertools import pairwise
 from threading import Lock
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from silhouette_core.motion.dynamics import FPS, elapsed_steps, neighbour_middle
+from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.refine import PosePrior
+from silhouette_core.scoring.silhouette_error import silhouette_error
+from silhouette_core.tracking.beam import Beam, backtrack
+from silhouette_core.tracking.step_costs import StepCosts
+from silhouette_core.tracking.trajectory_fit import FrameEvidence, fit_trajectory
+from silhouette_core.tuning import STEPS
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import (
-    PLACEMENTS,
-    BodyGeometry,
-    PoseFit,
-    find_pose,
-    refine_fit,
-    refinement,
-)
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose, move_limbs
+from voxelpose.multiview.person.posterior import is_improbable
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_track import RECENT, BodyTrack, process_noise
-from voxelpose.multiview.tuning import OFF_LINE, REFINING, TRACKING
+from voxelpose.multiview.tracking.body_track import BodyTrack
+from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
-_SMOOTH = refinement(REFINING.smooth_reach_m)
+_FOUND = 2  # poses of a search that are followed
+_BLOCK, _AHEAD = 60, 15  # frames fitted together, and frames that must follow them
 
 Clock = Callable[[str], AbstractContextManager[None]]
 """Times a block under a stage's name."""
 
 
 class PoseTracker:
-    """Poses of a recording's frames, improved step by step; tells every frame."""
+    """Candidates for the poses of a recording's frames, and the cheapest trajectory through them.
+
+    Attributes:
+        poses: of all frames, along that trajectory; None: no pose explains the silhouettes.
+        error: (T,) float64, their silhouette errors; infinite without a pose.
+    """
 
     def __init__(
         self,
@@ -56,9 +64,11 @@ class PoseTracker:
         self.body = body
         self.observations = observations
         self.fps, self.matching = fps, matching
-        self._steps = np.arange(len(observations)) if numbers is None else numbers - numbers[0]
+        steps = np.arange(len(observations)) if numbers is None else numbers - numbers[0]
+        self._times_s = steps / fps
         self.poses: list[Pose | None] = [None] * len(observations)
         self.error = np.full(len(observations), np.inf)
+        self._candidates: list[list[PoseFit]] = [[] for _ in self.poses]
         self._clock = clock
         self._advance = advance
         self._lock = Lock()
@@ -75,187 +85,182 @@ class PoseTracker:
         )
         return self.observations.observe(t, near)
 
-    def begin(self, poses: dict[int, Pose], errors: dict[int, float]) -> None:
-        """Tracks from frames fitted on their own to their neighbours, smallest error first."""
-        for t, pose in poses.items():
-            self._keep(t, PoseFit(pose, errors[t]))
-        for t in sorted(poses, key=lambda k: errors[k]):
-            self.carry(t)
+    def follow(self, fits: Iterable[tuple[int, PoseFit]]) -> None:
+        """Follows poses of some frames, by number, both ways, the likeliest first, and decides."""
+        ranked = sorted(fits, key=lambda one: (one[1].error, one[0]))
+        for t, fit in [one for one in ranked if self._is_new(*one)]:
+            side_by_side(lambda way, t=t, fit=fit: self._carry(t, fit, way), (+1, -1))
+        self._decide()
 
-    def anchor(self, t: int, count: int = PLACEMENTS) -> bool:
-        """Searches one frame without a prior, `count` torsos; whether that gave a better pose."""
-        frame = self.observe(t)
-        if frame is None:
-            return False
-        fits = find_pose(self.body, frame, self.matching, count)
-        if not fits or fits[0].error > min(TRACKING.lost, TRACKING.better * self.error[t]):
-            return False
-        self._keep(t, fits[0])
-        return True
+    def search(self, frames: Sequence[int]) -> None:
+        """Searches some frames without a prior, and follows the best poses."""
 
-    def carry(self, start: int) -> None:
-        """Tracks from a posed frame both ways at once, while poses improve."""
-        ways = [(self._track_at(start, direction), direction) for direction in (+1, -1)]
-        side_by_side(lambda way: self._carry(*way), ways)
+        def searched(t: int) -> list[PoseFit]:
+            frame = self.observe(t)
+            return [] if frame is None else find_pose(self.body, frame, self.matching)[:_FOUND]
 
-    def _carry(self, track: BodyTrack | None, direction: int) -> None:
-        """Tracks one way."""
-        while track is not None:
-            t = int(np.searchsorted(self._steps, round(track.time_s * self.fps))) + direction
-            track = self._step(track, t)
-            if track is None or track.fit.error >= TRACKING.better * self.error[t]:
-                return
-            self._keep(t, track.fit)
-            with self._lock:
-                self._advance()
+        found = zip(frames, side_by_side(searched, frames), strict=True)
+        self.follow((t, fit) for t, fits in found for fit in fits)
 
-    def _track_at(self, t: int, direction: int) -> BodyTrack | None:
-        """Track that has come to a frame from the ones before it, or after it."""
-        pose = self.poses[t]
-        if pose is None:
-            return None
-        past = [
-            k
-            for k in range(t, t - RECENT * direction, -direction)
-            if 0 <= k < len(self.poses) and np.isfinite(self.error[k])
-        ]
-        before = None
-        if t - direction in past and (last := self.poses[t - direction]) is not None:
-            before = self._time_s(t - direction), last
-        errors = tuple(float(self.error[k]) for k in reversed(past))
-        fit = PoseFit(pose, float(self.error[t]))
-        return BodyTrack(self.body, self._time_s(t), fit, before, errors)
+    def search_worst(self, most: int) -> None:
+        """Searches at most `most` frames without a prior, from the worst on, while one is worse
+        than usual or all are improbable.
 
-    def _step(self, track: BodyTrack, t: int) -> BodyTrack | None:
-        """Track with one more frame, its limbs searched if poor; None where no pose fits."""
-        if not 0 <= t < len(self.poses):
-            return None
-        frame = self.observations.observe(t, track.fit.pose.root_m)
-        if frame is None:
-            return None
-        with self._clock("pose"):
-            stepped = track.step(frame.observation, self._time_s(t))
-            if track.is_poor(stepped.fit.error):
-                stepped = stepped.with_limbs(frame.observation)
-        return stepped if stepped.fit.error < TRACKING.lost else None
-
-    def repair(self, most: int) -> None:
-        """Searches at most `most` of the worst frames again, and tracks from those that improve."""
+        What all first poses have in common, like a head in the place of an arm, shows as no rise of
+        the error.
+        """
         tried = ~self.observations.there
         for _ in range(most):
             errors = np.minimum(self.error, TRACKING.lost)
-            bad = np.where(tried, -np.inf, errors)
-            t = int(bad.argmax())
-            if bad[t] < TRACKING.bad * np.median(errors):
+            t = int(np.where(tried, -np.inf, errors).argmax())
+            usual = TRACKING.bad * np.median(errors)
+            if tried[t] or (errors[t] < usual and not is_improbable(errors[~tried])):
                 return
             tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
-            if self.anchor(t):
-                self.carry(t)
+            self.search([t])
 
-    def mend_jumps(self) -> None:
-        """Tracks again across the jumps between frames, from the longest stretch without one.
+    def search_limbs(self) -> None:
+        """Searches every arm and leg in some frames, evenly spread, and follows what fits better.
 
-        A stretch that was begun elsewhere, turned half round or with a leg in the other's place, is
-        replaced where tracking on from its neighbour explains the silhouettes about as well.
-        """
-        bounds = [0, *(self._jumps() + 1).tolist(), len(self.poses)]
-        if len(bounds) < 3:
-            return
-        stretches = list(pairwise(bounds))
-        longest = max(range(len(stretches)), key=lambda k: stretches[k][1] - stretches[k][0])
-        for stretch in stretches[longest + 1 :]:
-            self._continue(range(*stretch), +1)
-        for first, end in reversed(stretches[:longest]):
-            self._continue(range(end - 1, first - 1, -1), -1)
-
-    def _continue(self, frames: range, direction: int) -> None:
-        """Tracks on into some frames, unless they explain the silhouettes clearly better now."""
-        track, fits = self._track_at(frames[0] - direction, direction), {}
-        for t in frames:
-            track = track and self._step(track, t)
-            if track is None:
-                return
-            fits[t] = track.fit
-        short = len(fits) <= OFF_LINE.short_s * self.fps
-        most = OFF_LINE.continued_short if short else OFF_LINE.continued
-        if np.mean([fit.error for fit in fits.values()]) < most * self.error[list(fits)].mean():
-            for t, fit in fits.items():
-                self._keep(t, fit)
-
-    def joints_m(self) -> np.ndarray:
-        """Joints (T, L, 3) of all frames, metres; NaN without a pose."""
-        joints = np.full((len(self.poses), *self.body.model.landmarks_m.shape), np.nan)
-        posed = {t: pose for t, pose in enumerate(self.poses) if pose is not None}
-        joints[[*posed]] = joints_of(self.body.model, [*posed.values()])
-        return joints
-
-    def _jumps(self) -> np.ndarray:
-        """Frames after which the pose jumps: farther than people move, and than around it."""
-        joints = self.joints_m()
-        steps = np.linalg.norm(np.diff(joints - joints[:, :1], axis=0), axis=2).mean(axis=1)
-        steps = steps / np.diff(self._steps)
-        both = np.flatnonzero(np.isfinite(steps))
-        half = RECENT // 2
-        around = [np.nanmedian(steps[max(t - half, 0) : t + half + 1]) for t in both]
-        farthest = OFF_LINE.jump_m * FPS / self.fps
-        return both[steps[both] > np.maximum(farthest, OFF_LINE.jump_ratio * np.array(around))]
-
-    def recheck(self) -> None:
-        """Searches every arm and leg again in some frames, evenly spread.
-
-        A limb that is wrong in all frames of a stretch shows no rise of the error. Where the limb
-        explains the silhouettes better, its neighbours are tracked from there.
+        A limb that is wrong in all frames of a stretch shows no rise of the error.
         """
         stride = max(round(self.fps * OFF_LINE.limbs_again_s), 1)
-        chosen = list(range(stride // 2, len(self.poses), stride))
-        poses = list(self.poses)
-        searched = dict(zip(chosen, side_by_side(self._searched, chosen), strict=True))
-        for t in chosen:
-            # What was tracked here in the meantime is searched again.
-            moved = searched[t] if self.poses[t] is poses[t] else self._searched(t)
-            if moved is not None and moved.error < self.error[t]:
-                self._keep(t, moved)
-                self.carry(t)
+        chosen = range(stride // 2, len(self.poses), stride)
 
-    def _searched(self, t: int) -> PoseFit | None:
-        """A frame's pose with every arm and leg searched again."""
-        with self._lock:
-            self._advance()
-        track = self._track_at(t, +1)
-        if track is None or (frame := self.observe(t)) is None:
-            return None
-        with self._clock("recheck"):
-            return track.with_limbs(frame.observation).fit
-
-    def polish(self) -> None:
-        """Refines every pose again, with the middle of its neighbours as prior."""
-        old, frames = list(self.poses), range(len(self.poses))
-
-        def smoothed(t: int) -> PoseFit | None:
+        def searched(t: int) -> PoseFit | None:
             with self._lock:
                 self._advance()
-            pose = old[t]
-            if pose is None or (frame := self.observe(t)) is None:
+            pose, frame = self.poses[t], self.observe(t)
+            if pose is None or frame is None:
                 return None
-            with self._clock("refinement"):
-                steps = self._steps_around(t)
-                before, after = (old[t - 1], old[t + 1]) if steps else (None, None)
-                passed = elapsed_steps(0.0, (steps or 1) / self.fps)
-                sigma = process_noise(self.body.model.tree, passed)
-                prior = PosePrior(neighbour_middle(before, pose, after), sigma)
-                return refine_fit(self.body, frame.observation, pose, prior, _SMOOTH)
+            with self._clock("recheck"):
+                return move_limbs(self.body, frame.observation, PoseFit(pose, float(self.error[t])))
 
-        for t, fit in zip(frames, side_by_side(smoothed, frames), strict=True):
-            if fit is not None:
-                self._keep(t, fit)
+        found = zip(chosen, side_by_side(searched, chosen), strict=True)
+        self.follow((t, fit) for t, fit in found if fit is not None and fit.error < self.error[t])
 
-    def _keep(self, t: int, fit: PoseFit) -> None:
-        self.poses[t], self.error[t] = fit.pose, fit.error
+    def smooth(self) -> None:
+        """Refines the poses of all frames together, in blocks, so that memory does not grow."""
+        posed = [t for t, pose in enumerate(self.poses) if pose is not None]
+        usual = float(np.median(self.error[posed])) if posed else 1.0
+        for first in range(0, len(posed), _BLOCK):
+            self._smooth(posed[max(first - 2, 0) : first + _BLOCK + _AHEAD], min(first, 2), usual)
 
-    def _steps_around(self, t: int) -> int:
-        """How many frames before and after a frame its neighbours are; 0 where that differs."""
-        near = np.diff(self._steps[max(t - 1, 0) : t + 2])
-        return int(near[0]) if len(near) == 2 and near[0] == near[1] else 0
+    def _smooth(self, frames: Sequence[int], decided: int, usual: float) -> None:
+        """Refines a block of frames, of which the first are decided and the last look ahead."""
+        before, frames = frames[:decided], frames[decided:]
+        if before and self._times_s[frames[0]] - self._times_s[before[0]] > 3 / self.fps:
+            before = []  # somebody was away
+        seen = side_by_side(self.observe, frames)
+        pairs = [(t, one.observation) for t, one in zip(frames, seen, strict=True) if one]
+        # In a frame that explains less than usual the silhouettes are wrong, and count for less.
+        evidence = [
+            FrameEvidence(one, float(self._times_s[t]), scale=max(self.error[t] / usual, 1.0))
+            for t, one in pairs
+        ]
+        with self._clock("refinement"):
+            poses = fit_trajectory(
+                self.body.surface,
+                evidence,
+                [pose for t, _ in pairs if (pose := self.poses[t]) is not None],
+                floor=False,
+                before=[pose for t in before if (pose := self.poses[t]) is not None],
+            )
+        backend = self.body.body_volume.backend
+        for (t, one), pose in zip(pairs[:_BLOCK], poses, strict=False):
+            error = silhouette_error(self.body.model, pose, one, backend)
+            self.poses[t], self.error[t] = pose, error
+            self._candidates[t] = [PoseFit(pose, error)]
+            self._advance()
 
-    def _time_s(self, t: int) -> float:
-        return float(self._steps[t]) / self.fps
+    def _carry(self, t: int, fit: PoseFit, direction: int) -> None:
+        """Follows a pose one way, until another is the same or the cheapest trajectory cannot lead
+        through it.
+        """
+        track: BodyTrack | None = BodyTrack(
+            self.body, float(self._times_s[t]), fit, errors=(fit.error,)
+        )
+        excess = self._excess(t, fit)
+        while excess < 2 * STEPS.restart:  # there and back
+            t, track = self._step(t, track, direction)
+            if track is None:
+                return
+            excess += self._excess(t, track.fit)
+            if not self._is_new(t, track.fit):
+                return
+            with self._lock:
+                self._advance()
+
+    def _step(self, t: int, track: BodyTrack, direction: int) -> tuple[int, BodyTrack | None]:
+        """The next frame that the track explains, and the track with it, its limbs searched if
+        poor; None where no frame is near enough.
+        """
+        while 0 <= (t := t + direction) < len(self.poses):
+            time_s = float(self._times_s[t])
+            if elapsed_steps(track.time_s, time_s) > TRACKING.longest_steps:
+                break
+            frame = self.observations.observe(t, track.fit.pose.root_m)
+            if frame is None:
+                continue
+            with self._clock("pose"):
+                stepped = track.step(frame.observation, time_s)
+                if track.is_poor(stepped.fit.error):
+                    stepped = stepped.with_limbs(frame.observation)
+            if stepped.fit.error < TRACKING.lost:
+                return t, stepped
+        return t, None
+
+    def _excess(self, t: int, fit: PoseFit) -> float:
+        """What a pose costs more than the best candidate of its frame, nats; 0 for a first one."""
+        errors = [one.error for one in self._candidates[t]]
+        return float(max(_costs(fit.error) - _costs(min(errors, default=fit.error)), 0.0))
+
+    def _is_new(self, t: int, fit: PoseFit) -> bool:
+        """Adds a candidate, the better of those that are the same pose; whether none was about as
+        good.
+        """
+        fits = self._candidates[t]
+        joints = joints_of(self.body.model, [fit.pose, *(one.pose for one in fits)])
+        apart = np.linalg.norm(joints[1:] - joints[0], axis=2).max(axis=1)
+        same = [one for one, far_m in zip(fits, apart, strict=True) if far_m < OFF_LINE.same_m]
+        best = min((one.error for one in same), default=np.inf)
+        if fit.error >= min(best, TRACKING.lost):
+            return False
+        self._candidates[t] = [one for one in fits if one not in same] + [fit]
+        return fit.error < TRACKING.better * best
+
+    def _decide(self) -> None:
+        """Takes the cheapest trajectory through the candidates."""
+        tree = self.body.model.tree
+        costs = StepCosts(tree, pose_step_sigma(tree)[6:])
+        frames = [t for t, fits in enumerate(self._candidates) if fits]
+        beams: list[Beam] = []
+        for beam in map(self._beam, frames):
+            if beams:
+                expected = costs.expected(beams[-1], beams[-2] if len(beams) > 1 else None)
+                beam = costs.continued(beam, beams[-1], expected)
+            beams.append(beam)
+        self.poses = [None] * len(self.poses)
+        self.error[:] = np.inf
+        for t, k in zip(frames, backtrack(beams) if beams else [], strict=True):
+            fit = self._candidates[t][k]
+            self.poses[t], self.error[t] = fit.pose, fit.error
+
+    def _beam(self, t: int) -> Beam:
+        """The candidates of a frame."""
+        model, fits = self.body.model, self._candidates[t]
+        poses, errors = [fit.pose for fit in fits], np.array([fit.error for fit in fits])
+        return Beam.of_frame(
+            poses,
+            joints_of(model, poses),
+            errors,
+            _costs(errors),
+            float(self._times_s[t]),
+            np.zeros((len(fits), len(model.names)), np.bool_),  # some camera sees each part
+            [None] * len(fits),
+        )
+
+
+def _costs(errors: ArrayLike) -> NDArray[np.float64]:
+    """Costs of poses by their silhouette errors, nats, up to a constant; see `posterior`."""
+    return OFF_LINE.frame_residuals * np.log(np.maximum(errors, 1e-6))

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.sizes import SHAPE_SIGMA
 from silhouette_core.monocular.occlusion import standing_areas
-from silhouette_core.monocular.tracking.beam import Beam, backtrack
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker, TrackerSettings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.cpu import CpuBackend
+from silhouette_core.tracking.beam import Beam, backtrack
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
@@ -175,7 +175,10 @@ def test_what_the_source_hides_moves_farther(followed):
 
     def costs(poses):
         later = replace(source, poses=poses, time_s=source.time_s + 1 / 30)
-        return [tracker.moving(beam, beam.poses, later)[0][0, 0] for beam in (source, hidden)]
+        return [
+            tracker.step_costs.between(beam, beam.poses, later)[0][0, 0]
+            for beam in (source, hidden)
+        ]
 
     there = costs(moved)
     assert there[1] < 0.8 * there[0]
@@ -190,7 +193,7 @@ def test_a_restart_remains_dearer_at_a_lower_rate(followed):
     far = [turned(replace(source.poses[0], root_m=source.poses[0].root_m + 9), 180)]
     for interval_s, factor in ((1 / 60, 1), (1 / 30, 1), (1 / 10, 3)):
         later = replace(source, poses=far, time_s=source.time_s + interval_s)
-        cost, restarted = tracker.moving(source, source.poses, later)
+        cost, restarted = tracker.step_costs.between(source, source.poses, later)
         assert restarted.all()
         assert cost[0, 0] == pytest.approx(factor * TrackerSettings().restart, abs=3)
 

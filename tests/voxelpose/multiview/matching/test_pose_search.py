@@ -28,7 +28,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.limbs import CHAINS
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose, standing
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose, standing
 from voxelpose.multiview.matching.torso_search import find_torso
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
@@ -168,11 +168,9 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
             lambda _: nullcontext(),
             lambda: advanced.append(1),
         )
-        track.begin(
-            {2: Pose(truth[2].root_m, truth[2].root_rotation, truth[2].angles_rad)}, {2: 0.12}
-        )
-        track.recheck()
-        track.polish()
+        track.follow([(2, PoseFit(truth[2], 0.12))])
+        track.search_limbs()
+        track.smooth()
         for t in range(6):
             track.observe(t)
         observations.close()
@@ -181,5 +179,5 @@ def test_a_motion_is_tracked_both_ways(body, monkeypatch):
     assert track.poses[5] is None and np.isinf(track.error[5])
     for t in range(5):
         assert joint_errors_m(body.model, track.poses[t], actor, truth[t]).mean() < 0.04, t
-    assert len(advanced) == 4 + 1 + 6
+    assert len(advanced) == 4 + 1 + 5
     assert len(carved) == 5 * 4 + 1  # four carves make one hull, one finds that nobody is there

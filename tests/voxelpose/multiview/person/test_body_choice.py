@@ -132,7 +132,7 @@ def test_of_a_known_body_only_the_clothes_are_adapted():
         start, kept = choose_body(*at), choose_body(*at, keep_clothes=True)
         settings = 30.0, MatchSettings()
         tracker = PoseTracker(kept.body, store, *settings, StageClock(), lambda: None)
-        refit(tracker, kept, any_sex=False)
+        refit(tracker, kept)
     shape = start.body.model.shape
     np.testing.assert_allclose(shape[~IS_CLOTHING], known.shape[~IS_CLOTHING], atol=1e-3)
     np.testing.assert_allclose(shape[IS_CLOTHING], clothes[IS_CLOTHING], atol=0.004)

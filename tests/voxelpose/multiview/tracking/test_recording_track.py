@@ -1,7 +1,6 @@
 """Tracking of one recording."""
 
 from types import SimpleNamespace
-from unittest.mock import MagicMock
 
 import numpy as np
 
@@ -26,21 +25,10 @@ def tracked(error, at_m=None):
     return tracker, start
 
 
-def test_who_is_followed_again_is_searched_in_the_anchor_frames_and_the_best_carried_first():
-    (tracker, _), done = tracked(0.1), []
-
-    def anchor(t):
-        found = {0: 0.08, 1: 0.05}.get(t)
-        if found is not None:
-            tracker.error[t] = found
-        return found is not None
-
-    tracker.error = np.full(3, 0.1)
-    tracker.observations = MagicMock(there=np.ones(3, bool))
-    tracker.anchor, tracker.carry = anchor, lambda t: done.append(t)
-    for name in ("polish", "repair", "mend_jumps", "recheck"):
-        setattr(tracker, name, lambda *_, name=name: done.append(name))
-    told = StageClock(), SilentReporter()
-    work = TrackWork(Settings(), 10, MatchSettings(), None, *told)
-    work.again(tracker, [0, 1, 2])
-    assert done == ["polish", 1, 0, "repair", "mend_jumps", "recheck"]
+def test_who_is_followed_again_is_fitted_first_and_searched_in_the_anchor_frames():
+    done, told = [], (StageClock(), SilentReporter())
+    tracker = SimpleNamespace(observations=range(1400))
+    for name in ("smooth", "search", "search_worst", "search_limbs"):
+        setattr(tracker, name, lambda *given, name=name: done.append((name, *given)))
+    TrackWork(Settings(), 10, MatchSettings(), None, *told).again(tracker, [0, 1])
+    assert done == [("smooth",), ("search", [0, 1]), ("search_worst", 14), ("search_limbs",)]

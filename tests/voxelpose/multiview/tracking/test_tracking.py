@@ -1,4 +1,4 @@
-"""Poses over time: what was begun wrongly, and what jumps."""
+"""Poses over time: what was begun wrongly."""
 
 from collections.abc import Iterator
 from contextlib import closing, nullcontext
@@ -21,10 +21,9 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.recording_track import begin_again
 from voxelpose.multiview.tracking.tracking import PoseTracker
 
 pytestmark = pytest.mark.slow
@@ -74,35 +73,14 @@ def errors_m(tracker: PoseTracker) -> np.ndarray:
 
 
 @pytest.mark.parametrize("wrong", [[3], [4, 5, 6], [0, 1]])
-def test_what_is_turned_half_round_is_mended_from_its_neighbours(tracker, wrong):
-    tracker.poses = [half_turned(p) if t in wrong else p for t, p in enumerate(TRUTH)]
-    tracker.error[:] = 0.12
-    tracker.mend_jumps()
+def test_what_begins_turned_half_round_is_decided_by_the_whole_trajectory(tracker, wrong):
+    fits = [(t, PoseFit(half_turned(TRUTH[t]), 0.2)) for t in wrong]
+    right = next(t for t in (2, 3) if t not in wrong)
+    tracker.follow([*fits, (right, PoseFit(TRUTH[right], 0.1))])
     assert errors_m(tracker).max() < 0.05
 
 
-def test_a_motion_without_jumps_is_left_alone(tracker):
-    tracker.poses, tracker.error[:] = list(TRUTH), 0.12
-    tracker.mend_jumps()
-    assert all(pose is true for pose, true in zip(tracker.poses, TRUTH, strict=True))
-
-
-def test_what_explains_the_silhouettes_far_better_may_jump(tracker):
-    tracker.poses = [half_turned(p) if t > 3 else p for t, p in enumerate(TRUTH)]
-    tracker.error[:] = [0.12] * 4 + [0.01] * 3
-    before = list(tracker.poses)
-    tracker.mend_jumps()
-    assert tracker.poses == before
-
-
-def test_first_poses_that_are_all_wrong_are_begun_again(tracker):
-    tracker.poses, tracker.error[:] = [half_turned(pose) for pose in TRUTH], 0.3
-    begin_again(tracker)
+def test_first_poses_that_are_all_wrong_are_searched_again(tracker):
+    tracker.follow((t, PoseFit(half_turned(pose), 0.3)) for t, pose in enumerate(TRUTH))
+    tracker.search_worst(3)
     assert errors_m(tracker).max() < 0.06
-
-
-def test_good_first_poses_are_kept(tracker):
-    tracker.poses, tracker.error[:] = list(TRUTH), 0.1
-    before = list(tracker.poses)
-    begin_again(tracker)
-    assert tracker.poses == before

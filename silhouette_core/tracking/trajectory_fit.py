@@ -7,6 +7,7 @@ accelerations are small, and a foot that stands does not move.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,9 @@ from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
+from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.kernels.refine import add_normal_equations
+from silhouette_core.refinement.kernels.steps import move_poses
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
     add_landmark_priors,
@@ -32,6 +35,7 @@ from silhouette_core.refinement.refine import (
     contour_weights,
     free_unknowns,
     pose_arrays,
+    step_bounds,
 )
 from silhouette_core.refinement.surface import PosedSurface, Surface
 from silhouette_core.tuning import REFINEMENT, TRAJECTORY
@@ -39,12 +43,26 @@ from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 _ANKLES = "left_ankle", "right_ankle"
 
 
+@dataclass(frozen=True, eq=False)
+class FrameEvidence:
+    """What a frame says of its pose.
+
+    Attributes:
+        landmark_prior: of the joints' positions; None: there is none.
+        scale: factor on the standard deviation of contour residuals, of a frame whose silhouettes
+            are worse than usual.
+    """
+
+    observation: Observation
+    time_s: float
+    landmark_prior: LandmarkPrior | None = None
+    scale: float = 1.0
+
+
 def fit_trajectory(
     surface: Surface,
-    observations: Sequence[Observation],
+    frames: Sequence[FrameEvidence],
     poses: Sequence[Pose],
-    time_s: NDArray[np.float64],
-    landmark_priors: Sequence[LandmarkPrior | None],
     floor: bool,
     live: bool = False,
     before: Sequence[Pose] = (),
@@ -60,9 +78,8 @@ def fit_trajectory(
     factorisation.
 
     Args:
+        frames: T frames, their times increasing.
         poses: T poses to start from.
-        time_s: (T,), increasing.
-        landmark_priors: T priors of the joints' positions, or None where there is none.
         floor: whether z = 0 is the floor.
         live: whether a camera is kept up with: one round less.
         before: up to two poses of the frames before the first, which stay as they are.
@@ -78,7 +95,8 @@ def fit_trajectory(
     free = free_unknowns(model)
     if model.tree.root_fixed:
         free = free[6:]
-    priors = landmark_arrays(landmark_priors, len(model.landmarks_m))
+    time_s = np.array([frame.time_s for frame in frames])
+    priors = landmark_arrays([frame.landmark_prior for frame in frames], len(model.landmarks_m))
     size, count = len(free), len(poses)
     sigma = TRAJECTORY.acceleration * pose_step_sigma(model.tree)
     if model.person is None:
@@ -87,7 +105,7 @@ def fit_trajectory(
         arrays = PoseArrays.from_poses(poses)
         together = surface.posed_many(arrays)
         matrix, gradient = _own_terms(
-            surface, together, observations, arrays, priors, floor, reach, contour
+            surface, together, frames, arrays, priors, floor, reach, contour
         )
         banded = _Banded(count, size)
         for t in range(count):
@@ -96,8 +114,11 @@ def fit_trajectory(
         _add_accelerations(banded, [*fixed, *poses], len(fixed), time_s, sigma[free], free)
         if floor and count > 1:
             _add_standing(banded, model, together, free)
-        steps = banded.solve()
-        poses = [_moved(pose, step, free, model) for pose, step in zip(poses, steps, strict=True)]
+        low, high = step_bounds(arrays.angles_rad, model)
+        change = np.zeros((count, 6 + model.dof_count))
+        change[:, free] = banded.solve(low[:, free], high[:, free])
+        move_poses(change, model.tree.dof_limits_rad, *arrays.arrays)
+        poses = arrays.poses()
     return poses
 
 
@@ -117,18 +138,29 @@ class _Banded:
             offset = below + first - k
             self.bands[offset : offset + size - first, column * size + k] += block[first:, k]
 
-    def solve(self) -> NDArray[np.float64]:
-        """Steps (T, n)."""
+    def solve(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Steps (T, n) between bounds: as `refine.solve_steps`, unknowns are fixed at the bounds
+        that they violate, until none does.
+        """
         self.bands[0] += 1e-6
-        return -solveh_banded(self.bands, self.gradient.ravel(), lower=True).reshape(
-            self.count, self.size
-        )
+        held = np.zeros(self.gradient.size, np.bool_)
+        low, high, gradient = low.ravel(), high.ravel(), self.gradient.ravel()
+        stiff = 1e9 * self.bands[0].max()
+        while True:
+            steps = -solveh_banded(self.bands, gradient, lower=True)
+            beyond = ~held & ((steps < low) | (steps > high))
+            if not beyond.any():
+                return np.clip(steps, low, high).reshape(self.count, self.size)
+            bound = np.clip(steps, low, high)[beyond]
+            self.bands[0, beyond] += stiff
+            gradient[beyond] -= stiff * bound
+            held |= beyond
 
 
 def _own_terms(
     surface: Surface,
     posed: PosedSurface,
-    observations: Sequence[Observation],
+    frames: Sequence[FrameEvidence],
     poses: PoseArrays,
     landmark_priors: tuple[np.ndarray, ...],
     floor: bool,
@@ -140,13 +172,18 @@ def _own_terms(
     matrix = np.zeros((count, 6 + model.dof_count, 6 + model.dof_count))
     gradient, reach = np.zeros(matrix.shape[:2]), np.array([reach_m])
     weights = contour_weights([contour], reach)
-    with one_thread():
-        for t, observation in enumerate(observations):
-            rows = slice(t, t + 1)
-            one, terms = posed[rows], (matrix[rows], gradient[rows])
-            add_silhouettes(surface, one, observation, reach, weights, *terms)
+
+    def add(t: int) -> None:
+        rows = slice(t, t + 1)
+        own = weights * [1, frames[t].scale ** -2, frames[t].scale ** -2]
+        with one_thread():
+            terms = own, matrix[rows], gradient[rows]
+            add_silhouettes(surface, posed[rows], frames[t].observation, reach, *terms)
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed[t])
+
+    for _ in side_by_side(add, range(count)):
+        pass
     stances = [contour.usual] * count
     usual = pose_arrays(poses, [None] * count, stances, model.tree)
     add_pose_priors(matrix, gradient, poses, model, usual)
@@ -235,13 +272,3 @@ def _add_standing(
             banded.add(t + 1, t + 1, weight * there.T @ there)
             banded.gradient[t] += weight * here.T @ moved[foot]
             banded.gradient[t + 1] += weight * there.T @ moved[foot]
-
-
-def _moved(
-    pose: Pose, step: NDArray[np.float64], free: NDArray[np.int64], model: BodyModel
-) -> Pose:
-    whole = np.zeros(6 + model.dof_count)
-    whole[free] = step
-    whole[:3] = np.clip(whole[:3], -REFINEMENT.trust_m, REFINEMENT.trust_m)
-    whole[3:] = np.clip(whole[3:], -REFINEMENT.trust_rad, REFINEMENT.trust_rad)
-    return pose.moved(whole).clipped(model.tree.dof_limits_rad)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.motion.pose import Pose
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 
 
@@ -37,6 +38,22 @@ class Beam:
     own: NDArray[np.float64]
     occluded: NDArray[np.bool_]
     priors: list[LandmarkPrior | None]
+
+    @classmethod
+    def of_frame(
+        cls,
+        poses: list[Pose],
+        joints: NDArray[np.float64],
+        distance: NDArray[np.float64],
+        own: NDArray[np.float64],
+        time_s: float,
+        occluded: NDArray[np.bool_],
+        priors: list[LandmarkPrior | None],
+    ) -> Beam:
+        """Hypotheses with the costs of their frame alone; arguments as the attributes."""
+        start = np.full(len(poses), -1), np.ones(len(poses), np.bool_)
+        own = rounded(own)
+        return cls(poses, joints, distance, own, *start, time_s, own, occluded, priors)
 
     def only(self, k: int) -> Beam:
         """This beam with hypothesis k alone, as the certain past of what follows.

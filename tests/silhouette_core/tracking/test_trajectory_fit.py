@@ -1,5 +1,6 @@
 """Poses of consecutive frames, refined together."""
 
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from unittest.mock import patch
@@ -9,12 +10,12 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement import trajectory_fit
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.refinement.trajectory_fit import _Banded, fit_trajectory
+from silhouette_core.tracking import trajectory_fit
+from silhouette_core.tracking.trajectory_fit import FrameEvidence, _Banded, fit_trajectory
 from silhouette_core.tuning import TRAJECTORY
 from tests.silhouette_core.monocular.filming import (
     body,
@@ -34,7 +35,7 @@ NOISE_M = 0.06
 
 @pytest.fixture(scope="module")
 def walk():
-    """Observations, true poses, and priors that are wrong by 6 cm, each by itself."""
+    """Frames whose priors are wrong by 6 cm, each by itself, and true poses."""
     poses = poses_of(performed("walk"))[5:20]
     rng = np.random.default_rng(0)
     observations = [
@@ -47,7 +48,11 @@ def walk():
         joints = joints_at(MODEL, pose)
         joints = joints + rng.normal(0, NOISE_M, joints.shape)
         priors.append(LandmarkPrior(joints - joints[0], precision, joints[0], precision[0]))
-    return observations, poses, priors
+    frames = [
+        FrameEvidence(seen, t / 30, prior)
+        for t, (seen, prior) in enumerate(zip(observations, priors, strict=True))
+    ]
+    return frames, poses
 
 
 def joints_of(poses: list[Pose]) -> np.ndarray:
@@ -59,13 +64,12 @@ def tuned(**numbers):
 
 
 def fitted(walk, **numbers) -> np.ndarray:
-    observations, poses, priors = walk
+    frames, poses = walk
     rng = np.random.default_rng(1)
     size = 6 + MODEL.dof_count
     starts = [pose.moved(0.03 * rng.standard_normal(size)).clipped() for pose in poses]
-    times = np.arange(len(poses)) / 30
     with tuned(**numbers):
-        return joints_of(fit_trajectory(SURFACE, observations, starts, times, priors, True))
+        return joints_of(fit_trajectory(SURFACE, frames, starts, True))
 
 
 def error_m(walk, joints: np.ndarray) -> float:
@@ -95,23 +99,29 @@ def test_a_standing_foot_stands(walk):
 
 
 def test_the_floor_decides_the_distance(walk):
-    observations, poses, priors = walk
+    frames, poses = walk
     away = joints_of(poses)[:, 0] - CAMERA.center_m
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     # Everything is expected 15 cm too far away, and the contour hardly counts.
+    precision = np.eye(3) / 0.15**2
     wrong = [
-        replace(prior, pelvis_m=prior.pelvis_m + 0.15 * own, pelvis_precision=np.eye(3) / 0.15**2)
-        for prior, own in zip(priors, away, strict=True)
+        replace(
+            frame,
+            landmark_prior=replace(
+                prior, pelvis_m=prior.pelvis_m + 0.15 * own, pelvis_precision=precision
+            ),
+        )
+        for frame, own in zip(frames, away, strict=True)
+        if (prior := frame.landmark_prior)
     ]
     far = [
         pose.moved(np.r_[0.15 * own, np.zeros(57)]) for pose, own in zip(poses, away, strict=True)
     ]
 
     def distance_error(floor):
-        times = np.arange(len(poses)) / 30
         faint = partial(RefineSettings, independence=0.005)
         with patch.object(trajectory_fit, "RefineSettings", faint):
-            found = fit_trajectory(SURFACE, observations, far, times, wrong, floor)
+            found = fit_trajectory(SURFACE, wrong, far, floor)
         gap = joints_of(found)[:, 0] - joints_of(poses)[:, 0]
         return abs(float((gap * away).sum(axis=1).mean()))
 
@@ -133,21 +143,37 @@ def test_banded_equations_are_solved_as_dense_ones():
             if row != column:
                 dense[columns, rows] += block.T
     banded.gradient[:] = rng.normal(size=(count, size))
-    expected = -np.linalg.solve(dense + 1e-6 * np.eye(len(dense)), banded.gradient.ravel())
-    assert banded.solve().ravel() == pytest.approx(expected, rel=1e-6)
+    dense += 1e-6 * np.eye(len(dense))
+    gradient = banded.gradient.ravel().copy()
+    low, high = np.full((2, count, size), -np.inf) * [[[1]], [[-1]]]
+    expected = -np.linalg.solve(dense, gradient)
+    assert deepcopy(banded).solve(low, high).ravel() == pytest.approx(expected, rel=1e-6)
+    # What is held at its bound changes what is best for the others.
+    low[1], high[3] = 0.01, -0.01
+    found = deepcopy(banded).solve(low, high)
+    assert (found[1] >= 0.01).all() and (found[3] <= -0.01).all()
+    held = ((found == low) | (found == high)).ravel()
+    slope = dense @ found.ravel() + gradient
+    assert held.any() and np.abs(slope[~held]).max() < 1e-6
 
 
 def test_a_single_frame_and_a_pair_are_fitted_as_well(walk):
-    observations, poses, priors = walk
+    frames, poses = walk
     for count in (1, 2):
-        found = fit_trajectory(
-            SURFACE,
-            observations[:count],
-            poses[:count],
-            np.arange(count) / 30,
-            priors[:count],
-            True,
-        )
+        found = fit_trajectory(SURFACE, frames[:count], poses[:count], True)
         assert len(found) == count
         gap = np.linalg.norm(joints_of(found) - joints_of(poses[:count]), axis=-1)
         assert gap.mean() < 0.75 * NOISE_M * np.sqrt(8 / np.pi)
+
+
+def test_a_frame_of_wrong_silhouettes_counts_for_as_little_as_it_says(walk):
+    """One frame shows somebody else: with a large scale the frames beside it decide."""
+    frames, poses = walk
+    other = Observation.from_masks(VIEWS, [silhouette(MODEL, poses[0], CAMERA)], spacing_m=0.04)
+
+    def gap_m(scale):
+        middle = replace(frames[7], observation=other, landmark_prior=None, scale=scale)
+        found = fit_trajectory(SURFACE, [*frames[:7], middle, *frames[8:]], poses, True)
+        return np.linalg.norm(joints_of(found)[7] - joints_of(poses)[7], axis=-1).mean()
+
+    assert gap_m(8.0) < 0.7 * gap_m(1.0)

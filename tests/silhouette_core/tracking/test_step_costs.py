@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.monocular.tracking.hypothesis_tracker import transition_cost
 from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.motion.dynamics import ROOT_STEP_M, ROOT_STEP_RAD
 from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.tracking.step_costs import transition_cost
 
 SIGMA_RAD, SPACING_RAD = np.array([0.1, 0.2, 0.1]), np.radians(3)
 
@@ -25,7 +25,8 @@ def test_a_step_costs_what_the_normal_distribution_says():
     """(4), with the source's hidden parts of (5), both with the grain of refined poses."""
     before, after = candidates(4, 1), candidates(5, 2)
     occluded = np.random.default_rng(3).random((4, 3)) < 0.3
-    result = transition_cost(before, after, occluded, SIGMA_RAD, 1.0)
+    widened = np.where(occluded, 5.0, 1.0)
+    result = transition_cost(before, after, widened, SIGMA_RAD, 1.0)
     for a in range(4):
         for b in range(5):
             sigma = np.hypot(SIGMA_RAD * np.where(occluded[a], 5, 1), SPACING_RAD)
@@ -46,7 +47,8 @@ def test_what_is_hidden_moves_cheaply():
             PoseArrays(np.zeros((1, 3)), np.eye(3)[None], np.array([[angle, 0.0, 0.0]]))
             for angle in (0.0, angle_rad)
         )
-        return transition_cost(still, moved, np.array([[occluded, False, False]]), SIGMA_RAD, 1.0)
+        widened = np.array([[5.0 if occluded else 1.0, 1.0, 1.0]])
+        return transition_cost(still, moved, widened, SIGMA_RAD, 1.0)
 
     assert cost(True, 0.5) < 0.3 * cost(False, 0.5)
 
