@@ -4,6 +4,7 @@ fitting model.
 
 import json
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,6 +61,32 @@ def test_a_short_recording_from_end_to_end(walk, fitted):
     assert score.root_mm < 48 and score.mpjpe_mm < 45
     check_report(json.loads((result.folder / "summary.json").read_text()), motion)
     assert seconds < 180  # half a minute on two busy cores
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "cameras"), [("fit", None), ("track", ["cam_1"])])
+def test_the_stages_are_those_of_the_architecture(walk, tmp_path, monkeypatch, command, cameras):
+    """In the order of docs/architecture.md, and all frames are read as often as it says."""
+    architecture = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text()
+    row = next(line for line in architecture.splitlines() if line.startswith(f"| `{command}` | ba"))
+    _, _, named, reads, _ = (cell.strip() for cell in row.split("|"))
+    stages, read, iterated = [], [], Recording.__iter__
+
+    class Recorder(SilentReporter):
+        def stage(self, name, total=None):
+            stages.append(name)
+
+    def counted(recording):
+        read.append(1)
+        return iterated(recording)
+
+    monkeypatch.setattr(Recording, "__iter__", counted)
+    recording = Recording.open(walk, cameras=cameras)
+    estimator = "monocular" if cameras else "multiview"
+    settings = Settings(threads=2, network="off")
+    fit(recording, Output(tmp_path / "out", pictures=False), settings, estimator, Recorder())
+    assert " → ".join(stages) == named
+    assert len(read) == int(reads)
 
 
 @pytest.mark.slow
