@@ -124,8 +124,3 @@ def predict(
     if previous is None:
         return pose
     return pose.moved(MOMENTUM * pose.minus(previous)).clipped(limits_rad)
-
-
-def neighbour_middle(before: Pose | None, pose: Pose, after: Pose | None) -> Pose:
-    """Pose half way between the neighbours in time; `pose` itself where one of them is missing."""
-    return pose if before is None or after is None else before.moved(0.5 * after.minus(before))

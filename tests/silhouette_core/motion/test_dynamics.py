@@ -9,7 +9,6 @@ from silhouette_core.motion.dynamics import (
     MOMENTUM,
     RELAXED_RAD,
     elapsed_steps,
-    neighbour_middle,
     predict,
 )
 from silhouette_core.motion.pose import Pose
@@ -41,14 +40,6 @@ def test_no_joint_is_expected_beyond_its_limit():
     low, high = HUMAN.dof_limits_rad[FLEXION]
     expected = predict(at(0.0, flexion=high - 0.01), at(0.0, flexion=high - 0.3))
     assert low <= expected.angles_rad[FLEXION] <= high
-
-
-def test_the_middle_of_two_neighbours_is_between_them():
-    middle = neighbour_middle(at(0.0, 0.0, 0.2), at(9.0), at(0.2, 0.4, 0.6))
-    np.testing.assert_allclose(middle.minus(at(0.1, 0.2, 0.4)), 0, atol=1e-9)
-    alone = at(1.0)
-    assert neighbour_middle(None, alone, at(2.0)) is alone
-    assert neighbour_middle(at(2.0), alone, None) is alone
 
 
 def test_steps_are_counted_at_the_usual_frame_rate():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,6 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.body_source import names_result
-from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.multiview.carving.observe import FrameObservation
@@ -119,10 +118,10 @@ class TrackWork:
             if found is None:
                 break
             without = kept.enter_context(prepared.without(found.pixels))
-            again = self.tracked(self._observations(without, kept), objects=True)
-            if _cost([again]) >= _cost([(tracker, start)]):
+            again, other = self.tracked(self._observations(without, kept), objects=True)
+            if other.cost_of(spread_errors(again)) >= start.cost_of(spread_errors(tracker)):
                 break
-            objects, (tracker, start) = found, again
+            objects, tracker, start = found, again, other
         if objects is not None:
             self.reporter.note(
                 "something stands apart from the person all the time: it is left out"
@@ -142,9 +141,8 @@ class TrackWork:
             keep = known is not None and names_result(str(settings.options["body"]))
             given = self.matching, self.reporter, self.fps, known, keep, objects
             start = choose_body(observations, settings, *given)
-        tracker = self._tracker(start.body, observations)
-        self._follow(tracker, start.poses, start.errors)
-        return tracker, start
+        fits = {t: PoseFit(pose, start.errors[t]) for t, pose in start.poses.items()}
+        return self._followed(start.body, observations, fits), start
 
     def _given(
         self, observations: ObservationStore, model: BodyModel
@@ -153,15 +151,9 @@ class TrackWork:
         with self.clock("first poses"):
             search = self.settings, self.matching, self.reporter
             body, fits = start_given(observations, *search, model)
-        tracker = self._tracker(body, observations)
-        poses = {t: fit.pose for t, fit in fits.items()}
-        self._follow(tracker, poses, {t: fit.error for t, fit in fits.items()})
+        tracker = self._followed(body, observations, fits)
         self._smooth(tracker)
-        return tracker, _found(tracker, poses)
-
-    def _tracker(self, body: BodyGeometry, observations: ObservationStore) -> PoseTracker:
-        told = self.clock, self.reporter.advance
-        return PoseTracker(body, observations, self.fps, self.matching, *told, self.numbers)
+        return tracker, _found(tracker, fits)
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
         work = self.clock, self.reporter
@@ -170,14 +162,16 @@ class TrackWork:
             carved_observations(prepared.observer, prepared.store, *work, seen=seen)
         )
 
-    def _follow(
-        self, tracker: PoseTracker, poses: dict[int, Pose], errors: dict[int, float]
-    ) -> None:
-        """Follows the poses of the anchor frames, and searches more."""
-        count = len(tracker.observations)
-        self.reporter.stage("tracking", count)
-        tracker.follow([(t, PoseFit(pose, errors[t])) for t, pose in poses.items()])
+    def _followed(
+        self, body: BodyGeometry, observations: ObservationStore, fits: dict[int, PoseFit]
+    ) -> PoseTracker:
+        """Tracker that has followed the poses of the anchor frames, and searched more."""
+        told = self.clock, self.reporter.advance
+        tracker = PoseTracker(body, observations, self.fps, self.matching, *told, self.numbers)
+        self.reporter.stage("tracking", len(observations))
+        tracker.follow(fits.items())
         self._improve(tracker)
+        return tracker
 
     def again(self, tracker: PoseTracker, anchors: Sequence[int]) -> None:
         """Follows somebody again whose silhouettes have changed, also from frames that are searched
@@ -201,12 +195,7 @@ class TrackWork:
         tracker.smooth()
 
 
-def _cost(people: list[Tracked]) -> float:
-    """Cost of the people that were tracked."""
-    return sum(start.cost_of(spread_errors(tracker)) for tracker, start in people)
-
-
-def _found(tracker: PoseTracker, anchors: dict[int, Pose]) -> dict[str, object]:
+def _found(tracker: PoseTracker, anchors: Iterable[int]) -> dict[str, object]:
     """Facts of any body."""
     errors = tracker.error[np.isfinite(tracker.error)]
     return {
