@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.image.raster import NEAR_M
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
@@ -114,27 +112,6 @@ class SignedWeights:
         """
         counts = [np.bincount(one.ravel(), minlength=parts + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
-
-    def uncovered(
-        self, poses: Sequence[Pose], drawn: NDArray[np.uint8], most_m: float
-    ) -> NDArray[np.float64]:
-        """How far the silhouette stands out of the body in K poses (K,), m: the largest distance of
-        its pixels from the drawn body, `part_images`, at most `most_m`.
-        """
-        mask = self.mask.view(np.uint8)
-        left, top, width, height = cv2.boundingRect(mask)
-        far = np.empty(len(poses))
-        for k, (pose, covered) in enumerate(zip(poses, drawn > 0, strict=True)):
-            depth = float(self.rotation[2] @ pose.root_m + self.translation_m[2])
-            m_per_px = max(depth, NEAR_M) / float(self.matrix[0, 0])
-            near = max(1, int(np.ceil(most_m / m_per_px)))  # what is farther away is too far
-            rows = slice(max(top - near, 0), top + height + near)
-            columns = slice(max(left - near, 0), left + width + near)
-            part = np.ascontiguousarray(~covered[rows, columns]).view(np.uint8)
-            away = cv2.distanceTransform(part, cv2.DIST_L2, cv2.DIST_MASK_5)
-            px = cv2.minMaxLoc(away, mask=np.ascontiguousarray(mask[rows, columns]))[1]
-            far[k] = min(px * m_per_px, most_m)
-        return far
 
     def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
         """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""

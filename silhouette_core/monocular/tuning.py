@@ -234,26 +234,6 @@ class ProposedModes:
 
 
 @dataclass(frozen=True)
-class UncoveredLimbs:
-    """Limbs put where a pose leaves the silhouette uncovered (`tracking.uncovered_limbs`).
-
-    By eye.
-    """
-
-    least_m: float = 0.08
-    """Metres. What stands out by less is cloth, hair or another girth; up to half of it wide are
-    seams along the outline."""
-    tip_m: float = 0.10
-    """Metres from the tip to the wrist or ankle; one that is so near is there already."""
-    across_m: float = 0.04
-    """Metres. Standard deviation across the viewing ray."""
-    along_m: float = 0.20
-    """Metres. The same along it."""
-    placed_m: float = 0.03
-    """Metres. The same of the other joints while the limb is put there."""
-
-
-@dataclass(frozen=True)
 class VariedMotion:
     """Chances and sizes of variations of recorded motion (`making.varied_motion`).
 
@@ -422,7 +402,6 @@ BARE = BarePeople()
 ADAPTING = BodyAdaptation()
 HEADING = BodyHeading()
 MODES = ProposedModes()
-LIMBS = UncoveredLimbs()
 VARIED_MOTION = VariedMotion()
 VIRTUAL_PEOPLE = VirtualPeople()
 VIRTUAL_CAMERAS = VirtualCameras()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.dynamics import RELAXED_RAD
@@ -22,27 +21,15 @@ def place_bodies(
     surface: Surface,
     observation: Observation,
     priors: Sequence[LandmarkPrior],
-    starts: Sequence[Pose] | None = None,
 ) -> list[Pose]:
-    """Poses whose joints are where priors expect them.
+    """Poses whose joints are where priors expect them, from relaxed ones turned as they expect.
 
     Args:
         observation: the frame; its contour is not used.
         priors: of the joints, one for each pose.
-        starts: poses to start from; None: relaxed ones, turned as the priors expect.
     """
-    poses = [_upright(prior) for prior in priors] if starts is None else starts
-    given = [
-        RefineStart(pose, _PLACING, None, prior) for pose, prior in zip(poses, priors, strict=True)
-    ]
+    given = [RefineStart(_upright(prior), _PLACING, None, prior) for prior in priors]
     return [one.pose for one in refine_many(surface, observation, given)]
-
-
-def held_joints(joints_m: NDArray[np.float64], sigma_m: float) -> LandmarkPrior:
-    """Prior by which joints (15, 3) in the world stay where they are, with a deviation."""
-    held = np.eye(3) / sigma_m**2
-    relative = joints_m - joints_m[0]
-    return LandmarkPrior(relative, np.tile(held, (len(joints_m), 1, 1)), joints_m[0], held)
 
 
 def _upright(prior: LandmarkPrior) -> Pose:

@@ -32,10 +32,6 @@ class CostSettings:
         most_off_floor: of these sigmas, from which more costs no more: somebody may jump.
         near_floor_m: median distance of the lowest point from z = 0 up to which that is the floor.
         floor_frames: frames of that median.
-        covered_m: what stands out of the body by less is cloth or hair, m.
-        uncovered_m: sigma of what stands out by more, m: a hand is so small that the silhouette
-            distance hardly tells where it is.
-        most_uncovered_m: distance above which more costs no more, m.
     """
 
     silhouette: float = 0.04
@@ -44,9 +40,6 @@ class CostSettings:
     most_off_floor: float = 3.0
     near_floor_m: float = 0.20
     floor_frames: int = 90
-    covered_m: float = 0.05
-    uncovered_m: float = 0.03
-    most_uncovered_m: float = 0.20
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +80,7 @@ class FrameCosts:
             "proposal": lambda given: given.proposal.cost(given.joints),
         }
         if person:
-            self.terms |= {"uncovered": self._uncovered, "bare parts": _bare_parts}
+            self.terms["bare parts"] = _bare_parts
 
     def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
         """Cost (K,) float64, nats, of a frame's hypotheses."""
@@ -118,14 +111,6 @@ class FrameCosts:
         off = np.where(lowest < 0, -lowest / settings.sunk_m, lowest / settings.hovering_m)
         return 0.5 * np.minimum(off, settings.most_off_floor) ** 2
 
-    def _uncovered(self, given: Hypotheses) -> NDArray[np.float64]:
-        """What of the silhouette stands out of the body."""
-        settings = self.settings
-        out_m = given.observed.weights.uncovered(
-            given.poses, given.drawn, settings.most_uncovered_m
-        )
-        return 0.5 * (np.maximum(out_m - settings.covered_m, 0.0) / settings.uncovered_m) ** 2
-
 
 def _bare_parts(given: Hypotheses) -> NDArray[np.float64]:
     """Parts that are bare or clothed where their colours are not, see `SkinEvidence.cost`."""
@@ -143,8 +128,6 @@ class TrackerSettings:
         carried: number of hypotheses of the previous frame that are carried on; a worse one may
             turn out to be right.
         kept: number of hypotheses kept per frame.
-        reaching: number of rounds in which limbs of as many of the best hypotheses are put where
-            these leave the silhouette uncovered.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
         spacing_m: distance between points of the contour, on the body, m.
         reduction: how many times smaller than the window poses are drawn.
@@ -161,7 +144,6 @@ class TrackerSettings:
     costs: CostSettings = field(default_factory=CostSettings)
     carried: int = 1
     kept: int = 8
-    reaching: int = 2
     surface_points: int = 500
     spacing_m: float = USUAL_SPACING_M
     reduction: int = 2
@@ -181,7 +163,6 @@ class TrackerSettings:
             CostSettings(silhouette=0.015),
             carried=12,
             kept=24,
-            reaching=0,
             reduction=1,
             different_m=0.025 * length_m,
             same_m=0.011 * length_m,
@@ -193,4 +174,4 @@ class TrackerSettings:
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04, reaching=1)
+        return replace(self, surface_points=350, spacing_m=0.04)

@@ -2,8 +2,8 @@
 
 A silhouette seen from one side allows many poses, and only after refinement can they be told apart.
 What the frame's proposal begins with, and the predictions from the hypotheses of the previous
-frame, are refined on the silhouette; limbs of the best ones are then put where they leave the
-silhouette uncovered. Viterbi's recursion runs over the refined poses. Beyond paper A.
+frame, are refined on the silhouette. Viterbi's recursion runs over the refined poses. Beyond
+paper A.
 """
 
 from __future__ import annotations
@@ -19,13 +19,11 @@ from silhouette_core.monocular.occlusion import occluded_parts
 from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
-from silhouette_core.monocular.tracking.uncovered_limbs import reach_uncovered
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
-from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
@@ -150,33 +148,7 @@ class HypothesisTracker:
                 for pose, own in zip(carried, joints_of(self.model, carried), strict=True)
             ]
         refined = refine_many(surface, observed.contour, starts)
-        poses, priors = [one.pose for one in refined], [start.landmark_prior for start in starts]
-        return self._reaching(observed, proposal, poses, priors)
-
-    def _reaching(
-        self,
-        observed: ObservedFrame,
-        proposal: FrameProposal,
-        poses: list[Pose],
-        priors: list[LandmarkPrior | None],
-    ) -> FoundPoses:
-        """Adds poses whose limbs reach where the best ones leave the silhouette uncovered."""
-        settings = self.settings
-        tried: list[int] = []
-        for _ in range(settings.reaching):
-            distance = observed.weights.distances(self.model, poses)
-            cost = 0.5 * (distance / settings.costs.silhouette) ** 2
-            cost += proposal.cost(joints_of(self.model, poses))
-            best = np.argsort(rounded(cost), kind="stable")[: settings.reaching]
-            # Within its sigma, nothing is missing.
-            most = settings.costs.silhouette
-            best = [int(k) for k in best if distance[k] > most and k not in tried]
-            known = [prior for prior in (priors[k] for k in best) if prior is not None]
-            more, own = reach_uncovered(self.surface, observed, [poses[k] for k in best], known)
-            if not more:
-                break
-            poses, priors, tried = [*poses, *more], [*priors, *own], [*tried, *best]
-        return poses, priors
+        return [one.pose for one in refined], [start.landmark_prior for start in starts]
 
     def _beam(
         self,

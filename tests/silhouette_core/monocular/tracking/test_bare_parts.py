@@ -125,7 +125,7 @@ def test_the_tracker_asks_for_it(observed, monkeypatch):
     """The wrong arm is proposed as more probable: what the colours tell decides."""
     poses = [FAR_FORWARD, NEAR_FORWARD]
     modes = proposed(poses, [0.9, 0.1])
-    settings = TrackerSettings(CostSettings(silhouette=1.0), reaching=0)
+    settings = TrackerSettings(CostSettings(silhouette=1.0))
     tracker = HypothesisTracker(MODEL, CAMERA, standing_areas(MODEL), settings, CpuBackend())
     found = poses, [prior_of(pose) for pose in poses]
     monkeypatch.setattr(HypothesisTracker, "_found", lambda *_: found)

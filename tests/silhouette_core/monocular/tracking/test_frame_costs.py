@@ -89,14 +89,6 @@ def _as_proposed(alike):
     )  # fmt: skip
 
 
-def _covered(alike):
-    given = alike(LEVEL, LEVEL)
-    arms = [1 + k for k, name in enumerate(PART_NAMES) if "arm" in name or "hand" in name]
-    drawn = given.drawn.copy()
-    drawn[1][np.isin(drawn[1], arms) & (np.arange(drawn.shape[2]) < drawn.shape[2] // 2)] = 0
-    return replace(given, drawn=drawn)
-
-
 def _skin_where_it_is(alike):
     """A patch of skin: a bare forearm, or the clothed trunk."""
     given = alike(LEVEL, LEVEL)
@@ -115,7 +107,6 @@ SCENES = [
     Scene("silhouette", _fits_better),
     Scene("floor", _on_the_floor),
     Scene("proposal", _as_proposed),
-    Scene("uncovered", _covered),
     Scene("bare parts", _skin_where_it_is),
 ]
 
@@ -166,24 +157,6 @@ def test_the_floor_is_decided_over_time(alike):
         costs_of("floor", up, costs)
     assert not costs.stood_on
     assert not costs_of("floor", alike(high, LEVEL), costs).any()
-
-
-def test_a_hand_that_stands_out_costs_by_its_distance(alike):
-    """A strip of the silhouette beside the drawn body."""
-    given = alike(LEVEL)
-    weights = given.observed.weights
-    depth = weights.rotation[2] @ LEVEL.root_m + weights.translation_m[2]
-    px_per_m = weights.matrix[0, 0] / depth
-    row, column = min(np.argwhere(given.drawn[0]).tolist(), key=lambda place: place[1])
-    for out_m in (0.04, 0.11, 0.17, 0.40):
-        signed = np.abs(weights.signed)
-        signed[given.drawn[0] > 0] *= -1
-        signed[row, column - round(out_m * px_per_m) : column] *= -1
-        seen = replace(given.observed, weights=replace(weights, signed=signed))
-        found = costs_of("uncovered", replace(given, observed=seen))[0]
-        away = min(out_m, SETTINGS.most_uncovered_m) - SETTINGS.covered_m
-        expected = 0.5 * (max(away, 0) / SETTINGS.uncovered_m) ** 2
-        assert found == pytest.approx(expected, rel=0.4, abs=0.1)
 
 
 def test_without_colours_no_part_is_bare(alike):

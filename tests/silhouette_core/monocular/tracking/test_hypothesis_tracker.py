@@ -206,7 +206,7 @@ def test_who_stands_still_does_not_turn_round_for_a_while():
     facing = (joints_of(body(), pose)[hip] - pose.root_m)[:2]
 
     def turns(restart):
-        tracker = tracker_of(replace(TrackerSettings(), restart=restart, reaching=0))
+        tracker = tracker_of(replace(TrackerSettings(), restart=restart))
         frame = seen(tracker, pose, 0.0)
         beams: list[Beam] = []
         for t in range(30):

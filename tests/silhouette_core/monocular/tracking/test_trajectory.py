@@ -27,7 +27,7 @@ from tests.silhouette_core.monocular.filming import (
 
 CAMERA = camera_at((0.4, -4.0, 1.3), size=(320, 240))
 POSES = poses_of(performed("wave"))
-QUICK = replace(TrackerSettings().coarser(), surface_points=150, reaching=0)
+QUICK = replace(TrackerSettings().coarser(), surface_points=150)
 AREAS = standing_areas(body())
 
 
