@@ -44,7 +44,7 @@ from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "ablation"
-TERMS = "floor", "proposal", "bare parts"
+TERMS = "floor", "proposal"
 CROSSED_DEG = {"l.hip": 20, "l.straddle": -14, "l.knee": 14,
                "r.hip": -5, "r.straddle": -12, "r.knee": 14}  # fmt: skip
 SEEDS = 1, 2, 3, 4

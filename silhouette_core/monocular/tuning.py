@@ -161,26 +161,13 @@ class FoundPerson:
 
 
 @dataclass(frozen=True)
-class BarePeople:
-    """Head and bare parts (`tracking.colour_evidence`). By eye."""
+class Head:
+    """The head in a picture (`tracking.colour_evidence`). By eye."""
 
-    head_from: float = 0.35
+    from_neck: float = 0.35
     """1. Of the way from the neck to the top of the head: above it is the head."""
-    head_radius: float = 0.15
+    radius: float = 0.15
     """1. Of the head, relative to that way."""
-    along: Range = (0.3, 0.9)
-    """1. Of the way along a limb between which its colours are looked at."""
-    hand_along: Range = (1.1, 1.4)
-    """1. The same of a hand, along the forearm."""
-    share: float = 0.75
-    """1. Of the frames: in the others the part is not where the pose has it."""
-    clothed: float = 0.05
-    """1. Probability that a pixel of what is clothed has the head's colours, or one of the head has
-    not."""
-    pixel: float = 0.12
-    """Nats of a pixel that count: neighbours are not independent."""
-    most: float = 5.0
-    """Nats of a frame at most."""
     kept: float = 0.9
     """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
 
@@ -398,7 +385,7 @@ SAMPLED_MOTION = SampledMotion()
 TRAINING = Training()
 MIXTURE = Mixture()
 PERSON = FoundPerson()
-BARE = BarePeople()
+HEAD = Head()
 ADAPTING = BodyAdaptation()
 HEADING = BodyHeading()
 MODES = ProposedModes()

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
+from silhouette_core.monocular.tracking.observed_frame import FrameProposal
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import USUAL_SPACING_M
 from silhouette_core.refinement.surface import Surface
@@ -44,34 +44,28 @@ class CostSettings:
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """K pose hypotheses of a frame, drawn.
+    """K pose hypotheses of a frame.
 
     Attributes:
         joints: (K, 15, 3) float64, in the world, m.
         distance: (K,) float64, silhouette distances.
-        drawn: (K, h, w) uint8, part images in the frame's window.
     """
 
     poses: list[Pose]
     joints: NDArray[np.float64]
     distance: NDArray[np.float64]
-    drawn: NDArray[np.uint8]
     surface: Surface
-    observed: ObservedFrame
     proposal: FrameProposal
 
 
 class FrameCosts:
     """The terms of a frame's hypotheses, and their sum.
 
-    Args:
-        person: whether the body is a person's, whose clothes are known.
-
     Attributes:
         terms: name -> cost (K,) float64, nats, of a frame's K hypotheses.
     """
 
-    def __init__(self, person: bool, settings: CostSettings):
+    def __init__(self, settings: CostSettings):
         self.settings = settings
         self._lowest: deque[float] = deque(maxlen=settings.floor_frames)
         self.terms: dict[str, Callable[[Hypotheses], NDArray[np.float64]]] = {
@@ -79,8 +73,6 @@ class FrameCosts:
             "floor": self._floor,
             "proposal": lambda given: given.proposal.cost(given.joints),
         }
-        if person:
-            self.terms["bare parts"] = _bare_parts
 
     def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
         """Cost (K,) float64, nats, of a frame's hypotheses."""
@@ -110,14 +102,6 @@ class FrameCosts:
         settings = self.settings
         off = np.where(lowest < 0, -lowest / settings.sunk_m, lowest / settings.hovering_m)
         return 0.5 * np.minimum(off, settings.most_off_floor) ** 2
-
-
-def _bare_parts(given: Hypotheses) -> NDArray[np.float64]:
-    """Parts that are bare or clothed where their colours are not, see `SkinEvidence.cost`."""
-    skin = given.observed.skin
-    if skin is None:
-        return np.zeros(len(given.poses))
-    return skin.cost(given.drawn, given.observed.weights.mask)
 
 
 @dataclass(frozen=True)

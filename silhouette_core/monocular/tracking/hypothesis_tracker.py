@@ -59,7 +59,7 @@ class HypothesisTracker:
         self.settings, self.backend = settings, backend
         self.views = PinholeViews.from_rig(Rig((camera,)))
         self._length_m = model.length_m
-        self.costs = FrameCosts(model.person is not None, settings.costs)
+        self.costs = FrameCosts(settings.costs)
         self.set_body(model)
         self.step_costs = StepCosts(
             model.tree,
@@ -161,7 +161,7 @@ class HypothesisTracker:
         weights = observed.weights
         distance, joints = weights.distances(self.model, poses), joints_of(self.model, poses)
         drawn = weights.part_images(self.model, poses)
-        seen = Hypotheses(poses, joints, distance, drawn, self.surface, observed, proposal)
+        seen = Hypotheses(poses, joints, distance, self.surface, proposal)
         areas = weights.part_areas(drawn, len(self.model.names))
         occluded = occluded_parts(areas, self._usual_areas)
         at = observed.time_s, occluded, priors

@@ -16,16 +16,15 @@ from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.monocular.tracking.pose_modes import (
     MEMORY_S,
     FrameModes,
     ModeFinder,
     ModeView,
 )
-from silhouette_core.monocular.tuning import BARE
+from silhouette_core.monocular.tuning import HEAD
 from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
@@ -101,14 +100,10 @@ class ModeProposer:
             self._sexes = ()
         return modes
 
-    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
-        """See `observed_frame.Proposer.skin`."""
-        return self._colours.skin(weights, person)
-
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], BARE.kept)
+            self._colours.learn([person], [joints_m], HEAD.kept)
 
     def _over_time(
         self, views: list[ModeView], people: Sequence[Person], first: bool
@@ -117,7 +112,7 @@ class ModeProposer:
         facing = self._facing and first
         views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], BARE.kept):
+        if not self._colours.learn(people, [one.likeliest for one in modes], HEAD.kept):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.silhouette_weights import SignedWeights
-from silhouette_core.monocular.tracking.colour_evidence import SkinEvidence
 from silhouette_core.monocular.window import Window
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation
@@ -28,14 +27,12 @@ class ObservedFrame:
         mask: (h, w) bool, the silhouette in the camera's image.
         weights: signed pixel weights of the silhouette's window.
         contour: points of the contour, and distances from the silhouette.
-        skin: where the person has the colours of the head, if these are known.
     """
 
     mask: NDArray[np.bool_]
     weights: SignedWeights
     contour: Observation
     time_s: float
-    skin: SkinEvidence | None = None
 
 
 class FrameProposal(Protocol):
@@ -93,10 +90,6 @@ class Proposer(Protocol):
             first: whether these are the first frames of all.
         """
         ...
-
-    def skin(self, weights: SignedWeights, person: Person) -> SkinEvidence | None:
-        """Where a frame shows the colours of the head, if they are known."""
-        return None
 
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
         """Learns from a decided frame: its number, silhouette and joints (15, 3), m."""

@@ -150,10 +150,8 @@ class PoseTrajectory:
         self, frame: PendingFrame, person: Person, proposal: FrameProposal
     ) -> ObservedFrame:
         """A pending frame, prepared for its hypotheses."""
-        observed = self.tracker.observe(
-            person.mask, proposal.distance_m, frame.time_s, proposal.window
-        )
-        return replace(observed, skin=self.proposer.skin(observed.weights, person))
+        at = proposal.distance_m, frame.time_s, proposal.window
+        return self.tracker.observe(person.mask, *at)
 
     def _beams(
         self, observed: list[ObservedFrame], proposals: Sequence[FrameProposal]

@@ -2,13 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from silhouette_core.body.joints import PART_NAMES
-from silhouette_core.monocular.tracking.colour_evidence import SkinEvidence
 from silhouette_core.monocular.tracking.frame_costs import CostSettings, FrameCosts, Hypotheses
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
@@ -16,7 +13,6 @@ from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
     joints_of,
-    observed_by,
     performed,
     poses_of,
     proposed,
@@ -30,29 +26,21 @@ LEVEL = STANDING.moved(
     np.r_[0, 0, -SURFACE.posed(STANDING).points[:, 2].min(), np.zeros(3 + MODEL.dof_count)]
 )
 SETTINGS = CostSettings()
-TRUNK, FOREARM = (1 + PART_NAMES.index(name) for name in ("thorax", "right_forearm"))
 
 
 def moved(pose: Pose, *by_m: float) -> Pose:
     return Pose(pose.root_m + np.array(by_m), pose.root_rotation, pose.angles_rad)
 
 
-@pytest.fixture(scope="module")
-def observed():
-    return observed_by(CAMERA, LEVEL)
-
-
 @pytest.fixture
-def alike(observed):
+def alike():
     """Makes hypotheses that the silhouette fits alike, with equal probability, unless said."""
-    drawn = observed.weights.part_images(MODEL, [LEVEL])
 
     def of(*poses: Pose, **others) -> Hypotheses:
         joints = np.stack([joints_of(MODEL, pose) for pose in poses])
         either = proposed(poses, [1 / len(poses)] * len(poses))
         one = Hypotheses(
-            list(poses), joints, np.full(len(poses), 0.05), np.repeat(drawn, len(poses), axis=0),
-            SURFACE, observed, either,
+            list(poses), joints, np.full(len(poses), 0.05), SURFACE, either,
         )  # fmt: skip
         return replace(one, **others)
 
@@ -60,7 +48,7 @@ def alike(observed):
 
 
 def costs_of(name: str, given: Hypotheses, costs: FrameCosts | None = None) -> np.ndarray:
-    return (costs or FrameCosts(True, SETTINGS)).terms[name](given)
+    return (costs or FrameCosts(SETTINGS)).terms[name](given)
 
 
 @dataclass(frozen=True)
@@ -89,37 +77,22 @@ def _as_proposed(alike):
     )  # fmt: skip
 
 
-def _skin_where_it_is(alike):
-    """A patch of skin: a bare forearm, or the clothed trunk."""
-    given = alike(LEVEL, LEVEL)
-    drawn = np.where(given.drawn > 0, TRUNK, 0).astype(np.uint8)
-    rows, columns = (np.nonzero(drawn[0])[axis][:400] for axis in (0, 1))
-    likelihood = np.zeros(drawn.shape[1:], np.float32)
-    likelihood[rows, columns] = 1
-    drawn[0, rows, columns] = FOREARM
-    bare = np.full(27, 0.05)
-    bare[FOREARM - 1] = 0.9
-    observed = replace(given.observed, skin=SkinEvidence(likelihood, bare))
-    return replace(given, drawn=drawn, observed=observed)
-
-
 SCENES = [
     Scene("silhouette", _fits_better),
     Scene("floor", _on_the_floor),
     Scene("proposal", _as_proposed),
-    Scene("bare parts", _skin_where_it_is),
 ]
 
 
 def test_every_term_has_a_scene():
     assert [scene.name for scene in SCENES] == sorted(
-        FrameCosts(True, SETTINGS).terms, key=[scene.name for scene in SCENES].index
+        FrameCosts(SETTINGS).terms, key=[scene.name for scene in SCENES].index
     )
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_a_term_decides_where_nothing_else_does(scene, alike):
-    costs = FrameCosts(True, SETTINGS)
+    costs = FrameCosts(SETTINGS)
     given = scene.given(alike)
     own = costs.terms[scene.name](given)
     assert own[1] > own[0] + 0.4
@@ -143,7 +116,7 @@ def test_who_sinks_pays_more_than_who_hovers_up_to_a_jump(alike):
 
 
 def test_the_floor_is_decided_over_time(alike):
-    costs = FrameCosts(True, SETTINGS)
+    costs = FrameCosts(SETTINGS)
     high = moved(LEVEL, 0, 0, 0.4)
     assert not costs.stood_on
     assert costs_of("floor", alike(high), costs) == pytest.approx(0)  # is there a floor at all?
@@ -157,15 +130,3 @@ def test_the_floor_is_decided_over_time(alike):
         costs_of("floor", up, costs)
     assert not costs.stood_on
     assert not costs_of("floor", alike(high, LEVEL), costs).any()
-
-
-def test_without_colours_no_part_is_bare(alike):
-    assert not costs_of("bare parts", alike(LEVEL, LEVEL)).any()
-
-
-def test_what_is_known_about_people_costs_other_bodies_nothing(alike):
-    costs = FrameCosts(False, SETTINGS)
-    assert list(costs.terms) == ["silhouette", "floor", "proposal"]
-    nothing = SimpleNamespace(cost=lambda joints: np.zeros(len(joints)))
-    given = replace(_skin_where_it_is(alike), proposal=nothing)
-    assert costs(given) == pytest.approx(np.full(2, 0.5 * (0.05 / SETTINGS.silhouette) ** 2))

@@ -43,9 +43,6 @@ class KnownPoses:
         assert all(person.mask.any() for person in people)
         return [proposed([POSES[number]], [1.0]) for number in notes]
 
-    def skin(self, weights, person):
-        return None
-
     def learn(self, number, person, joints_m):
         self.learned.append((number, joints_m))
 

@@ -8,7 +8,7 @@ from silhouette_core.body.sizes import SHAPE_AXES
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_estimator import MonocularEstimator
 from silhouette_core.monocular.tracking import mode_proposer, trajectory
-from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence, SkinEvidence
+from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, films
@@ -91,7 +91,7 @@ def test_frames_are_refined_together(tracked, filmed, monkeypatch):
 
     floors = []
 
-    def unrefined(surface, observations, poses, time_s, priors, floor, **_):
+    def unrefined(surface, frames, poses, floor, **_):
         floors.append(floor)
         return poses
 
@@ -140,21 +140,12 @@ def test_colours_are_read_unless_the_outline_is_to_do(outline_only, filmed, monk
         learned.append([person.colours is not None for person in people])
         return learn(self, people, *args)
 
-    asked, cost = [], SkinEvidence.cost
-
-    def asking(self, *args):
-        asked.append(self.likelihood.max())
-        return cost(self, *args)
-
     monkeypatch.setattr(ColourEvidence, "learn", counted)
-    monkeypatch.setattr(SkinEvidence, "cost", asking)
     options = {"start": "any", "outline_only": outline_only}
     settings = Settings(STATURE_M, threads=2, options=options)
     source = PaintedSource(CAMERA, filmed[1][:8], FPS, silhouettes_given=False)
     estimate = MonocularEstimator().estimate(source, settings, SilentReporter())
     assert estimate.facts["colours"] is not outline_only
     assert learned == [[not outline_only] * 8]
-    # All of this person has one colour: of no place it is likelier to be the head's.
-    assert len(asked) == (0 if outline_only else 8) and all(0.4 < most < 0.6 for most in asked)
     if not outline_only:  # of eight outlines this small library leaves the heading open
         assert root_mm(estimate, filmed[0][:8]) < 140
