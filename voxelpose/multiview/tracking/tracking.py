@@ -34,7 +34,7 @@ from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
 _FOUND = 2  # poses of a search that are followed
-_BLOCK, _AHEAD = 60, 15  # frames fitted together, and frames that must follow them
+_BLOCK, _AHEAD = 24, 8  # frames fitted together, and frames that must follow them
 
 Clock = Callable[[str], AbstractContextManager[None]]
 """Times a block under a stage's name."""
@@ -113,8 +113,10 @@ class PoseTracker:
         for _ in range(most):
             errors = np.minimum(self.error, TRACKING.lost)
             t = int(np.where(tried, -np.inf, errors).argmax())
-            usual = TRACKING.bad * np.median(errors)
-            if tried[t] or (errors[t] < usual and not is_improbable(errors[~tried])):
+            if tried[t]:
+                return
+            usual = TRACKING.bad * np.median(errors[self.observations.there])
+            if errors[t] < usual and not is_improbable(errors[~tried]):
                 return
             tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
             self.search([t])
@@ -142,7 +144,7 @@ class PoseTracker:
     def smooth(self) -> None:
         """Refines the poses of all frames together, in blocks, so that memory does not grow."""
         posed = [t for t, pose in enumerate(self.poses) if pose is not None]
-        usual = float(np.median(self.error[posed])) if posed else 1.0
+        usual = max(float(np.median(self.error[posed])), 1e-6) if posed else 1.0
         for first in range(0, len(posed), _BLOCK):
             self._smooth(posed[max(first - 2, 0) : first + _BLOCK + _AHEAD], min(first, 2), usual)
 

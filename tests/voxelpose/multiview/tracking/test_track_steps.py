@@ -227,6 +227,8 @@ def test_all_frames_are_fitted_together_in_blocks(monkeypatch):
     monkeypatch.setattr(tracking, "silhouette_error", lambda *given: 0.05)
     errors = np.full(100, 0.1)
     errors[[3, 7]] = 0.3, 0.05
+    monkeypatch.setattr(tracking, "_BLOCK", 60)
+    monkeypatch.setattr(tracking, "_AHEAD", 15)
     tracker = posed([at(0.001 * t) for t in range(100)], errors)
     tracker.smooth()
     assert places(tracker) == pytest.approx([0.001 * t + 0.5 for t in range(100)])
@@ -246,6 +248,7 @@ def test_what_somebody_did_before_leaving_says_nothing_of_the_return(monkeypatch
 
     monkeypatch.setattr(tracking, "fit_trajectory", fit_trajectory)
     monkeypatch.setattr(tracking, "silhouette_error", lambda *given: 0.05)
+    monkeypatch.setattr(tracking, "_BLOCK", 60)
     poses = [at(0.0)] * 60 + [None] * 30 + [at(0.0)] * 10
     tracker = posed(poses, np.array([np.inf if pose is None else 0.1 for pose in poses]))
     tracker.smooth()
