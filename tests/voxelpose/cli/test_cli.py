@@ -78,21 +78,19 @@ for words in ([], *([name] for name in COMMANDS)):
 
 
 def seconds_of(desk, *words, **code) -> tuple[float, str]:
-    """Least time of the processor, since other processes may be busy, and what was written."""
-    seconds = []
-    for _ in range(3):
-        before = os.times()
-        returned, out, _ = ended(start(desk, *words, **code))
-        now = os.times()
-        seconds.append(sum(now[2:4]) - sum(before[2:4]))
-        assert returned == 0
-    return min(seconds), out
+    """Time of the processor, since other processes may be busy, and what was written."""
+    before = os.times()
+    returned, out, _ = ended(start(desk, *words, **code))
+    now = os.times()
+    assert returned == 0
+    return sum(now[2:4]) - sum(before[2:4]), out
 
 
 @pytest.mark.parametrize("words", [["--help"], ["fit", "--help"]])
 def test_help_answers_at_once(desk, words):
-    reference, _ = seconds_of(desk, code="import numpy")
-    seconds, out = seconds_of(desk, *words)
+    # By turns, so that both meet the same machine; the least of each is what they need.
+    pairs = [(seconds_of(desk, code="import numpy"), seconds_of(desk, *words)) for _ in range(5)]
+    (reference, _), (seconds, out) = (min(found) for found in zip(*pairs, strict=True))
     assert seconds < 3 * reference  # 1.6 times
     assert len(words) == 2 or all(name in out for name in COMMANDS)
 
