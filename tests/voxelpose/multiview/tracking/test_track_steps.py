@@ -163,10 +163,11 @@ def test_in_a_poor_frame_the_limbs_are_searched(rules, monkeypatch):
 
 @pytest.mark.parametrize(("error", "kept"), [(0.44, True), (0.46, False)])
 def test_a_pose_that_explains_too_little_is_no_candidate(rules, error, kept):
-    rules.error = lambda t, pose: error
-    tracker = tracker_of(2)
+    rules.error = lambda t, pose: error if t == 1 else 0.1
+    tracker = tracker_of(3)
     tracker.follow([(0, PoseFit(at(0.0), 0.1))])
     assert (tracker.poses[1] is not None) == kept == np.isfinite(tracker.error[1])
+    assert tracker.poses[2] is not None  # the frame is passed over
 
 
 @pytest.mark.parametrize(("away", "again"), [(5, True), (6, False)])
