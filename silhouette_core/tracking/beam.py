@@ -51,9 +51,9 @@ class Beam:
         priors: list[LandmarkPrior | None],
     ) -> Beam:
         """Hypotheses with the costs of their frame alone; arguments as the attributes."""
-        start = np.full(len(poses), -1), np.ones(len(poses), np.bool_)
-        own = rounded(own)
-        return cls(poses, joints, distance, own, *start, time_s, own, occluded, priors)
+        own, count = rounded(own), len(poses)
+        back, restarted = np.full(count, -1), np.ones(count, np.bool_)
+        return cls(poses, joints, distance, own, back, restarted, time_s, own, occluded, priors)
 
     def only(self, k: int) -> Beam:
         """This beam with hypothesis k alone, as the certain past of what follows.

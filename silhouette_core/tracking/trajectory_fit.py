@@ -177,8 +177,8 @@ def _own_terms(
         rows = slice(t, t + 1)
         own = weights * [1, frames[t].scale ** -2, frames[t].scale ** -2]
         with one_thread():
-            terms = own, matrix[rows], gradient[rows]
-            add_silhouettes(surface, posed[rows], frames[t].observation, reach, *terms)
+            observation, one = frames[t].observation, posed[rows]
+            add_silhouettes(surface, one, observation, reach, own, matrix[rows], gradient[rows])
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed[t])
 

@@ -164,8 +164,8 @@ class HypothesisTracker:
         seen = Hypotheses(poses, joints, distance, self.surface, proposal)
         areas = weights.part_areas(drawn, len(self.model.names))
         occluded = occluded_parts(areas, self._usual_areas)
-        at = observed.time_s, occluded, priors
-        return Beam.of_frame(poses, joints, distance, self.costs(seen), *at)
+        own, time_s = self.costs(seen), observed.time_s
+        return Beam.of_frame(poses, joints, distance, own, time_s, occluded, priors)
 
     def _pruned(self, beam: Beam) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""

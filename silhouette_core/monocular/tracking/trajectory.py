@@ -150,8 +150,7 @@ class PoseTrajectory:
         self, frame: PendingFrame, person: Person, proposal: FrameProposal
     ) -> ObservedFrame:
         """A pending frame, prepared for its hypotheses."""
-        at = proposal.distance_m, frame.time_s, proposal.window
-        return self.tracker.observe(person.mask, *at)
+        return self.tracker.observe(person.mask, proposal.distance_m, frame.time_s, proposal.window)
 
     def _beams(
         self, observed: list[ObservedFrame], proposals: Sequence[FrameProposal]

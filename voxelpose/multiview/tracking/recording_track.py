@@ -166,8 +166,15 @@ class TrackWork:
         self, body: BodyGeometry, observations: ObservationStore, fits: dict[int, PoseFit]
     ) -> PoseTracker:
         """Tracker that has followed the poses of the anchor frames, and searched more."""
-        told = self.clock, self.reporter.advance
-        tracker = PoseTracker(body, observations, self.fps, self.matching, *told, self.numbers)
+        tracker = PoseTracker(
+            body,
+            observations,
+            self.fps,
+            self.matching,
+            self.clock,
+            self.reporter.advance,
+            self.numbers,
+        )
         self.reporter.stage("tracking", len(observations))
         tracker.follow(fits.items())
         self._improve(tracker)

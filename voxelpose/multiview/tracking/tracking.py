@@ -33,7 +33,6 @@ from voxelpose.multiview.tracking.body_track import BodyTrack
 from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
-_FOUND = 2  # poses of a search that are followed
 _BLOCK, _AHEAD = 24, 8  # frames fitted together, and frames that must follow them
 
 Clock = Callable[[str], AbstractContextManager[None]]
@@ -93,11 +92,11 @@ class PoseTracker:
         self._decide()
 
     def search(self, frames: Sequence[int]) -> None:
-        """Searches some frames without a prior, and follows the best poses."""
+        """Searches some frames without a prior, and follows the best pose of each."""
 
         def searched(t: int) -> list[PoseFit]:
             frame = self.observe(t)
-            return [] if frame is None else find_pose(self.body, frame, self.matching)[:_FOUND]
+            return [] if frame is None else find_pose(self.body, frame, self.matching)[:1]
 
         found = zip(frames, side_by_side(searched, frames), strict=True)
         self.follow((t, fit) for t, fits in found for fit in fits)
