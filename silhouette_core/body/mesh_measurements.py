@@ -81,7 +81,7 @@ class TapeMeasure:
         for side, sign in (("left", 1.0), ("right", -1.0)):
             x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
             # So far outward, the man's template has the mean biacromial breadth of ANSUR II.
-            found.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
+            found.append(_highest(vertices, body.faces, x + sign * 0.0012 * stature, y))
         corners, weights = (np.stack(part) for part in zip(*found, strict=True))
         trunk = body.faces[~np.isin(body.face_part, ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
