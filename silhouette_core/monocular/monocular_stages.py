@@ -99,11 +99,10 @@ class PoseStages:
                 tracked.proposal,
                 pinhole,
                 model,
-                () if options.body else _sexes(settings),
+                not options.body,
                 options.start == "facing",
                 settings.smooth,
                 clock,
-                backend,
             )
         else:
             tracking = TrackerSettings.of_given_body(model.length_m)
@@ -158,8 +157,3 @@ def _learned(library: PoseLibrary, file: str) -> PoseProposal:
             " again with voxelpose library build"
         )
     return library.proposal
-
-
-def _sexes(settings: Settings) -> tuple[str, ...]:
-    """Templates that are tried for the person's body."""
-    return ("male", "female") if settings.sex == "unknown" else (settings.sex,)
