@@ -43,10 +43,10 @@ from tools.templates.figures import FIGURES, Figure
 
 FILE = Path(__file__).with_suffix(".safetensors")
 """Places of each template."""
-BODIES, POSES, CAMERAS, ROUNDS = 40, 8, 4, 3  # bodies of each sex
+BODIES, POSES, CAMERAS, ROUNDS = 24, 8, 4, 3  # bodies of each sex
 CLOTHES_M = 0.010, 0.035  # of those who wear wide ones
 STATURE_SIGMA_M = 0.006
-RIDGE = 10.0  # penalty of a slope, in bodies; 1 to 30 give the same to 0.6 mm
+RIDGE = 100.0  # penalty of a slope, in bodies: where they hardly vary, they tell little
 BARE = "head neck forearm hand thumb fingers foot toes".split()
 TOP = LANDMARK_NAMES.index("head_top")  # stays, as its height is the stature
 MIRROR = np.array([-1.0, 1.0, 1.0])
