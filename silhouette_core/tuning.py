@@ -256,6 +256,8 @@ class Measuring:
     """1. Growth of the limbs' girths with the trunk's. By eye."""
     chest_slope: float = 0.5
     """1. The same with the chest's girth alone: a regression over adults, its data not recorded."""
+    most_odds: float = 3.0
+    """Nats. Nobody's sex is more certain than this by the stature, and children have one."""
     bone_radius: float = 0.12
     """1. Radius of a bone without a surface, of its length. By eye."""
 

@@ -53,10 +53,6 @@ class BodyMeasurements:
         return {name: value for name, value in pairs if value is not None}
 
 
-# Sideways, over the stature: so far out, the man's template has the mean breadth of ANSUR II.
-_ACROMION = {"male": 1185 / 10_000, "female": 1080 / 10_000}
-
-
 @dataclass(frozen=True, eq=False)
 class TapeMeasure:
     """Takes measurements on bodies of one topology: the places found once on a body.
@@ -82,10 +78,10 @@ class TapeMeasure:
         stature = float(np.ptp(vertices[:, 2]))
         seam = np.flatnonzero(np.abs(vertices[:, 0]) < 1e-6 * stature)
         found = []
-        x = _ACROMION["female" if body.sizes.sex == "female" else "male"] * stature
         for side, sign in (("left", 1.0), ("right", -1.0)):
-            y = joints[PART_NAMES.index(f"{side}_upper_arm"), 1]
-            found.append(_highest(vertices, body.faces, sign * x, y))
+            x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
+            # So far outward, the man's template has the mean biacromial breadth of ANSUR II.
+            found.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
         corners, weights = (np.stack(part) for part in zip(*found, strict=True))
         trunk = body.faces[~np.isin(body.face_part, ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)

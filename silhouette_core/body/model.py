@@ -154,11 +154,7 @@ class BodyModel:
             self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes
         )
         skin = self.skin_parts, self.skin_weights
-        by_shape = np.zeros_like(self.space.joints_change)
-        about = ShapeSpace.from_rest(
-            self.joints_m, vertices, self.landmarks_m, *skin, self.faces, by_shape
-        )
-        space = replace(self.space, vertices_m=vertices, vertices_change=about.vertices_change)
+        space = ShapeSpace.from_rest(self.joints_m, vertices, self.landmarks_m, *skin, self.faces)
         return replace(self, vertices_m=vertices, space=space)
 
     def scaled(self, stature_m: float) -> BodyModel:
@@ -226,15 +222,14 @@ def read_template(sex: str) -> BodyModel:
             f"the body template {path.name} is missing from the installation: install voxelpose"
             " again"
         ) from None
-    joints, vertices, landmarks, by_shape = (
-        data[key].astype(float)
-        for key in ("joints_m", "vertices_m", "landmarks_m", "joints_by_shape_m")
+    joints, vertices, landmarks = (
+        data[key].astype(float) for key in ("joints_m", "vertices_m", "landmarks_m")
     )
     weights = data["skin_weights"].astype(float)
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
     skin = data["skin_parts"], weights
-    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, data["faces"], by_shape)
+    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, data["faces"])
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,

@@ -16,6 +16,7 @@ import numpy as np
 from calib.errors import InputError
 from silhouette_core.body.mesh_measurements import BodyMeasurements
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.tuning import MEASURING
 
 # Stature, then mean and standard deviation over stature (mass over stature cubed) there, in
 # thousandths: of a metre, of the stature, of kg/m³.
@@ -41,6 +42,7 @@ _ROWS = {
 }
 # Girths grow less than statures do: those of people so tall, over the adults' mean's. By eye.
 _TALL_M, _TALL_GIRTH = 2100 / 1000, 920 / 1000
+_ADULTS = {"male": (17560, 686), "female": (16290, 642)}  # statures, tenths of a millimetre
 
 
 def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
@@ -57,6 +59,16 @@ def usual_range(name: str, stature_m: float, sex: str) -> tuple[float, float]:
         rows = np.vstack([rows, [_TALL_M, *(rows[-1, 1:] * shrink)]])
     mean, deviation = (float(np.interp(stature_m, rows[:, 0], rows[:, k])) for k in (1, 2))
     return mean * stature_m**power, deviation * stature_m**power
+
+
+def sex_probability(sex: str, stature_m: float) -> float:
+    """Probability that somebody of a stature is "male" or "female", of whom there are as many."""
+    men, women = (
+        0.5 * ((stature_m - mean) / deviation) ** 2 + np.log(deviation)
+        for mean, deviation in (np.array(_ADULTS[own]) / 10_000 for own in ("male", "female"))
+    )
+    women_odds = float(np.clip(men - women, -MEASURING.most_odds, MEASURING.most_odds))
+    return 1 / (1 + np.exp(-women_odds if sex == "female" else women_odds))
 
 
 def check_measurements(measurements: BodyMeasurements, sex: str) -> None:

@@ -42,16 +42,12 @@ class ShapeSpace:
         skin_parts: np.ndarray,
         skin_weights: np.ndarray,
         faces: np.ndarray,
-        joints_by_shape: np.ndarray,
     ) -> ShapeSpace:
         """Shape space around a body at rest.
 
         A part's surface is scaled about the part's own joint, and so are the joints that it
         carries; clothes move the surface outward. Vertices blend between parts by their
         skin weights, so that no seam opens.
-
-        Args:
-            joints_by_shape: (K, 27, 3), how joints move under the surface per unit deviation.
         """
         rest, change = (joints, vertices, landmarks), []
         outward, tall = clothing_directions(vertices, faces), np.ptp(vertices[:, 2])
@@ -63,12 +59,7 @@ class ShapeSpace:
                 change.append((np.zeros_like(joints), skin, np.zeros_like(landmarks)))
             else:
                 change.append(_change(axis, covered, *rest, skin_parts, skin_weights))
-        joints_change, vertices_change, marks_change = (
-            np.stack(part) for part in zip(*change, strict=True)
-        )
-        joints_change += joints_by_shape
-        marks_change += joints_by_shape[:, LANDMARK_PART]
-        return cls(*rest, joints_change, vertices_change, marks_change)
+        return cls(*rest, *(np.stack(part) for part in zip(*change, strict=True)))
 
     @classmethod
     def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:

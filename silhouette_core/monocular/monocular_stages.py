@@ -99,10 +99,11 @@ class PoseStages:
                 tracked.proposal,
                 pinhole,
                 model,
-                not options.body,
+                () if options.body else _sexes(settings),
                 options.start == "facing",
                 settings.smooth,
                 clock,
+                backend,
             )
         else:
             tracking = TrackerSettings.of_given_body(model.length_m)
@@ -157,3 +158,8 @@ def _learned(library: PoseLibrary, file: str) -> PoseProposal:
             " again with voxelpose library build"
         )
     return library.proposal
+
+
+def _sexes(settings: Settings) -> tuple[str, ...]:
+    """Templates that are tried for the person's body."""
+    return ("male", "female") if settings.sex == "unknown" else (settings.sex,)

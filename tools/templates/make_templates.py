@@ -1,8 +1,8 @@
 """Generates the template files.
 
 Usage: `python -m tools.templates.make_templates [FOLDER]` (needs the `dev` extra).
-The surface is defined by the measures in `figures` and the implicit surfaces in `mesh`; nothing of
-it is taken from other body meshes. Where joints lie under it is learned, see `joint_places`.
+The shape is defined by the measures in `figures` and the implicit surfaces in `mesh`; nothing is
+taken from other body meshes.
 """
 
 import argparse
@@ -16,7 +16,6 @@ from safetensors.numpy import save_file
 from silhouette_core import body
 from silhouette_core.body.joints import LANDMARK_NAMES, LANDMARK_PART, PART_NAMES
 from tools.templates.figures import FIGURES, Figure
-from tools.templates.joint_places import read_places
 from tools.templates.mesh import body_mesh
 from tools.templates.skin import MIRROR, dense_weights, face_parts, strongest
 
@@ -42,8 +41,7 @@ def make_template(
     skin_parts, skin_weights = strongest(weights)
     half = len(faces) // 2
     left = face_parts(weights, faces[:half])
-    places = read_places(figure.name)
-    joints = figure.joint_array() + places[0]
+    joints = figure.joint_array()
     landmarks = joints[LANDMARK_PART]
     landmarks[LANDMARK_NAMES.index("head_top")] = HEAD_TOP
     arrays: dict[str, NDArray[np.generic]] = {
@@ -54,7 +52,6 @@ def make_template(
         "skin_weights": skin_weights,
         "joints_m": (joints * figure.stature_m).astype(np.float32),
         "landmarks_m": (landmarks * figure.stature_m).astype(np.float32),
-        "joints_by_shape_m": (places[1:] * figure.stature_m).astype(np.float32),
     }
     about = {
         "version": VERSION,

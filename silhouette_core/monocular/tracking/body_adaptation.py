@@ -1,4 +1,4 @@
-"""The body of the person seen by one camera: build from the clearest frames of a take."""
+"""The body of the person seen by one camera: build and sex from the clearest frames of a take."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.monocular.tuning import ADAPTING
 from silhouette_core.motion.pose import PoseArrays
+from silhouette_core.ranking import rounded
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
 from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
+from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.silhouette_error import silhouette_error
 from silhouette_core.tuning import DYNAMICS, TRAJECTORY
 
 _DECIMALS = 2  # of probabilities that are compared: the last digits are noise
@@ -28,18 +31,22 @@ _FRAMES = 10  # to which a body is adapted
 
 def adapted_body(
     model: BodyModel,
+    sexes: Sequence[str],
     views: PinholeViews,
     masks: Sequence[NDArray[np.bool_]],
     modes: Sequence[FrameModes],
+    backend: Backend,
 ) -> BodyModel:
     """Body adapted to the frames of a take in which one mode is the likeliest by far.
 
     Lengths and girths are estimated together with the poses of ten frames, under their prior; the
-    depth of every joint is held by the proposal. Shoes and clothes make a silhouette taller than
-    the stature, and so the person is put too near and above the floor: the body's stature is that
-    with them, see `shod_scale`.
+    depth of every joint is held by the proposal. Of the templates of both sexes the one is taken
+    whose silhouettes fit better. Shoes and clothes make a silhouette taller than the stature, and
+    so the person is put too near and above the floor: the body's stature is that with them, see
+    `shod_scale`.
 
     Args:
+        sexes: "male", "female", or both.
         masks: T silhouettes (h, w) bool.
         modes: T frames' modes.
     """
@@ -48,15 +55,30 @@ def adapted_body(
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].probable(1)[0] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]
-    template = BodyModel.from_sizes(model.sizes)
-    surface = Surface(template, _POINTS)
-    poses = place_bodies(surface, observations[0], priors)
-    stature = Stature(template.sizes.stature_m, ADAPTING.stature_sigma_m)
-    prior = stature, template.shape, clothed_covariance()
-    surface, poses = adapt_shape(surface, observations, poses, *prior, _WEIGHTS, priors)
-    posed = surface.posed_many(PoseArrays.from_poses(poses)).points
-    scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
-    return _grown(surface.model, scale)
+    found: list[tuple[float, BodyModel, float]] = []
+    for sex in sexes:
+        template = BodyModel.from_sizes(replace(model.sizes, sex=sex))
+        surface = Surface(template, _POINTS)
+        poses = place_bodies(surface, observations[0], priors)
+        surface, poses = adapt_shape(
+            surface,
+            observations,
+            poses,
+            Stature(template.sizes.stature_m, ADAPTING.stature_sigma_m),
+            template.shape,
+            clothed_covariance(),
+            _WEIGHTS,
+            priors,
+        )
+        errors = [
+            silhouette_error(surface.model, pose, observation, backend)
+            for pose, observation in zip(poses, observations, strict=True)
+        ]
+        posed = surface.posed_many(PoseArrays.from_poses(poses)).points
+        scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
+        found.append((float(rounded(np.mean(errors))), surface.model, scale))
+    _, body, scale = min(found, key=lambda one: one[0])
+    return _grown(body, scale)
 
 
 def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:

@@ -28,6 +28,7 @@ from silhouette_core.monocular.tuning import HEAD
 from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
+from silhouette_core.scoring.backend import Backend
 
 _COLOURS_EVERY = 5  # without later frames, the head's colours are learned from every fifth
 
@@ -43,7 +44,7 @@ class ModeProposer:
 
     Args:
         camera: pinhole camera without distortion.
-        adapt: whether the body is adapted to the person.
+        sexes: templates tried when the body is adapted to the person; none: it stays as it is.
         facing: whether the person mostly faces the camera in the first frame.
         smooth: whether frames are decided with knowledge of later ones.
     """
@@ -53,13 +54,14 @@ class ModeProposer:
         proposal: PoseProposal,
         camera: Camera,
         model: BodyModel,
-        adapt: bool,
+        sexes: Sequence[str],
         facing: bool,
         smooth: bool,
         clock: StageClock,
+        backend: Backend,
     ):
-        self.model, self._camera, self._adapt = model, camera, adapt
-        self._facing, self._smooth, self._clock = facing, smooth, clock
+        self.model, self._camera, self._sexes = model, camera, tuple(sexes)
+        self._facing, self._smooth, self._clock, self._backend = facing, smooth, clock, backend
         self._finder = ModeFinder(proposal, camera, model.length_m)
         self._colours = ColourEvidence(camera)
         self._views: list[ModeView] = []  # of the last 0.8 s
@@ -88,12 +90,14 @@ class ModeProposer:
             self._distance_m = modes.distance_m
             return [replace(modes, window=notes[-1][1])]
         modes = self._over_time([view for view, _ in notes], people, first)
-        if self._adapt:
+        if self._sexes:
             masks = [person.mask for person in people]
             views = PinholeViews.from_rig(Rig((self._camera,)))
             with self._clock("body"):
-                self.model = adapted_body(self.model, views, masks, modes)
-            self._adapt = False
+                self.model = adapted_body(
+                    self.model, self._sexes, views, masks, modes, self._backend
+                )
+            self._sexes = ()
         return modes
 
     def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:

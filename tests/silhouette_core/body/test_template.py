@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import silhouette_core.body as body
 from silhouette_core.body.joints import LANDMARK_NAMES, PARENTS, PART_NAMES
-from silhouette_core.body.sizes import SHAPE_SIGMA
 
 FOLDER = Path(body.__file__).parent
 LEFT = np.array([n.startswith("left") for n in PART_NAMES])
@@ -142,16 +141,3 @@ def test_the_maker_makes_such_bodies_again():
 
     arrays, about = make_template(MAN, triangles=1800, spacing=0.007)
     assert_body(arrays, about, tolerance=0.015)
-
-
-def test_the_regression_of_joints_finds_what_the_shape_tells():
-    """Places that are linear in the shape come back, drawn a little to the mean by its ridge."""
-    from tools.templates.joint_places import regression
-
-    rng = np.random.default_rng(4)
-    shapes = rng.normal(size=(2000, len(SHAPE_SIGMA))) * SHAPE_SIGMA + 0.02
-    true = rng.normal(size=(1 + len(SHAPE_SIGMA), 27, 3)) * 0.01
-    places = true[0] + np.tensordot(shapes, true[1:], 1)
-    np.testing.assert_allclose(regression(shapes, places), true, atol=0.0015)
-    alike = np.tile(shapes[:1], (50, 1))  # no shape tells anything: the mean is left
-    np.testing.assert_allclose(regression(alike, places[:50])[1:], 0, atol=1e-9)

@@ -147,8 +147,7 @@ def choose_body(
 ) -> Start:
     """Searches anchor frames without a prior, and adapts a body to them.
 
-    Candidates of other girth, and of the stature that was found, are always compared. A sex that is
-    not told is not searched: joints are placed by the shape, with either template to 0.3 mm.
+    Candidates of other girth and template, and of the stature that was found, are always compared.
     A further pose search, about another stature or of somebody who sits, is made only while the
     best candidate is improbable, see `is_improbable`. Where cameras look the same way, what each
     alone proposes is asked, too.
@@ -291,7 +290,7 @@ class _Search:
         """The best body about some statures, not adapted, with poses refined from a search."""
         starts: dict[int, list[RefineStart]] = {}
         for metres in statures_m:
-            body = self._body(Candidate(metres, self.settings.chest_m, self.settings.sex))
+            body = self._body(Candidate(metres, self.settings.chest_m, self._templates[0]))
             for t, found in self._found(body, posture).items():
                 taken = [RefineStart(fit.pose, SEARCHED) for fit in found[:_STARTS]]
                 starts[t] = starts.get(t, []) + taken
@@ -301,7 +300,7 @@ class _Search:
         evidence = self.evidence
         scales = (1.0,) if evidence.told_m is not None else (1 / step, 1.0, step)
         candidates = [
-            Candidate(metres * scale, girth, self.settings.sex, posture, self.objects)
+            Candidate(metres * scale, girth, self._templates[0], posture, self.objects)
             for metres in statures_m
             for scale in scales
             for girth in self._girths(metres * scale)
@@ -319,7 +318,7 @@ class _Search:
         return min(side_by_side(refined, candidates), key=Start.cost)
 
     def _settled(self, first: Start) -> Start:
-        """The best body of either girth, adapted, about the stature found so."""
+        """The best body of either girth and template, adapted, about the stature found so."""
         own = first.candidate
         best = self._best(first, [replace(own, girth=girth) for girth in self._girths(own.stature)])
         for _ in range(_ROUNDS if first.evidence.told_m is None else 0):
@@ -333,14 +332,15 @@ class _Search:
         return best
 
     def _best(self, start: Start, candidates: list[Candidate]) -> Start:
-        """The best of some candidates, adapted to the poses of a start."""
+        """The best of some candidates with each template, adapted to the poses of a start."""
 
         def of(candidate: Candidate) -> Start:
             body = self._body(candidate)
             prior = _prior(candidate, body, start.evidence)
             return adapted(replace(start, candidate=candidate, body=body, prior=prior), self.frames)
 
-        return min(side_by_side(of, candidates), key=Start.cost)
+        every = [replace(one, template=name) for one in candidates for name in self._templates]
+        return min(side_by_side(of, every), key=Start.cost)
 
     def _start(
         self,
@@ -379,13 +379,18 @@ class _Search:
             costs = costs + self.proposals[t].cost(joints_of(body.model, poses))
         return [fits[k] for k in np.argsort(rounded(costs), kind="stable")]
 
+    @property
+    def _templates(self) -> tuple[str, ...]:
+        sex = self.settings.sex
+        return ("male", "female") if sex == "unknown" else (sex,)
+
     def _girths(self, metres: float) -> list[float | None]:
         """The chest girth that is known, else the usual one and the hull's."""
         frames = list(self.frames.values())
         if self.settings.chest_m is not None or len(frames[0].masks) < GIRTH_CAMERAS:
             return [self.settings.chest_m]
         volume_m3 = float(np.median([hull_volume_m3(frame) for frame in frames]))
-        usual = BodyModel.from_sizes(Candidate(metres, None, self.settings.sex).sizes)
+        usual = BodyModel.from_sizes(Candidate(metres, None, self._templates[0]).sizes)
         return [None, chest_from_hull(usual, volume_m3)]
 
     def _body(self, candidate: Candidate) -> BodyGeometry:

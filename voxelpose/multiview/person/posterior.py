@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from silhouette_core.body.model import BodyModel, read_template
-from silhouette_core.body.population import usual_range
+from silhouette_core.body.population import sex_probability, usual_range
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.refinement.adaptation import Stature, stature_of
@@ -60,14 +60,14 @@ class Candidate:
     Attributes:
         stature: height, m.
         girth: chest girth, m; None: usual for the stature.
-        sex: "male", "female" or "unknown", who takes the man's template.
+        template: "male" or "female".
         posture: of `POSTURES`.
         objects: whether something that stays beside the person is left out of the silhouettes.
     """
 
     stature: float
     girth: float | None
-    sex: str
+    template: str
     posture: str = "any"
     objects: bool = False
 
@@ -75,7 +75,7 @@ class Candidate:
     def sizes(self) -> BodySizes:
         """Measurements of the body, as far as people's go."""
         girth = None if self.girth is None else float(np.clip(self.girth, *CHESTS_M))
-        return BodySizes(float(np.clip(self.stature, *STATURES_M)), girth, self.sex)
+        return BodySizes(float(np.clip(self.stature, *STATURES_M)), girth, self.template)
 
 
 @dataclass(frozen=True)
@@ -200,6 +200,7 @@ def cost_terms(
         "proposed": sum(proposed),
         "noise": 0.5 * sigmas_above_usual(errors) ** 2,
         "shape": _shape(model.shape - prior.expected, prior.covariance),
+        "template": -float(np.log(sex_probability(candidate.template, metres))),
         "stature": _stature(metres, evidence),
         "hull": 0.0 if candidate.posture == "sitting" else _hull(metres, evidence),
         "girth": _girth(candidate),
@@ -250,8 +251,8 @@ def _girth(candidate: Candidate) -> float:
     """Of a chest as unusual as the waists of people are."""
     if candidate.girth is None:
         return 0.0
-    mean_m, sigma_m = usual_range("waist_girth_m", candidate.stature, candidate.sex)
-    usual_m = usual_chest(candidate.sex) * candidate.stature
+    mean_m, sigma_m = usual_range("waist_girth_m", candidate.stature, candidate.template)
+    usual_m = usual_chest(candidate.template) * candidate.stature
     return 0.5 * ((candidate.girth / usual_m - 1) * mean_m / sigma_m) ** 2
 
 

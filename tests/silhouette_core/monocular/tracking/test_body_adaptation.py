@@ -45,7 +45,7 @@ def test_a_stout_person_gets_a_stout_body():
     poses, rows = poses_of(motion), range(0, 40, 4)
     masks = [silhouette(true, poses[row], CAMERA) for row in rows]
     modes = modes_at(motion.landmarks()[list(rows)] + rng.normal(0, 0.03, (10, 15, 3)))
-    found = adapted_body(body(), VIEWS, masks, modes)
+    found = adapted_body(body(), ("male",), VIEWS, masks, modes, CpuBackend())
     gained = {name: found.shape[NAMES.index(name)] for name in STOUT}
     assert all(value > 0.08 for value in gained.values()), gained
     assert found.sizes.stature_m == pytest.approx(true.sizes.stature_m, rel=0.006)
@@ -71,7 +71,7 @@ def test_who_is_shod_is_taller_than_stated(tmp_path):
     masks = films(motion, CAMERA, rows)
     center = CAMERA.center_m
     seen_m = center + (motion.landmarks()[list(rows)] - center) * (STATURE_M / 1.80)
-    found = adapted_body(body(), VIEWS, masks, modes_at(seen_m))
+    found = adapted_body(body(), ("male",), VIEWS, masks, modes_at(seen_m), CpuBackend())
     assert 1.76 < found.sizes.stature_m < 1.80
     path = tmp_path / "motion.safetensors"
     write_motion(replace(motion, model=found), path)

@@ -13,6 +13,7 @@ from silhouette_core.monocular.tracking import mode_proposer
 from silhouette_core.monocular.tracking.mode_proposer import ModeProposer
 from silhouette_core.monocular.tracking.pose_modes import ModeFinder
 from silhouette_core.progress import StageClock
+from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     STATURE_M,
     body,
@@ -77,13 +78,13 @@ class Colours:
         return "inside" if self.memory else None
 
 
-def proposer_of(monkeypatch, smooth=True, adapt=False, facing=True):
+def proposer_of(monkeypatch, smooth=True, sexes=(), facing=True):
     network, colours = Network(), Colours()
     monkeypatch.setattr(mode_proposer, "ModeFinder", lambda *_: network)
     monkeypatch.setattr(mode_proposer, "ColourEvidence", lambda _: colours)
     clock = StageClock()
     return (
-        ModeProposer(None, CAMERA, body(), adapt, facing, smooth, clock),
+        ModeProposer(None, CAMERA, body(), sexes, facing, smooth, clock, CpuBackend()),
         network,
         colours,
     )
@@ -141,18 +142,18 @@ def test_who_may_face_the_camera_does_so_first_of_all(monkeypatch):
 def test_the_body_is_adapted_once(monkeypatch):
     asked = []
 
-    def adapted(model, views, masks, modes):
-        asked.append((len(masks), len(modes)))
+    def adapted(model, sexes, views, masks, modes, backend):
+        asked.append((sexes, len(masks), len(modes)))
         return replace(model)
 
     monkeypatch.setattr(mode_proposer, "adapted_body", adapted)
-    proposer, *_ = proposer_of(monkeypatch, adapt=True)
+    proposer, *_ = proposer_of(monkeypatch, sexes=("male", "female"))
     before = proposer.model
     notes = [proposer.note(k / 30, PERSON) for k in range(2)]
     for first in (True, False):
         proposer.propose(notes, [PERSON] * 2, first)
-    assert asked == [(2, 2)] and proposer.model is not before
-    given, *_ = proposer_of(monkeypatch)
+    assert asked == [(("male", "female"), 2, 2)] and proposer.model is not before
+    given, *_ = proposer_of(monkeypatch, sexes=())
     given.propose([given.note(0.0, PERSON)], [PERSON], True)
     assert len(asked) == 1
 
@@ -178,6 +179,8 @@ def test_who_crouches_at_first_is_not_far_away():
     crouching = Person(silhouette(body(), pose, camera), False)
     true_m = float(np.linalg.norm(pose.root_m - camera.center_m))
     assert upright_distance(camera, crouching.mask, STATURE_M) > 1.09 * true_m
-    proposer = ModeProposer(shipped_proposal(), camera, body(), False, False, True, StageClock())
+    proposer = ModeProposer(
+        shipped_proposal(), camera, body(), (), False, True, StageClock(), CpuBackend()
+    )
     note = proposer.note(0.0, crouching)
     assert note[0].window.distance_m == pytest.approx(true_m, rel=0.05)

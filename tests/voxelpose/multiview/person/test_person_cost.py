@@ -68,3 +68,8 @@ def test_rare_postures_objects_and_girths_cost_more():
     assert rare["objects"] - plain["objects"] == pytest.approx(np.log(19))
     assert plain["girth"] == 0 and rare["girth"] > 1
     assert terms(replace(ADULT, girth=0.96 / 1.75 * 1.70))["girth"] == pytest.approx(0)
+
+
+def test_a_template_costs_what_it_is_rare_by_at_a_stature():
+    tall = Candidate(1.85, None, "male")
+    assert terms(replace(tall, template="female"))["template"] > terms(tall)["template"] + 2
