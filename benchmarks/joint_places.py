@@ -4,9 +4,9 @@ Usage: `python -m benchmarks.joint_places [--ridge BODIES]`, five minutes on two
 
 Bodies of either sex are drawn at random from ../shared/data (MakeHuman, CC0), half of them in wide
 clothes, posed as recorded people were, and seen by four cameras. A template is adapted to their
-exact silhouettes as `fit` does it. The first row of a template is the error of its joints as they
-are, relative to the pelvis: no silhouettes give better ones. The others are errors with joints that
-a ridge regression on the shape has placed, once and twice, on the bodies from which it is learned.
+exact silhouettes as `fit` does it, each pose by itself. The first row of a template is the mean
+error of its joints as they are, relative to the pelvis. The others are errors with joints that a
+ridge regression on the shape has placed, once and twice, on the bodies from which it is learned.
 """
 
 from __future__ import annotations
@@ -58,8 +58,9 @@ def template(sex: str, places: Places, stature_m: float) -> BodyModel:
     body = read_template(sex)
     added_m = body.length_m * places
     joints, marks = body.joints_m + added_m[0], body.landmarks_m + added_m[0, LANDMARK_PART]
-    skin = body.skin_parts, body.skin_weights, body.faces
-    space = ShapeSpace.from_rest(joints, body.vertices_m, marks, *skin)
+    space = ShapeSpace.from_rest(
+        joints, body.vertices_m, marks, body.skin_parts, body.skin_weights, body.faces
+    )
     space = replace(
         space,
         joints_change=space.joints_change + added_m[1:],
@@ -95,13 +96,13 @@ def draw_rig(rng: np.random.Generator) -> Rig:
         rotation = np.stack([right, np.cross(forward, right), forward])
         focal = rng.uniform(540, 600)
         matrix = np.array([[focal, 0, 320], [0, focal, 240], [0, 0, 1]])
-        pose = rotation, -rotation @ centre
-        cameras.append(Camera(f"cam_{k}", (640, 480), matrix, np.zeros(0), *pose))
+        moved = -rotation @ centre
+        cameras.append(Camera(f"cam_{k}", (640, 480), matrix, np.zeros(0), rotation, moved))
     return Rig(tuple(cameras))
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Adapted:
     """What an adapted template tells: its shape (K,) and places (27, 3) of a body's joints in it,
     relative to its own, over the stature; mean error of its joints relative to the pelvis, m.
     """
@@ -111,7 +112,9 @@ class Seen:
     error_m: float
 
 
-def see(job: tuple[int, str], own: str, angles: NDArray[np.float64], now: Places) -> Seen:
+def adapt(
+    job: tuple[int, str], template_sex: str, angles: NDArray[np.float64], now: Places
+) -> Adapted:
     """Adapts a template to a body drawn by a seed, of a sex, in some of the poses (N, D)."""
     cv2.setNumThreads(1)
     seed, sex = job
@@ -120,19 +123,24 @@ def see(job: tuple[int, str], own: str, angles: NDArray[np.float64], now: Places
     stature_m = float(np.ptp(body.vertices_m[:, 2]))
     chosen = angles[rng.choice(len(angles), POSES, replace=False)]
     poses = [Pose(body.joints_m[0] * [0, 0, 1], np.eye(3), one) for one in chosen]
-    seen = [Observation.from_masks(views, body_masks(body, one, views, backend)) for one in poses]
-    model = template(own, now, stature_m)
-    prior = Stature(stature_m, STATURE_SIGMA_M), model.shape, np.diag(SHAPE_SIGMA**2)
-    surface, adapted = adapt_shape(Surface(model), seen, poses, *prior)
-    (true, _), (found, turn) = _landmarks(body, poses), _landmarks(surface.model, adapted)
-    apart = true - found
+    observations = [
+        Observation.from_masks(views, body_masks(body, one, views, backend)) for one in poses
+    ]
+    model = template(template_sex, now, stature_m)
+    stature, covariance = Stature(stature_m, STATURE_SIGMA_M), np.diag(SHAPE_SIGMA**2)
+    surface, adapted = adapt_shape(
+        Surface(model), observations, poses, stature, model.shape, covariance
+    )
+    true, _ = _landmarks(body, poses)
+    estimated, turn = _landmarks(surface.model, adapted)
+    apart = true - estimated
     error = np.linalg.norm(apart - apart[:, :1], axis=-1)[:, 1:].mean()
     places = np.einsum("tlij,tli->lj", turn, apart) / len(poses) / stature_m
     joints = np.zeros((len(PART_NAMES), 3))
     turning = np.arange(len(places)) != TOP
     joints[LANDMARK_PART[turning]] = places[turning]
     mirrored = joints[EXCHANGED_PARTS] * MIRROR
-    return Seen(surface.model.shape, 0.5 * (joints + mirrored), float(error))
+    return Adapted(surface.model.shape, 0.5 * (joints + mirrored), float(error))
 
 
 def _landmarks(
@@ -154,18 +162,19 @@ def regression(shapes: NDArray[np.float64], places: NDArray[np.float64], ridge: 
     return np.concatenate([[mean - np.tensordot(middle, slopes, 1)], slopes])
 
 
-def report(own: str, angles: NDArray[np.float64], ridge: float) -> None:
+def report(template_sex: str, angles: NDArray[np.float64], ridge: float) -> None:
     """Prints the errors of a sex's template."""
     now = np.zeros((1 + len(SHAPE_SIGMA), len(PART_NAMES), 3))
     jobs = [(seed, sex) for seed in range(BODIES) for sex in ("male", "female")]
     for _ in range(ROUNDS):
         with ProcessPoolExecutor() as pool:
-            seen = list(pool.map(partial(see, own=own, angles=angles, now=now), jobs))
-        men, women = (1000 * np.mean([one.error_m for one in seen[k::2]]) for k in (0, 1))
-        print(f"{own:<10}{men:>8.1f}{women:>8.1f}", flush=True)
-        shapes = np.array([one.shape for one in seen])
+            one_job = partial(adapt, template_sex=template_sex, angles=angles, now=now)
+            bodies = list(pool.map(one_job, jobs))
+        men, women = (1000 * np.mean([one.error_m for one in bodies[k::2]]) for k in (0, 1))
+        print(f"{template_sex:<10}{men:>8.1f}{women:>8.1f}", flush=True)
+        shapes = np.array([one.shape for one in bodies])
         places = now[0] + np.tensordot(shapes, now[1:], 1)
-        now = regression(shapes, places + np.array([one.beside for one in seen]), ridge)
+        now = regression(shapes, places + np.array([one.beside for one in bodies]), ridge)
 
 
 def main() -> int:
@@ -179,8 +188,8 @@ def main() -> int:
     clips = read_clips([SHARED / "data" / "mocap"], BodyModel.from_sizes(BodySizes(1.75)))
     angles = np.concatenate([clips[name].angles_rad for name in sorted(clips)])
     print(f"{'template':<10}{'men':>8}{'women':>8}   mm, rows: as it is, placed once, twice")
-    for own in ("male", "female"):
-        report(own, angles, given.ridge)
+    for template_sex in ("male", "female"):
+        report(template_sex, angles, given.ridge)
     return 0
 
 
