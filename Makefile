@@ -23,7 +23,7 @@ help:
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
-	@echo "make trials    fits random recordings and writes their tables into docs/log/several-cameras.md (an hour)"
+	@echo "make trials    fits random recordings and writes their tables into out/trials/tables.md (an hour)"
 	@echo "make tour      clicks through the studio from cameras and a board to exported motion (two minutes)"
 	@echo "make kills     ends commands at random moments and looks for what is lost or left (half an hour)"
 	@echo "make mutants   makes small mistakes in a copy of the code, and tells which the tests do not notice (half an hour)"

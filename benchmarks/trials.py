@@ -1,7 +1,7 @@
 """Random recordings, many at a time: python -m benchmarks.trials [GROUP ...] [--seeds FIRST LAST]
 
 Draws the recordings of each GROUP with ../shared/render (or that of $VOXELPOSE_SHARED), runs
-`voxelpose batch` over them, and writes their tables into docs/log/several-cameras.md: one row per
+`voxelpose batch` over them, and writes their tables into out/trials/tables.md: one row per
 group, the errors of the joints and of the kinds of motion, and how often what was said of itself
 was true.
 "careful" are seeds 201 to 240 of level 1, "careless" 301 to 340 of level 2, "made" the recordings
@@ -36,7 +36,6 @@ from voxelpose.reliability import verdict_of
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "trials"
-RESULTS = ROOT / "docs" / "log" / "several-cameras.md"
 RECIPES = ROOT / "datasets" / "made" / "recipes.toml"
 GROUPS = {"careful": (1, 201, 240), "careless": (2, 301, 340)}
 WRONG_MM = 80.0
@@ -185,17 +184,6 @@ def reliability_table(groups: dict[str, list[Trial]]) -> str:
     return table(["recordings", "said", "of", "mean of what was said", "was"], sections)
 
 
-def write_section(name: str, text: str) -> None:
-    """Replaces what docs/log/several-cameras.md has between a section's two comments."""
-    begin, end = f"<!-- trials {name} -->", f"<!-- end of trials {name} -->"
-    document = RESULTS.read_text(encoding="utf-8")
-    before, found, rest = document.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise SystemExit(f"{RESULTS} has no place for it: put {begin} and {end} there")
-    RESULTS.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}", encoding="utf-8")
-
-
 def main() -> None:
     """Runs the trials and writes their tables."""
     words = argparse.ArgumentParser(
@@ -213,7 +201,7 @@ def main() -> None:
     print(f"\n{text}")
     if not given.groups and seeds is None:
         made = f"`make trials`, {datetime.now(UTC):%Y-%m-%d}."
-        write_section("all", f"{made}\n\n{text}")
+        (OUT / "tables.md").write_text(f"{made}\n\n{text}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -33,22 +33,6 @@ def test_wrong_and_lost_ones_are_counted_and_so_are_doubts(trials):
     assert cells == ["careless", "22", "20.0", "300.0", "–", "20", "1 of 2", "1 of 20"]
 
 
-def test_a_section_is_replaced_and_nothing_else(trials, monkeypatch, tmp_path):
-    page = tmp_path / "several-cameras.md"
-    monkeypatch.setattr(trials, "RESULTS", page)
-    page.write_text("a\n<!-- trials all -->\n\nold\n\n<!-- end of trials all -->\nb\n")
-    trials.write_section("all", "new")
-    assert page.read_text() == "a\n<!-- trials all -->\n\nnew\n\n<!-- end of trials all -->\nb\n"
-    page.write_text("a\n<!-- trials all -->\nb\n")
-    with pytest.raises(SystemExit, match="has no place"):
-        trials.write_section("all", "new")
-    assert page.read_text() == "a\n<!-- trials all -->\nb\n"
-
-
-def test_the_log_has_a_place_for_the_tables(trials):
-    assert trials.RESULTS.read_text(encoding="utf-8").count("trials all -->") == 2
-
-
 def test_kinds_of_motion_are_named_by_their_clips(trials, tmp_path):
     for clip, kind in (("train_jumping_1", "jumping"), ("005_10", "005")):
         (tmp_path / "scene.json").write_text(f'{{"clip": "{clip}"}}')
