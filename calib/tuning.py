@@ -106,7 +106,7 @@ class Board:
 class Upright:
     """Up from how cameras stand (`upright`).
 
-    All by eye; measured as a whole in docs/results.md, "Which way is up".
+    All by eye; measured as a whole in docs/results.md, "Calibration".
     """
 
     same_deg: float = 20.0

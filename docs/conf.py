@@ -28,7 +28,6 @@ include_patterns = [
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "docs/*.md",
-    "docs/log/*.md",
     "docs/names.rst",
     "docs/reference/*/*.rst",
 ]
@@ -81,11 +80,9 @@ _GUIDE = (
     "install guide studio live recordings setup calibration checking viewing exports python"
     " glossary results"
 ).split()
-_PROJECT = ["docs/architecture", "docs/papers", "CONTRIBUTING", "CHANGELOG"]
-_LOG = sorted(f"docs/log/{path.stem}" for path in (_ROOT / "docs" / "log").glob("*.md"))
-_OTHERS = sorted(
-    {path.stem for path in (_ROOT / "docs").glob("*.md")} - {*_GUIDE, "architecture", "papers"}
-)
+_PROJECT = ["docs/architecture", "docs/papers", "docs/decisions", "CONTRIBUTING", "CHANGELOG"]
+_LISTED = {*_GUIDE, *(Path(page).stem for page in _PROJECT)}
+_OTHERS = sorted({path.stem for path in (_ROOT / "docs").glob("*.md")} - _LISTED)
 
 
 def _toctree(caption: str, pages: list[str]) -> str:
@@ -103,7 +100,6 @@ def _add_pages(app: Sphinx, page: str, source: list[str]) -> None:
             ["docs/names", *(f"docs/reference/{package}/{package}" for package in _PACKAGES)],
         )
         source[0] += _toctree("The project", _PROJECT)
-        source[0] += _toctree("Log", _LOG)
 
 
 def _link_names(app: Sphinx, page: str, source: list[str]) -> None:

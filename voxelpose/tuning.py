@@ -22,7 +22,7 @@ class Reliability:
     open_mm: float = 45.0
     """mm. Mean error to expect from one camera above which its poses are open. Of seeds 1 to 10 and
     41 to 47 of level 1, with the pose network and without, all that are 70 mm off or more are above
-    (50 mm and more), and of the others two (docs/log/one-camera.md)."""
+    (50 mm and more), and of the others two (docs/decisions.md)."""
     seam_mm: float = 80.0
     """mm. Mean distance of the joints of two pieces in the frames that they share. By eye."""
     turn_deg_s: float = 1000.0

@@ -32,8 +32,8 @@ class MotionModel:
 
     sigma_scale: float = 2.5
     """1. Factor on the measured sigmas: with 54 joint angles, these would leave nearly all of a
-    transition to two samples, and the filter could not recover from a wrong pose. 3.5 and 5 were no
-    better on one recording (docs/results.md)."""
+    transition to two samples, and the filter could not recover from a wrong pose. With 3.5
+    and 5 turn1 had 163.4 mm instead of 185.8 (2026-11-22); one recording decided nothing."""
     least_sigma_deg: float = 0.5
     """Degrees. Smallest step size of a joint angle. By eye."""
     hidden_share: float = 0.15
@@ -224,7 +224,7 @@ class ProposedModes:
 class VariedMotion:
     """Chances and sizes of variations of recorded motion (`making.varied_motion`).
 
-    Chosen by the error on random recordings, seeds 1 to 40 of docs/results.md; not ablated one by
+    Chosen by the error on random recordings, seeds 1 to 40 of level 1; not ablated one by
     one.
     """
 
@@ -317,7 +317,7 @@ class VirtualCameras:
 class VirtualDefects:
     """Defects of virtual silhouettes (`making.virtual_defects`), in pixels of the virtual pictures.
 
-    Made larger until the worst of seeds 1 to 40 no longer improved (docs/results.md).
+    Made larger until the worst of seeds 1 to 40 no longer improved (docs/decisions.md).
     """
 
     bout: float = 0.025

@@ -4,7 +4,7 @@ The source pose decides the deviations of its step, so that all transitions are 
 library is built. For every sample the nearest others, in its own sigmas, are stored with their
 squared distances; farther ones count as impossible. With the sigmas as wide as the program has
 them, 64 hold 98 % of DM2's weight at 30 frames a second and 87 % at 15; with 512 nothing was
-estimated better (docs/log/libraries.md).
+estimated better (docs/decisions.md).
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def test_walk4s_videos_agree(shared: Path, capsys):
 @pytest.mark.slow
 def test_balancing4s_third_camera_is_found_and_the_rest_agrees(shared: Path):
     """Its fit comes nearer to the truth with that camera put back: see
-    docs/log/calibration-checks.md."""
+    docs/decisions.md."""
     recording = Recording.open(shared / "data" / "balancing4")
     check = check_recording(recording, CheckSettings(moments=8, max_offset_frames=0))
     assert check.agreement.culprits == ("cam_3",)
