@@ -25,24 +25,10 @@ class Refining:
 class Tracking:
     """The step from a pose to that of the next frame, off line and live (`tracking`)."""
 
-    better: float = 0.97
-    """1. Of a pose's error, below which another replaces it. Chosen by eye, not ablated."""
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
-    poor: float = 1.2
-    """1. Of the usual error, above which a frame is tried a second time. Chosen by eye."""
-    poor_by: float = 0.01
-    """1. Excess over that, of outlines that fit nearly perfectly. Chosen by eye."""
-    bad: float = 1.4
-    """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
-    does not tell which body it is. By eye."""
-    long_steps: float = 2.5
-    """1 / FPS. Time between frames from which a refinement reaches as far as after a search. Tuned
-    on walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
     longest_steps: float = 6.0
     """1 / FPS. Time after which process noise grows no more. As `long_steps`."""
-    unexpected: float = 3.0
-    """Sigmas of the process noise about the last pose in a second try. Chosen by eye."""
 
 
 @dataclass(frozen=True)

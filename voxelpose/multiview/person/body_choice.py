@@ -49,11 +49,12 @@ from voxelpose.multiview.person.posterior import (
     cost_terms,
     hull_volume_m3,
     is_improbable,
+    is_unusual,
 )
 from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
 from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH
 
 _BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
@@ -213,8 +214,8 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
 
 def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
     """Fits of the frames in which they explain the silhouettes nearly as well as in the best."""
-    most = TRACKING.bad * min(fit.error for fit in fits.values())
-    return {t: fit for t, fit in fits.items() if fit.error <= most}
+    best = min(fit.error for fit in fits.values())
+    return {t: fit for t, fit in fits.items() if not is_unusual(fit.error, best)}
 
 
 def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:

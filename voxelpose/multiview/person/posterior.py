@@ -224,6 +224,11 @@ def is_improbable(errors: Collection[float]) -> bool:
     return sigmas_above_usual(errors) > PERSON_COST.improbable_sigmas
 
 
+def is_unusual(error: float, usual: float) -> bool:
+    """Whether an error is larger than the usual one by more than right bodies' errors differ."""
+    return error > np.exp(PERSON_COST.error_sigma) * usual
+
+
 def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:
     if covariance is None:
         return 0.0

@@ -28,6 +28,7 @@ from voxelpose.multiview.matching.pose_search import (
     move_limbs,
     refine_fit,
 )
+from voxelpose.multiview.person.posterior import is_unusual
 from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
@@ -101,7 +102,7 @@ class BodyTrack:
 
     def is_poor(self, error: float) -> bool:
         """Whether an error is clearly larger than usual."""
-        return error > TRACKING.poor * self.usual + TRACKING.poor_by
+        return is_unusual(error, self.usual)
 
     def predict(self, time_s: float) -> PosePrior:
         r"""Pose expected at a damped constant velocity, with the process noise of the time since.
@@ -127,12 +128,11 @@ class BodyTrack:
     def step(self, observation: Observation, time_s: float) -> BodyTrack:
         """Track with the next frame."""
         prior = self.predict(time_s)
-        sudden = elapsed_steps(self.time_s, time_s) > TRACKING.long_steps or self.before is None
-        settings = SEARCHED if sudden else STEP
+        settings = SEARCHED if self.before is None else STEP
         fit = refine_fit(self.body, observation, prior.pose, prior, settings)
         if self.is_poor(fit.error):
             # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
-            prior = PosePrior(self.fit.pose, TRACKING.unexpected * prior.sigma)
+            prior = PosePrior(self.fit.pose, prior.sigma)
             again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
             fit = min(fit, again, key=lambda one: one.error)
         errors = (*self.errors[1 - RECENT :], fit.error)
@@ -141,7 +141,7 @@ class BodyTrack:
     def with_limbs(self, observation: Observation) -> BodyTrack:
         """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
-        if moved.error >= TRACKING.better * self.fit.error:
+        if moved is self.fit:
             return self
         return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
 

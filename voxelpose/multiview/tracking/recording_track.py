@@ -20,7 +20,7 @@ from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
-from voxelpose.multiview.person.posterior import is_improbable
+from voxelpose.multiview.person.posterior import is_improbable, is_unusual
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -51,7 +51,8 @@ def spread_errors(tracker: PoseTracker) -> list[float]:
 def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
     """Frames whose poses explain the silhouettes as well as usual, spread over the recording."""
     posed = np.flatnonzero(np.isfinite(tracker.error))
-    clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
+    usual = float(np.median(tracker.error[posed]))
+    clear = np.array([t for t in posed.tolist() if not is_unusual(tracker.error[t], usual)])
     chosen = clear[even_moments(len(clear), REFIT_FRAMES)].tolist()
     return {t: frame for t in chosen if (frame := tracker.observe(t)) is not None}
 
