@@ -81,12 +81,8 @@ class Carving:
     no accuracy."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
-    explained: float = 0.04
-    """1. Largest unexplained share of a silhouette that the hull counts as explaining. By eye."""
-    small: float = 0.02
-    """1. Of a silhouette: a hand or a foot is smaller. Chosen by eye."""
-    crumb: float = 0.03
-    """1. Of the largest component, below which another is no limb. Chosen by eye."""
+    small: float = 0.03
+    """1. Of a silhouette or a hull: what is smaller is no limb. Chosen by eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
     bounding: float = 0.1
@@ -243,9 +239,6 @@ class HullGirth:
     hull_over_body: float = 1.75
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
-    most: float = 1.5
-    """1. Largest factor between a girth by the hull and the usual one: beyond, the hull holds other
-    things, or the body is not all in it. By eye."""
 
 
 @dataclass(frozen=True)
@@ -262,14 +255,8 @@ class StaticObjectSearch:
     """1. Share of frames in which an object's pixel is foreground."""
     seen: float = 0.25
     """1. Share of frames in which the body does not hide it."""
-    least_m3: float = 0.002
-    """m³. Smallest volume of an object: half of a lower leg."""
-    moved_m: float = 0.1
-    """m. Way of a part of the body: while none goes so far, anything may seem static. By eye."""
     apart_m: float = 0.15
     """m. From the body's surface: what is farther away in all frames is no limb (standing4)."""
-    person_m: float = 1.4
-    """m. What is so long may be the person, and the body that of something else (standing4)."""
 
 
 @dataclass(frozen=True)
@@ -287,8 +274,6 @@ class Completion:
     Tuned on seeds 212, 322, 325 and 344 of level 2 by `benchmarks.completed`.
     """
 
-    voxel_m: float = 0.03
-    """m. Edge of the voxels of what is missing."""
     hole_share: float = 2e-3
     """1. Holes in what may belong to a silhouette are filled up to this share of the image."""
 

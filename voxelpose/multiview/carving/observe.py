@@ -271,7 +271,7 @@ class HullObserver:
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
         )
-        if missing[1] >= CARVING.explained:
+        if missing[1] >= CARVING.small:
             return loose
         return [
             sure | _small_components(likely & ~sure, CARVING.small * np.count_nonzero(sure))
@@ -310,7 +310,7 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
-    return (components.sizes >= CARVING.crumb * components.sizes.max(initial=1))[components.labels]
+    return (components.sizes >= CARVING.small * components.sizes.max(initial=1))[components.labels]
 
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:
