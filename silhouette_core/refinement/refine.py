@@ -41,15 +41,19 @@ class RefineSettings:
     Attributes:
         reaches_m: largest accepted distance between contour and surface, one entry per step, m.
         contour_m: standard deviation of a contour residual with the right correspondence, m.
-        independence: fraction of contour points that count as independent of their neighbours, for
-            the usual spacing; of fewer points each counts for more.
+        independence: fraction of contour points that count as independent of their neighbours.
         usual: weight of the prior around the resting stance.
     """
 
-    reaches_m: tuple[float, ...] = REFINEMENT.reaches_m
+    reaches_m: tuple[float, ...]
     contour_m: float = REFINEMENT.contour_m
     independence: float = REFINEMENT.independence
     usual: float = 1.0
+
+    @classmethod
+    def from_reach(cls, first_m: float) -> RefineSettings:
+        """Settings with reaches that shrink evenly from a first one, m."""
+        return cls(REFINEMENT.reaches_m(first_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +135,8 @@ def refine(
 
     Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
-    one = RefineStart(start, settings or RefineSettings(), prior, landmark_prior)
+    settings = settings or RefineSettings.from_reach(REFINEMENT.searched_m)
+    one = RefineStart(start, settings, prior, landmark_prior)
     return refine_many(surface, observation, [one])[0]
 
 
@@ -244,12 +249,6 @@ def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> 
     return weights
 
 
-def _of_spacing(observation: Observation) -> np.ndarray:
-    """Factors (3,) on `contour_weights`: of fewer contour points each counts for more."""
-    factor = observation.spacing_m / REFINEMENT.spacing_m
-    return np.array([1.0, factor, factor])
-
-
 def add_silhouettes(
     surface: Surface,
     posed: PosedSurface,
@@ -276,7 +275,6 @@ def add_silhouettes(
         gradient: (K, 6 + D) float64.
     """
     matched, gap, away, toward = _correspondences(posed, observation, reach_m)
-    weights = weights * _of_spacing(observation)
     add_silhouette_terms(
         (matched, gap, observation.normal),
         (away, toward),
@@ -342,7 +340,7 @@ def residuals(
     Source: weights of Geman and McClure (1987); correspondences own.
     """
     reach = np.array([reach_m])
-    scale, base, base_outside = contour_weights([settings], reach)[0] * _of_spacing(observation)
+    scale, base, base_outside = contour_weights([settings], reach)[0]
     found = _correspondences(posed[None], observation, reach)
     matched, gap, away, toward = (one[0] for one in found)
     hits = np.flatnonzero(matched >= 0)

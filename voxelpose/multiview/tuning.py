@@ -6,22 +6,6 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Refining:
-    """Refinement of poses on the silhouettes (`matching.pose_search`, `carving.observe`)."""
-
-    step_reach_m: float = 0.18
-    """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
-    follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
-    shrinkage: float = 0.7
-    """1. Each reach over the one before, about. Of the sequences that were tuned before."""
-    spacing_m: float = 0.035
-    """m. Distance between contour points on the body. Tuned on walk4 and seed 123 (40 frames of
-    true silhouettes, root_mm): 0.05 15.0 and 17.8, 0.035 14.6 and 17.4, 0.025 14.8 and 17.3."""
-    margin: float = 0.25
-    """1. Of a silhouette's longer side: distances from it are exact as far. As `step_reach_m`."""
-
-
-@dataclass(frozen=True)
 class Tracking:
     """The step from a pose to that of the next frame, off line and live (`tracking`)."""
 
@@ -139,7 +123,6 @@ class Evidence:
     """1. Overlap with the hull below which a part is unsupported. Chosen by eye."""
 
 
-REFINING = Refining()
 TRACKING = Tracking()
 OFF_LINE = OffLine()
 LIVE = Live()

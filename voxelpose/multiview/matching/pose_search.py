@@ -29,7 +29,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import MATCHING, REFINING
+from voxelpose.multiview.tuning import MATCHING
 
 HEADINGS = 12
 """Of upright people from which poses are searched."""
@@ -42,16 +42,9 @@ sitting person; and in a first search live, which the fewer, the sooner catches 
 # placement, and one pose, 8.
 
 
-def refinement(first_reach_m: float) -> RefineSettings:
-    """Settings of a refinement with reaches that shrink evenly from a first one, m."""
-    last = 5 * REFINEMENT.contour_m
-    steps = 1 + round(np.log(first_reach_m / last) / -np.log(REFINING.shrinkage))
-    return RefineSettings(reaches_m=tuple(np.geomspace(first_reach_m, last, steps).tolist()))
-
-
-SEARCHED = refinement(REFINEMENT.reaches_m[0])
+SEARCHED = RefineSettings.from_reach(REFINEMENT.searched_m)
 """For poses from a search, right to within a sampling step."""
-STEP = refinement(REFINING.step_reach_m)
+STEP = RefineSettings.from_reach(REFINEMENT.predicted_m)
 """For poses that are predicted, or right but for a limb."""
 
 

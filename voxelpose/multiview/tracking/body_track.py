@@ -179,7 +179,7 @@ def observed_near(body: BodyGeometry, rig: Rig, moment: Moment, pose: Pose) -> O
         pixels = (inside[:, :2] / depth[:, None] * focal + center) / _REDUCED
         x, y = np.clip(pixels, 0, np.array(small.shape[::-1]) - 1).astype(int).T
         small[y, x] = 1
-        near_px = REFINEMENT.reaches_m[0] * focal[0] / float(np.median(depth))
+        near_px = REFINEMENT.searched_m * focal[0] / float(np.median(depth))
         reach = max(round(near_px / _REDUCED), 1)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         size = small.shape[1] * _REDUCED, small.shape[0] * _REDUCED
