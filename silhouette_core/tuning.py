@@ -317,7 +317,7 @@ class Refinement:
 
     searched_m: float = 0.30
     """m. First reach from a pose that was searched, within 0.3 m at every joint."""
-    predicted_m: float = 0.14
+    predicted_m: float = 0.18
     """m. First reach from a pose that is predicted."""
     shrinkage: float = 0.7
     """1. Each reach over the one before, about."""
