@@ -21,6 +21,9 @@ class OffLine:
 
     limbs_again_s: float = 0.5
     """s. Time between the frames in which arms and legs are searched. Chosen by eye."""
+    frame_residuals: float = 16.0
+    """1. As `PersonCost.frame_residuals`, between poses of one body. dance8, 1522, opencap_walk,
+    244 (root_mm): 8 30.7, 50.4, 63.6, 17.7; 16 25.5, 59.8, 63.6, 17.7; 32 25.5, 83.5, 63.6, 18."""
     same_m: float = 0.03
     """m. Distance of every joint within which two candidates are one pose. opencap_walk (root_mm,
     silhouette error): 0.05 67.8 and 0.0794, 0.03 65.6 and 0.0774, 0.02 65.9 and 0.0775."""
@@ -161,7 +164,7 @@ QUALITY = Evidence()
 class PersonCost:
     """Terms of a person's cost (`person.posterior`): negative logarithms of probabilities."""
 
-    frame_residuals: float = 16.0
+    frame_residuals: float = 8.0
     """1. Residuals of a frame that count as independent of each other: term `silhouettes`. Tuned as
     100 for twelve frames, by which template is right in seeds 201 to 250 of level 1."""
     usual_error: float = 0.08

@@ -30,7 +30,7 @@ from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find
 from voxelpose.multiview.person.posterior import is_improbable, is_unusual
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.body_track import BodyTrack
-from voxelpose.multiview.tuning import OFF_LINE, PERSON_COST, TRACKING
+from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
 _BLOCK, _AHEAD = 24, 8  # frames fitted together, and frames that must follow them
@@ -264,4 +264,4 @@ class PoseTracker:
 
 def _costs(errors: ArrayLike) -> NDArray[np.float64]:
     """Costs of poses by their silhouette errors, nats, up to a constant; see `posterior`."""
-    return PERSON_COST.frame_residuals * np.log(np.maximum(errors, 1e-6))
+    return OFF_LINE.frame_residuals * np.log(np.maximum(errors, 1e-6))
