@@ -100,6 +100,13 @@ class Matching:
     matched_again: int = 3
     """Placements of the torso whose limbs are matched again. Of 70 single frames (seeds 121 to 124,
     211 to 220) searched live, 6 are over 100 mm off; with one placement, and one below, 8."""
+    searched: int = 2
+    """Poses whose limbs are searched on the silhouettes. As `matched_again`."""
+    taken_cost: float = 0.7
+    """Voxels. Cost of a part's voxel inside a part that is already placed; in empty space it is
+    one. Chosen by eye, not ablated."""
+    lying_cost: float = 0.1
+    """1. Of the torso: cost of lying on the side, as people mostly stand. Chosen by eye."""
     apart_m: float = 0.12
     """m. Distance from which placements of the torso are different. Chosen by eye."""
     apart_deg: float = 40.0

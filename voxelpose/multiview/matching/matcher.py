@@ -265,7 +265,7 @@ class _Search:
         volume = self.volumes[body]
         placed = volume.placements(limb, self.poses[body], angles_rad)
         bits, empty, inside = self.voxel_set.cover(volume.points[limb.name], *placed)
-        cost = summable(empty + inside)
+        cost = summable(empty + MATCHING.taken_cost * inside)
         return LimbPlacements(limb, angles_rad, bits, cost, body)
 
     def decide(

@@ -132,7 +132,7 @@ def find_pose(
     # first fit stands.
     again = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
     ranked = sorted([*again, *first], key=attrgetter("error"))
-    best, rest = ranked[: MATCHING.matched_again], ranked[MATCHING.matched_again :]
+    best, rest = ranked[: MATCHING.searched], ranked[MATCHING.searched :]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=attrgetter("error"))
 

@@ -44,7 +44,7 @@ class _Overlap:
             positions - rotations @ self.middle,
         )
         share = (inside - outside) / len(self.points)
-        scores = rounded(share)
+        scores = rounded(share - MATCHING.lying_cost * (1 - rotations[:, 2, 2]))
         order = np.argsort(-scores, kind="stable")
         return positions[order], rotations[order], scores[order]
 
