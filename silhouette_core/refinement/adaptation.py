@@ -70,7 +70,7 @@ def adapt_shape(
         The surface of the adapted body, and the F poses refined on it.
     """
     model = surface.model
-    settings = settings or RefineSettings(REFINEMENT.body_reaches_m)
+    settings = settings or RefineSettings()
     covariance = np.diag(SHAPE_SIGMA**2) if covariance is None else covariance
     precision, largest = (
         np.linalg.inv(covariance),

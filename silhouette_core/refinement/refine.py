@@ -45,15 +45,10 @@ class RefineSettings:
         usual: weight of the prior around the resting stance.
     """
 
-    reaches_m: tuple[float, ...]
+    reaches_m: tuple[float, ...] = REFINEMENT.reaches_m(REFINEMENT.searched_m)
     contour_m: float = REFINEMENT.contour_m
     independence: float = REFINEMENT.independence
     usual: float = 1.0
-
-    @classmethod
-    def from_reach(cls, first_m: float) -> RefineSettings:
-        """Settings with reaches that shrink evenly from a first one, m."""
-        return cls(REFINEMENT.reaches_m(first_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +130,7 @@ def refine(
 
     Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
-    settings = settings or RefineSettings.from_reach(REFINEMENT.searched_m)
+    settings = settings or RefineSettings()
     one = RefineStart(start, settings, prior, landmark_prior)
     return refine_many(surface, observation, [one])[0]
 

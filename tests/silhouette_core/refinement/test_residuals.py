@@ -34,7 +34,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 SURFACE = Surface(fitting_model(), 600)
 MODEL = SURFACE.model
 SIZE = 6 + MODEL.dof_count
-SETTINGS = RefineSettings.from_reach(0.3)
+SETTINGS = RefineSettings()
 LARGEST = SETTINGS.independence / SETTINGS.contour_m**2
 FLEXION = 6 + MODEL.tree.dof_names.index("left_forearm.flexion")
 

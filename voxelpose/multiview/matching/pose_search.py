@@ -42,9 +42,9 @@ sitting person; and in a first search live, which the fewer, the sooner catches 
 # placement, and one pose, 8.
 
 
-SEARCHED = RefineSettings.from_reach(REFINEMENT.searched_m)
+SEARCHED = RefineSettings()
 """For poses from a search, right to within a sampling step."""
-STEP = RefineSettings.from_reach(REFINEMENT.predicted_m)
+STEP = RefineSettings(REFINEMENT.near_reaches_m)
 """For poses that are predicted, or right but for a limb."""
 
 
