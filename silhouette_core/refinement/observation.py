@@ -134,8 +134,8 @@ def outside_distances(mask: np.ndarray) -> np.ndarray:
     near = cv2.distanceTransform(
         np.ascontiguousarray(outside[top:bottom, left:right]), cv2.DIST_L2, cv2.DIST_MASK_5
     )
-    edges = top, len(mask) - bottom, left, mask.shape[1] - right
-    return cv2.copyMakeBorder(near, *edges, cv2.BORDER_REPLICATE)
+    below, beside = len(mask) - bottom, mask.shape[1] - right
+    return cv2.copyMakeBorder(near, top, below, left, beside, cv2.BORDER_REPLICATE)
 
 
 def contour_points(

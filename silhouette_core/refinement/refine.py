@@ -174,10 +174,8 @@ def _refined_together(
         posed = surface.posed_many(moving, bool(reach.any()))
         matrices[:count], gradient = 0.0, np.zeros((count, size))
         if reach.any():
-            settings = [start.settings for start in starts[:count]]
-            weights = contour_weights(settings, reach)
-            terms = matrices[:count], gradient
-            add_silhouettes(surface, posed, observation, reach, weights, *terms)
+            weights = contour_weights([start.settings for start in starts[:count]], reach)
+            add_silhouettes(surface, posed, observation, reach, weights, matrices[:count], gradient)
         add_pose_priors(matrices[:count], gradient, moving, model, priors)
         add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
         change = solve_steps(matrices[:count], gradient, moving.angles_rad, model)
@@ -304,10 +302,17 @@ def _correspondences(
     )
     away, toward = [], []
     for c, outside in enumerate(observation.outside_px):
-        placement = views.intrinsics[c], views.rotation[c], views.translation_m[c]
         away.append(np.empty((count, points)))
         toward.append(np.empty((count, points, 3)))
-        measure_outside(posed.points, *placement, outside, away[c], toward[c])
+        measure_outside(
+            posed.points,
+            views.intrinsics[c],
+            views.rotation[c],
+            views.translation_m[c],
+            outside,
+            away[c],
+            toward[c],
+        )
     return matched, gap, np.stack(away, axis=1), np.stack(toward, axis=1)
 
 

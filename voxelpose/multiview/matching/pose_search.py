@@ -67,14 +67,13 @@ class BodyGeometry:
         """Start with the root at its known place, if there is one."""
         if self.root is None:
             return start
-        at = self.root.root_m, self.root.root_rotation
         prior = start.prior or PosePrior(start.pose, np.full(6 + self.model.dof_count, np.inf))
         sigma = prior.sigma.copy()
         sigma[:6] = pose_step_sigma(self.model.tree)[:6]  # of a root that stands still
         return replace(
             start,
-            pose=Pose(*at, start.pose.angles_rad),
-            prior=PosePrior(Pose(*at, prior.pose.angles_rad), sigma),
+            pose=replace(self.root, angles_rad=start.pose.angles_rad),
+            prior=PosePrior(replace(self.root, angles_rad=prior.pose.angles_rad), sigma),
         )
 
     @classmethod
@@ -145,8 +144,7 @@ def _placements(
     """
     volume, hull = body.body_volume, (frame.grid, frame.occupancy)
     if body.root is not None:
-        at = body.root.root_m, body.root.root_rotation
-        return [Pose(*at, relaxed_rad(body.model.tree).copy())]
+        return [replace(body.root, angles_rad=relaxed_rad(body.model.tree).copy())]
     if volume.is_person:
         return find_torso(volume, *hull, count)
     coarse = replace(settings, step_rad=2 * settings.step_rad)
@@ -178,8 +176,8 @@ def standing(body: BodyGeometry, frame: FrameObservation) -> list[Pose]:
     angles = relaxed_rad(model.tree)
 
     def best(poses: list[Pose]) -> list[Pose]:
-        seen = frame.observation.views, frame.masks, body.body_volume.backend
-        order = np.argsort(mask_errors(model, poses, *seen), kind="stable")
+        views, backend = frame.observation.views, body.body_volume.backend
+        order = np.argsort(mask_errors(model, poses, views, frame.masks, backend), kind="stable")
         return [poses[k] for k in order[: MATCHING.matched_again]]
 
     upright = best([Pose(place, np.eye(3), angles.copy()) for place in places_m])

@@ -132,8 +132,10 @@ class Start:
 
     def cost_of(self, errors: list[float], proposed: Sequence[float] = ()) -> float:
         """Cost by the silhouette errors of other frames, and the costs of proposed poses."""
-        at = self.candidate, self.body.model, self.prior, errors, self.evidence
-        return float(rounded(sum(cost_terms(*at, proposed).values())))
+        terms = cost_terms(
+            self.candidate, self.body.model, self.prior, errors, self.evidence, proposed
+        )
+        return float(rounded(sum(terms.values())))
 
 
 def choose_body(
@@ -225,8 +227,9 @@ def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
     observed = [frames[t] for t in start.poses]
     observations, volume = [one.observation for one in observed], start.body.body_volume
     poses, prior = list(start.poses.values()), start.prior
-    at = prior.stature, prior.expected, prior.covariance
-    surface, poses = adapt_shape(start.body.surface, observations, poses, *at)
+    surface, poses = adapt_shape(
+        start.body.surface, observations, poses, prior.stature, prior.expected, prior.covariance
+    )
     errors = [
         silhouette_error(surface.model, pose, observation, volume.backend)
         for pose, observation in zip(poses, observations, strict=True)

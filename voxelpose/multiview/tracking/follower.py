@@ -293,8 +293,7 @@ class PoseFollower:
         if track is None:
             area = (mask.mean() for mask in moment.masks().values())
             if sum(fraction > LIVE.foreground for fraction in area) >= LEAST_CAMERAS:
-                first = moment, FEW_PLACEMENTS
-                self._submit(search, self.rig, self.settings, self._known, *first)
+                self._submit(search, self.rig, self.settings, self._known, moment, FEW_PLACEMENTS)
             return
         self._known = track.body
         person.least = min(person.least, track.usual)
