@@ -5,6 +5,7 @@ is told after it measures the method as a whole. "Noise" of an image is a colour
 deviation at a pixel, as rescaled for the frame.
 """
 
+import math
 from dataclasses import dataclass
 
 
@@ -314,23 +315,25 @@ class Refinement:
     better.
     """
 
-    reaches_m: tuple[float, ...] = (
-        *(0.30, 0.25, 0.20, 0.17, 0.14, 0.12),
-        *(0.10, 0.08, 0.07, 0.06, 0.06, 0.06),
-    )
-    """m. Of a pose within 0.3 m at every joint."""
+    searched_m: float = 0.30
+    """m. First reach from a pose that was searched, within 0.3 m at every joint."""
+    predicted_m: float = 0.18
+    """m. First reach from a pose that is predicted."""
+    shrinkage: float = 0.7
+    """1. Each reach over the one before, about."""
     body_reaches_m: tuple[float, ...] = (0.12, 0.10, 0.08, 0.07, 0.06, 0.05, 0.05, 0.05)
     """m. Of a body's proportions; every other one from the third on settles the poses then."""
     contour_m: float = 0.012
     """m. Standard deviation of a contour residual with the right correspondence, and the least of a
     joint of a proposed mode."""
-    independence: float = 0.25
-    """1. Fraction of contour points that count as independent, at the usual spacing."""
+    independence: float = 0.35
+    """1. Fraction of contour points that count as independent, at this spacing."""
     alike: float = 0.03
     """1. Correlation of the residuals of two silhouettes of one person, for the shape. Tuned on
     dance8, walk4, seeds 1301 to 1308 of level 1, and pairs of cameras of 1231 to 1240."""
-    spacing_m: float = 0.025
-    """m. That spacing: distance between contour points on the body."""
+    spacing_m: float = 0.035
+    """m. Distance between contour points on the body. Walk4 and seed 123 (40 frames of true
+    silhouettes, root_mm): 0.05 15.0 and 17.8, 0.035 14.6 and 17.4, 0.025 14.8 and 17.3."""
     outside: float = 0.5
     """1. Weight of a surface point outside a silhouette, relative to a contour point."""
     outside_m: float = 0.15
@@ -341,7 +344,7 @@ class Refinement:
     """m. Largest step of the root: beyond it the correspondences change."""
     trust_rad: float = 0.35
     """Radians. The same of every angle, in inverse kinematics, too."""
-    margin: float = 0.5
+    margin: float = 0.25
     """1. Of a silhouette's longer side: how far around it distances are computed."""
     student_freedom: float = 4.0
     """1. Degrees of freedom of the proposal's t distribution, with which it is trained."""
@@ -359,10 +362,17 @@ class Refinement:
     same_root_m: float = 0.15
     """m. Roots of single frames farther than this from their median do not count."""
 
+    def reaches_m(self, first_m: float) -> tuple[float, ...]:
+        """Reaches that shrink evenly from a first one to the least that still finds a contour."""
+        last_m = 5 * self.contour_m
+        ratio = math.log(last_m / first_m)
+        steps = max(round(ratio / math.log(self.shrinkage)), 0)
+        return tuple(first_m * math.exp(ratio * k / max(steps, 1)) for k in range(steps + 1))
+
     @property
     def near_reaches_m(self) -> tuple[float, ...]:
-        """Reaches of a pose within 0.15 m; one that is predicted leaves out the ends."""
-        return self.reaches_m[4:10]
+        """Reaches from a pose that is predicted."""
+        return self.reaches_m(self.predicted_m)
 
 
 @dataclass(frozen=True)

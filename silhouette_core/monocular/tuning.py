@@ -208,8 +208,6 @@ class BodyHeading:
 class ProposedModes:
     """Modes that become hypotheses (`tracking.pose_modes`). By eye."""
 
-    reaches_m: tuple[float, ...] = (0.25, 0.18, 0.12, 0.09)
-    """Metres. Reaches of a refinement from a mode, see `Refinement`."""
     pelvis_sigma_m: float = 0.15
     """Metres. Deviation of its pelvis."""
     usual_height: float = 0.53

@@ -80,8 +80,9 @@ def adapt_shape(
     every = np.arange(len(expected))
     priors = [None] * len(poses) if landmark_priors is None else landmark_priors
     for reach in REFINEMENT.body_reaches_m:
-        at = surface, observations, poses, priors, reach, settings
-        matrix, gradient, systems = _shape_equations(*at)
+        matrix, gradient, systems = _shape_equations(
+            surface, observations, poses, priors, reach, settings
+        )
         matrix += precision
         gradient += precision @ (surface.model.shape - expected)
         _add_stature(matrix, gradient, surface.model, stature)
@@ -185,10 +186,11 @@ class _FrameSystem:
         n = 6 + model.dof_count
         self.pose, self.cross, self.shape = matrix[:n, :n].copy(), matrix[:n, n:], matrix[n:, n:]
         self.pose_gradient, self.shape_gradient = gradient[:n].copy(), gradient[n:]
-        terms = self.pose[None], self.pose_gradient[None]
-        priors = pose_arrays(poses, [None], [settings.usual])
-        add_pose_priors(*terms, poses, model, priors)
-        add_landmark_priors(*terms, model, posed_many, landmark_arrays([prior]))
+        matrix, gradient = self.pose[None], self.pose_gradient[None]
+        add_pose_priors(
+            matrix, gradient, poses, model, pose_arrays(poses, [None], [settings.usual])
+        )
+        add_landmark_priors(matrix, gradient, model, posed_many, landmark_arrays([prior]))
 
 
 def _add_stature(

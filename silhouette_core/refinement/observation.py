@@ -14,7 +14,6 @@ from calib.camera import Rig
 from silhouette_core.tuning import REFINEMENT
 
 _BORDER_PX = 2  # contour points this near the image border bound the view, not the body
-USUAL_SPACING_M = REFINEMENT.spacing_m
 _TANGENT_PX = 4  # half length of the contour piece whose direction is taken as the tangent
 _UNKNOWN_PX = _BORDER_PX + _TANGENT_PX  # contour points this near to what is unknown
 
@@ -79,7 +78,6 @@ class Observation:
         camera: (N,) int32, the camera of each contour point.
         ray: (N, 3) float64, unit viewing directions in the world.
         normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
-        spacing_m: distance between contour points on the body, about.
     """
 
     views: PinholeViews
@@ -88,28 +86,20 @@ class Observation:
     camera: np.ndarray
     ray: np.ndarray
     normal: np.ndarray
-    spacing_m: float = USUAL_SPACING_M
 
     @classmethod
     def from_masks(
-        cls,
-        views: PinholeViews,
-        masks: list[np.ndarray],
-        distance_m: float = 4.0,
-        spacing_m: float = USUAL_SPACING_M,
-        margin: float = REFINEMENT.margin,
+        cls, views: PinholeViews, masks: list[np.ndarray], distance_m: float = 4.0
     ) -> Observation:
         """Prepares the silhouettes of one frame.
 
         Args:
             masks: C silhouettes (h, w) bool, as the cameras' images.
             distance_m: typical distance of the body from the cameras, to space the contour points.
-            spacing_m: approximate distance between contour points on the body.
-            margin: see `outside_distances`.
         """
         cameras, rays, normals, outside = [], [], [], []
         for c, mask in enumerate(masks):
-            step = max(round(spacing_m * views.intrinsics[c, 0] / distance_m), 1)
+            step = max(round(REFINEMENT.spacing_m * views.intrinsics[c, 0] / distance_m), 1)
             unknown = None if views.unknown is None else views.unknown[c]
             pixels, directions = contour_points(mask, step, unknown)
             ray, normal = _tangent_planes(views, c, pixels, directions)
@@ -117,7 +107,7 @@ class Observation:
             rays.append(ray)
             normals.append(normal)
             possible = mask if unknown is None else mask | unknown
-            outside.append(outside_distances(possible, margin))
+            outside.append(outside_distances(possible))
         return cls(
             views,
             tuple(masks),
@@ -125,11 +115,10 @@ class Observation:
             np.concatenate(cameras),
             np.concatenate(rays),
             np.concatenate(normals),
-            spacing_m,
         )
 
 
-def outside_distances(mask: np.ndarray, margin: float = REFINEMENT.margin) -> np.ndarray:
+def outside_distances(mask: np.ndarray) -> np.ndarray:
     """Distance (h, w) float32 of every pixel from a silhouette (h, w) bool, px; 0 inside.
 
     Beyond a margin about the silhouette, a fraction of its longer side, it stays what it is there:
@@ -139,14 +128,14 @@ def outside_distances(mask: np.ndarray, margin: float = REFINEMENT.margin) -> np
     left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
     if not width:
         return cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_5)
-    around = int(margin * max(width, height))
+    around = int(REFINEMENT.margin * max(width, height))
     right, bottom = min(left + width + around, mask.shape[1]), min(top + height + around, len(mask))
     left, top = max(left - around, 0), max(top - around, 0)
     near = cv2.distanceTransform(
         np.ascontiguousarray(outside[top:bottom, left:right]), cv2.DIST_L2, cv2.DIST_MASK_5
     )
-    edges = top, len(mask) - bottom, left, mask.shape[1] - right
-    return cv2.copyMakeBorder(near, *edges, cv2.BORDER_REPLICATE)
+    below, beside = len(mask) - bottom, mask.shape[1] - right
+    return cv2.copyMakeBorder(near, top, below, left, beside, cv2.BORDER_REPLICATE)
 
 
 def contour_points(

@@ -41,12 +41,11 @@ class RefineSettings:
     Attributes:
         reaches_m: largest accepted distance between contour and surface, one entry per step, m.
         contour_m: standard deviation of a contour residual with the right correspondence, m.
-        independence: fraction of contour points that count as independent of their neighbours, for
-            the usual spacing; of fewer points each counts for more.
+        independence: fraction of contour points that count as independent of their neighbours.
         usual: weight of the prior around the resting stance.
     """
 
-    reaches_m: tuple[float, ...] = REFINEMENT.reaches_m
+    reaches_m: tuple[float, ...] = REFINEMENT.reaches_m(REFINEMENT.searched_m)
     contour_m: float = REFINEMENT.contour_m
     independence: float = REFINEMENT.independence
     usual: float = 1.0
@@ -131,7 +130,8 @@ def refine(
 
     Source: textbook Gauss-Newton with iteratively reweighted least squares; own correspondences.
     """
-    one = RefineStart(start, settings or RefineSettings(), prior, landmark_prior)
+    settings = settings or RefineSettings()
+    one = RefineStart(start, settings, prior, landmark_prior)
     return refine_many(surface, observation, [one])[0]
 
 
@@ -174,10 +174,8 @@ def _refined_together(
         posed = surface.posed_many(moving, bool(reach.any()))
         matrices[:count], gradient = 0.0, np.zeros((count, size))
         if reach.any():
-            settings = [start.settings for start in starts[:count]]
-            weights = contour_weights(settings, reach)
-            terms = matrices[:count], gradient
-            add_silhouettes(surface, posed, observation, reach, weights, *terms)
+            weights = contour_weights([start.settings for start in starts[:count]], reach)
+            add_silhouettes(surface, posed, observation, reach, weights, matrices[:count], gradient)
         add_pose_priors(matrices[:count], gradient, moving, model, priors)
         add_landmark_priors(matrices[:count], gradient, model, posed, landmark_priors)
         change = solve_steps(matrices[:count], gradient, moving.angles_rad, model)
@@ -244,12 +242,6 @@ def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> 
     return weights
 
 
-def _of_spacing(observation: Observation) -> np.ndarray:
-    """Factors (3,) on `contour_weights`: of fewer contour points each counts for more."""
-    factor = observation.spacing_m / REFINEMENT.spacing_m
-    return np.array([1.0, factor, factor])
-
-
 def add_silhouettes(
     surface: Surface,
     posed: PosedSurface,
@@ -276,7 +268,6 @@ def add_silhouettes(
         gradient: (K, 6 + D) float64.
     """
     matched, gap, away, toward = _correspondences(posed, observation, reach_m)
-    weights = weights * _of_spacing(observation)
     add_silhouette_terms(
         (matched, gap, observation.normal),
         (away, toward),
@@ -311,10 +302,17 @@ def _correspondences(
     )
     away, toward = [], []
     for c, outside in enumerate(observation.outside_px):
-        placement = views.intrinsics[c], views.rotation[c], views.translation_m[c]
         away.append(np.empty((count, points)))
         toward.append(np.empty((count, points, 3)))
-        measure_outside(posed.points, *placement, outside, away[c], toward[c])
+        measure_outside(
+            posed.points,
+            views.intrinsics[c],
+            views.rotation[c],
+            views.translation_m[c],
+            outside,
+            away[c],
+            toward[c],
+        )
     return matched, gap, np.stack(away, axis=1), np.stack(toward, axis=1)
 
 
@@ -342,7 +340,7 @@ def residuals(
     Source: weights of Geman and McClure (1987); correspondences own.
     """
     reach = np.array([reach_m])
-    scale, base, base_outside = contour_weights([settings], reach)[0] * _of_spacing(observation)
+    scale, base, base_outside = contour_weights([settings], reach)[0]
     found = _correspondences(posed[None], observation, reach)
     matched, gap, away, toward = (one[0] for one in found)
     hits = np.flatnonzero(matched >= 0)

@@ -80,9 +80,17 @@ class Surface:
         shape = (len(poses), *self.rest.shape) if skinned else (len(poses), 0, 3)
         points, normals = np.empty(shape), np.empty(shape)
         if skinned:
-            skin = self.skin_parts, self.skin_weights
-            at_rest = self.rest, self.normals, model.joints_m, *skin
-            pose_surfaces(*at_rest, rotation, origin, points, normals)
+            pose_surfaces(
+                self.rest,
+                self.normals,
+                model.joints_m,
+                self.skin_parts,
+                self.skin_weights,
+                rotation,
+                origin,
+                points,
+                normals,
+            )
         return PosedSurface(rotation, origin, axis, points, normals)
 
     @property
@@ -111,9 +119,17 @@ class Surface:
                     + (joints[:, part] - joints[:, parent]) @ posed.part_rotation[parent].T
                 )
         rows = np.empty((len(index), len(joints)))
-        moved = self.skin_parts, self.skin_weights, posed.part_rotation
-        change = self._rest_change, joints, origin
-        fill_shape_jacobian(index, direction, *moved, *change, rows)
+        fill_shape_jacobian(
+            index,
+            direction,
+            self.skin_parts,
+            self.skin_weights,
+            posed.part_rotation,
+            self._rest_change,
+            joints,
+            origin,
+            rows,
+        )
         return rows
 
     @cached_property
@@ -137,9 +153,17 @@ def point_jacobian(
         direction: (N, 3).
     """
     rows, tree = np.empty((len(index), 6 + model.dof_count)), model.tree
-    placed = posed.part_rotation, posed.part_origin
-    moved = tree.descends, tree.dof_part, posed.world_axis
-    fill_jacobian(index, direction, *rest, *placed, *moved, rows)
+    fill_jacobian(
+        index,
+        direction,
+        *rest,
+        posed.part_rotation,
+        posed.part_origin,
+        tree.descends,
+        tree.dof_part,
+        posed.world_axis,
+        rows,
+    )
     return rows
 
 

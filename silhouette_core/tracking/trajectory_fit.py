@@ -90,7 +90,7 @@ def fit_trajectory(
     Source: textbook sparse Gauss-Newton (bundle adjustment over time).
     """
     model = surface.model
-    contour = RefineSettings(REFINEMENT.near_reaches_m[2 if live else 0 :: 2])
+    contour = RefineSettings(REFINEMENT.near_reaches_m[live:])
     poses, fixed = list(poses), list(before)
     free = free_unknowns(model)
     if model.tree.root_fixed:

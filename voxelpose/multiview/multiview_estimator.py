@@ -125,30 +125,34 @@ class MultiViewEstimator:
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
             ExitStack() as kept,
         ):
-            told = clock, reporter, prepared.numbers
-            work = TrackWork(settings, source.fps, matching, known, *told)
+            work = TrackWork(
+                settings, source.fps, matching, known, clock, reporter, prepared.numbers
+            )
             places_m = things_m = np.empty((0, source.frame_count, 3))
             if people != 1:
                 places_m, things_m = people_places(prepared, people, clock, reporter)
             if len(places_m) < 2:
-                found = [work.track(prepared, kept)]
+                tracked = [work.track(prepared, kept)]
             else:
                 if known is not None or settings != settings.of_anybody:
                     reporter.note(ONE_PERSONS)
-                found = PeopleTrack(work.of_anybody(), prepared, places_m, things_m).track(kept)
-            at = prepared.numbers, prepared.times_s
-            motions = [_motion(tracker, settings, *at, clock, reporter) for tracker, _ in found]
+                people_track = PeopleTrack(work.of_anybody(), prepared, places_m, things_m)
+                tracked = people_track.track(kept)
+            motions = [
+                _motion(tracker, settings, prepared.numbers, prepared.times_s, clock, reporter)
+                for tracker, _ in tracked
+            ]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         rig, estimates = _posed_as(source.rig, prepared.rig), []
-        away = [frozenset[int]()] * len(found)
-        if len(found) > 1:
+        absent_frames = [frozenset[int]()] * len(tracked)
+        if len(tracked) > 1:
             absent = np.isnan(places_m[:, :, 0])
-            away = [frozenset(prepared.numbers[own].tolist()) for own in absent]
+            absent_frames = [frozenset(prepared.numbers[rows].tolist()) for rows in absent]
         floor_m = floor_height(*(motion for motion, _ in motions))  # on which everybody stands
-        for (motion, ratio), (_, facts), own in zip(motions, found, away, strict=True):
+        for (motion, ratio), (_, facts), away in zip(motions, tracked, absent_frames, strict=True):
             motion = replace(motion, floor_m=floor_m).in_world(prepared.upright)
             facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
-            estimates.append(Estimate(motion, stage_s, facts, rig=rig, away=own))
+            estimates.append(Estimate(motion, stage_s, facts, rig=rig, away=away))
         return estimates
 
 

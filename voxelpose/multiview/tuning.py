@@ -6,43 +6,13 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Refining:
-    """Refinement of poses on the silhouettes (`matching.pose_search`, `carving.observe`)."""
-
-    step_reach_m: float = 0.18
-    """m. First reach from a pose that is predicted, or right but for a limb. Tuned for the live
-    follower on walk4 and seeds 221 to 228 by `python -m benchmarks.follower`."""
-    shrinkage: float = 0.7
-    """1. Each reach over the one before, about. Of the sequences that were tuned before."""
-    spacing_m: float = 0.035
-    """m. Distance between contour points on the body. Tuned on walk4 and seed 123 (40 frames of
-    true silhouettes, root_mm): 0.05 15.0 and 17.8, 0.035 14.6 and 17.4, 0.025 14.8 and 17.3."""
-    margin: float = 0.25
-    """1. Of a silhouette's longer side: distances from it are exact as far. As `step_reach_m`."""
-
-
-@dataclass(frozen=True)
 class Tracking:
     """The step from a pose to that of the next frame, off line and live (`tracking`)."""
 
-    better: float = 0.97
-    """1. Of a pose's error, below which another replaces it. Chosen by eye, not ablated."""
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
-    poor: float = 1.2
-    """1. Of the usual error, above which a frame is tried a second time. Chosen by eye."""
-    poor_by: float = 0.01
-    """1. Excess over that, of outlines that fit nearly perfectly. Chosen by eye."""
-    bad: float = 1.4
-    """1. Of the usual error, above which a search is due; of the smallest one, above which a frame
-    does not tell which body it is. By eye."""
-    long_steps: float = 2.5
-    """1 / FPS. Time between frames from which a refinement reaches as far as after a search. Tuned
-    on walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
     longest_steps: float = 6.0
     """1 / FPS. Time after which process noise grows no more. As `long_steps`."""
-    unexpected: float = 3.0
-    """Sigmas of the process noise about the last pose in a second try. Chosen by eye."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +65,8 @@ class Carving:
     no accuracy."""
     joined: float = 0.5
     """1. Of a given body's extent: pieces so near to each other are its. By eye."""
-    explained: float = 0.04
-    """1. Largest unexplained share of a silhouette that the hull counts as explaining. By eye."""
-    small: float = 0.02
-    """1. Of a silhouette: a hand or a foot is smaller. Chosen by eye."""
-    crumb: float = 0.03
-    """1. Of the largest component, below which another is no limb. Chosen by eye."""
+    small: float = 0.03
+    """1. Of a silhouette or a hull: what is smaller is no limb. Chosen by eye."""
     gap_m: float = 0.25
     """m. Height of a gap between pieces of one body. Chosen by eye, on standing4."""
     bounding: float = 0.1
@@ -167,7 +133,6 @@ class Evidence:
     """1. Overlap with the hull below which a part is unsupported. Chosen by eye."""
 
 
-REFINING = Refining()
 TRACKING = Tracking()
 OFF_LINE = OffLine()
 LIVE = Live()
@@ -264,9 +229,6 @@ class HullGirth:
     hull_over_body: float = 1.75
     """1. Volume of the hull of four to eight cameras over that of people of usual girth, measured
     on random recordings."""
-    most: float = 1.5
-    """1. Largest factor between a girth by the hull and the usual one: beyond, the hull holds other
-    things, or the body is not all in it. By eye."""
 
 
 @dataclass(frozen=True)
@@ -283,14 +245,8 @@ class StaticObjectSearch:
     """1. Share of frames in which an object's pixel is foreground."""
     seen: float = 0.25
     """1. Share of frames in which the body does not hide it."""
-    least_m3: float = 0.002
-    """m³. Smallest volume of an object: half of a lower leg."""
-    moved_m: float = 0.1
-    """m. Way of a part of the body: while none goes so far, anything may seem static. By eye."""
     apart_m: float = 0.15
     """m. From the body's surface: what is farther away in all frames is no limb (standing4)."""
-    person_m: float = 1.4
-    """m. What is so long may be the person, and the body that of something else (standing4)."""
 
 
 @dataclass(frozen=True)
@@ -308,8 +264,6 @@ class Completion:
     Tuned on seeds 212, 322, 325 and 344 of level 2 by `benchmarks.completed`.
     """
 
-    voxel_m: float = 0.03
-    """m. Edge of the voxels of what is missing."""
     hole_share: float = 2e-3
     """1. Holes in what may belong to a silhouette are filled up to this share of the image."""
 

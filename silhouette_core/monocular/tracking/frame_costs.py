@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal
 from silhouette_core.motion.pose import Pose, PoseArrays
-from silhouette_core.refinement.observation import USUAL_SPACING_M
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import STEPS
 
@@ -113,7 +112,6 @@ class TrackerSettings:
             turn out to be right.
         kept: number of hypotheses kept per frame.
         surface_points: number of points of the body's surface that are fitted to the silhouette.
-        spacing_m: distance between points of the contour, on the body, m.
         reduction: how many times smaller than the window poses are drawn.
         different_m: mean distance of the joints within which two hypotheses that are carried
             explain a silhouette alike, m.
@@ -129,7 +127,6 @@ class TrackerSettings:
     carried: int = 1
     kept: int = 8
     surface_points: int = 500
-    spacing_m: float = USUAL_SPACING_M
     reduction: int = 2
     different_m: float = 0.07
     same_m: float = 0.035
@@ -158,4 +155,4 @@ class TrackerSettings:
 
     def coarser(self) -> TrackerSettings:
         """Settings that keep up with a camera."""
-        return replace(self, surface_points=350, spacing_m=0.04)
+        return replace(self, surface_points=350)

@@ -33,7 +33,7 @@ from silhouette_core.tracking.beam import Beam, select_different
 from silhouette_core.tracking.step_costs import StepCosts
 from silhouette_core.tuning import REFINEMENT
 
-FROM_PREDICTION = RefineSettings(reaches_m=REFINEMENT.near_reaches_m[1:-1])
+FROM_PREDICTION = RefineSettings(REFINEMENT.near_reaches_m)
 """Refinement of a pose that is nearly right."""
 
 FoundPoses = tuple[list[Pose], list[LandmarkPrior | None]]
@@ -91,7 +91,7 @@ class HypothesisTracker:
         if window is None:
             window = look_at(camera, mask, distance_m, STATURE_PX / self._length_m)
         weights = SignedWeights.from_window(window, self.backend, settings.reduction)
-        contour = Observation.from_masks(self.views, [mask], distance_m, settings.spacing_m)
+        contour = Observation.from_masks(self.views, [mask], distance_m)
         return ObservedFrame(mask, weights, contour, time_s)
 
     def step(

@@ -46,7 +46,7 @@ _STARTED = 4  # modes of a frame that become hypotheses, at most
 _ROUNDS = 3  # in which the distance of a first frame is corrected
 MEMORY_S = 2 * float(OFFSETS_S[-1])
 """Time of views by which the newest is understood; the network reads half of it."""
-_FROM_MODE = RefineSettings(MODES.reaches_m)
+_FROM_MODE = RefineSettings()
 
 
 @dataclass(frozen=True, eq=False)

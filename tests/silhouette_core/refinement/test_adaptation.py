@@ -95,7 +95,7 @@ def test_a_step_is_that_of_shape_and_poses_together(monkeypatch):
     size = count + 2 * len(free)
     matrix, gradient = np.zeros((size, size)), np.zeros(size)
     for k, (observation, pose) in enumerate(zip(seen, poses, strict=True)):
-        given = SURFACE, observation, pose, 0.1, RefineSettings(), None
+        given = SURFACE, observation, pose, 0.1, RefineSettings((0.1,)), None
         one = adaptation._FrameSystem(*given)
         own = slice(count + k * len(free), count + (k + 1) * len(free))
         matrix[:count, :count] += one.shape

@@ -85,18 +85,6 @@ def test_the_normal_equations_are_those_of_the_residuals(seen):
     np.testing.assert_allclose(gradient[0], weighed.T @ rows.gap_m, rtol=1e-6, atol=1e-3)
 
 
-def test_of_half_as_many_contour_points_each_weighs_twice(seen):
-    posed = SURFACE.posed(stance(MODEL))
-    sums = []
-    for spacing_m in (0.025, 0.05):
-        fewer = Observation.from_masks(seen.views, list(seen.masks), 3.5, spacing_m)
-        rows = residuals(SURFACE, posed, fewer, 0.1, SETTINGS)
-        points = contour_points(rows, fewer)
-        sums.append([points, rows.weight[:points].sum()])
-    assert sums[1][0] < 0.55 * sums[0][0]
-    assert sums[1][1] == pytest.approx(sums[0][1], rel=0.1)
-
-
 def test_what_one_camera_adds_hardly_moves_the_pose():
     """A bag beside the leg, which only one of four cameras shows."""
     truth = stance(MODEL)

@@ -39,8 +39,7 @@ def walk():
     poses = poses_of(performed("walk"))[5:20]
     rng = np.random.default_rng(0)
     observations = [
-        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)], spacing_m=0.04)
-        for pose in poses
+        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)]) for pose in poses
     ]
     precision = np.tile(np.eye(3) / NOISE_M**2, (15, 1, 1))
     priors = []
@@ -169,7 +168,7 @@ def test_a_single_frame_and_a_pair_are_fitted_as_well(walk):
 def test_a_frame_of_wrong_silhouettes_counts_for_as_little_as_it_says(walk):
     """One frame shows somebody else: with a large scale the frames beside it decide."""
     frames, poses = walk
-    other = Observation.from_masks(VIEWS, [silhouette(MODEL, poses[0], CAMERA)], spacing_m=0.04)
+    other = Observation.from_masks(VIEWS, [silhouette(MODEL, poses[0], CAMERA)])
 
     def gap_m(scale):
         middle = replace(frames[7], observation=other, landmark_prior=None, scale=scale)

@@ -19,7 +19,7 @@ from voxelpose.multiview.carving.bounds import LEAST_CAMERAS
 from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.tuning import CARVING, REFINING
+from voxelpose.multiview.tuning import CARVING
 
 COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "f8", (2, 3))])
 """A connected component of a hull: volume, centre of mass, lower and upper corner of its box."""
@@ -53,8 +53,7 @@ def observation_at(
 ) -> Observation:
     """Silhouettes (h, w) bool of C views, with contour points for a body near a place (3,)."""
     distance = float(np.median(np.linalg.norm(views.center_m - place_m, axis=1)))
-    spacing = REFINING.spacing_m, REFINING.margin
-    return Observation.from_masks(views, masks, distance, *spacing)
+    return Observation.from_masks(views, masks, distance)
 
 
 def hull_components(voxels: MaskComponents, grid: VoxelGrid) -> np.ndarray:
@@ -271,7 +270,7 @@ class HullObserver:
             1 - np.count_nonzero(a) / max(np.count_nonzero(b), 1)
             for a, b in zip(strict, loose, strict=True)
         )
-        if missing[1] >= CARVING.explained:
+        if missing[1] >= CARVING.small:
             return loose
         return [
             sure | _small_components(likely & ~sure, CARVING.small * np.count_nonzero(sure))
@@ -310,7 +309,7 @@ def _label_bodies(occupancy: np.ndarray, grid: VoxelGrid, joined_m: float) -> Ma
 def _without_crumbs(occupancy: np.ndarray) -> np.ndarray:
     """Components of a hull large enough to be a limb that a gap in one silhouette cut off."""
     components = label_components(occupancy)
-    return (components.sizes >= CARVING.crumb * components.sizes.max(initial=1))[components.labels]
+    return (components.sizes >= CARVING.small * components.sizes.max(initial=1))[components.labels]
 
 
 def _small_components(mask: np.ndarray, most_px: float) -> np.ndarray:

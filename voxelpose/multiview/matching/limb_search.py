@@ -122,8 +122,10 @@ class _Covering:
         drawn = np.isin(model.face_part, parts) != rest
         meshes = posed_mesh(model, pose) @ self._turn + self._shift
         # An opened body shows its inside: both sides of the faces are drawn.
-        mesh = meshes, model.faces[drawn], model.face_part[drawn]
-        covered = self._backend.part_images(*mesh, np.eye(3), self._size, cull_back=False)
+        faces, face_part = model.faces[drawn], model.face_part[drawn]
+        covered = self._backend.part_images(
+            meshes, faces, face_part, np.eye(3), self._size, cull_back=False
+        )
         images = images.copy()
         for image, own, (left, top) in zip(images, covered, self._corners, strict=True):
             window = image[top : top + own.shape[0], left : left + own.shape[1]]

@@ -248,13 +248,11 @@ class _Search:
         """Placements of each limb that is not decided yet, but whose parent is."""
         found = []
         for k, (volume, pose) in enumerate(zip(self.volumes, self.poses, strict=True)):
-            decided = self._decided[k]
-            own = pose.angles_rad, self.settings.step_rad, volume.model.tree
-            found += [
-                self.placements(k, limb, sample_angles(limb, *own))
-                for limb in volume.limbs
-                if limb.name not in decided and limb.parent in decided
-            ]
+            decided, tree = self._decided[k], volume.model.tree
+            for limb in volume.limbs:
+                if limb.name not in decided and limb.parent in decided:
+                    angles = sample_angles(limb, pose.angles_rad, self.settings.step_rad, tree)
+                    found.append(self.placements(k, limb, angles))
         if not found or not self.settings.interference:
             return found
         spare = spare_score([one.bits for one in found], [one.cost for one in found])

@@ -29,7 +29,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
 from voxelpose.multiview.matching.torso_search import find_torso
-from voxelpose.multiview.tuning import MATCHING, REFINING
+from voxelpose.multiview.tuning import MATCHING
 
 HEADINGS = 12
 """Of upright people from which poses are searched."""
@@ -42,16 +42,9 @@ sitting person; and in a first search live, which the fewer, the sooner catches 
 # placement, and one pose, 8.
 
 
-def refinement(first_reach_m: float) -> RefineSettings:
-    """Settings of a refinement with reaches that shrink evenly from a first one, m."""
-    last = 5 * REFINEMENT.contour_m
-    steps = 1 + round(np.log(first_reach_m / last) / -np.log(REFINING.shrinkage))
-    return RefineSettings(reaches_m=tuple(np.geomspace(first_reach_m, last, steps).tolist()))
-
-
-SEARCHED = refinement(REFINEMENT.reaches_m[0])
+SEARCHED = RefineSettings()
 """For poses from a search, right to within a sampling step."""
-STEP = refinement(REFINING.step_reach_m)
+STEP = RefineSettings(REFINEMENT.near_reaches_m)
 """For poses that are predicted, or right but for a limb."""
 
 
@@ -74,14 +67,13 @@ class BodyGeometry:
         """Start with the root at its known place, if there is one."""
         if self.root is None:
             return start
-        at = self.root.root_m, self.root.root_rotation
         prior = start.prior or PosePrior(start.pose, np.full(6 + self.model.dof_count, np.inf))
         sigma = prior.sigma.copy()
         sigma[:6] = pose_step_sigma(self.model.tree)[:6]  # of a root that stands still
         return replace(
             start,
-            pose=Pose(*at, start.pose.angles_rad),
-            prior=PosePrior(Pose(*at, prior.pose.angles_rad), sigma),
+            pose=replace(self.root, angles_rad=start.pose.angles_rad),
+            prior=PosePrior(replace(self.root, angles_rad=prior.pose.angles_rad), sigma),
         )
 
     @classmethod
@@ -152,8 +144,7 @@ def _placements(
     """
     volume, hull = body.body_volume, (frame.grid, frame.occupancy)
     if body.root is not None:
-        at = body.root.root_m, body.root.root_rotation
-        return [Pose(*at, relaxed_rad(body.model.tree).copy())]
+        return [replace(body.root, angles_rad=relaxed_rad(body.model.tree).copy())]
     if volume.is_person:
         return find_torso(volume, *hull, count)
     coarse = replace(settings, step_rad=2 * settings.step_rad)
@@ -185,8 +176,8 @@ def standing(body: BodyGeometry, frame: FrameObservation) -> list[Pose]:
     angles = relaxed_rad(model.tree)
 
     def best(poses: list[Pose]) -> list[Pose]:
-        seen = frame.observation.views, frame.masks, body.body_volume.backend
-        order = np.argsort(mask_errors(model, poses, *seen), kind="stable")
+        views, backend = frame.observation.views, body.body_volume.backend
+        order = np.argsort(mask_errors(model, poses, views, frame.masks, backend), kind="stable")
         return [poses[k] for k in order[: MATCHING.matched_again]]
 
     upright = best([Pose(place, np.eye(3), angles.copy()) for place in places_m])

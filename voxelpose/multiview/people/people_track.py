@@ -211,11 +211,13 @@ class PeopleTrack:
         self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack
     ) -> list[ObservationStore]:
         """Observations of each person among others that are seen where `pieces` says."""
-        observer, told = self.prepared.observer, (self.work.clock, self.work.reporter)
-        at = self.prepared.store, pieces, self.places_m, observer.views
+        observer, work = self.prepared.observer, self.work
+        each = silhouettes_of(self.prepared.store, pieces, self.places_m, observer.views)
         return [
-            kept.enter_context(carved_observations(observer, own, *told, others))
-            for own, others in kept.enter_context(silhouettes_of(*at))
+            kept.enter_context(
+                carved_observations(observer, masks, work.clock, work.reporter, others)
+            )
+            for masks, others in kept.enter_context(each)
         ]
 
     def _hull_pieces(self) -> Iterator[list[Masks | None]]:

@@ -123,8 +123,8 @@ class PoseFollowers:
         costs = np.full((len(lost), len(axes_m)), 2 * PEOPLE.appearing)
         for row, k in zip(costs, lost, strict=True):
             if np.isfinite(self._seen_s[k]):
-                at = self._places_m[k : k + 1], axes_m, time_s - self._seen_s[k]
-                row[:] = moving_costs(*at)[0]
+                last_m, gone_s = self._places_m[k : k + 1], time_s - self._seen_s[k]
+                row[:] = moving_costs(last_m, axes_m, gone_s)[0]
         # Who comes in stands or sits; who is there may lie down.
         stays = (costs[self._there[lost]] < 2 * PEOPLE.appearing).any(axis=0)
         axes_m, costs = axes_m[upright | stays], costs[:, upright | stays]

@@ -49,11 +49,12 @@ from voxelpose.multiview.person.posterior import (
     cost_terms,
     hull_volume_m3,
     is_improbable,
+    is_unusual,
 )
 from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
 from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH, TRACKING
+from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH
 
 _BEST = 5
 _FEWEST_ANCHORS, _FRAMES_PER_ANCHOR = 5, 60  # frames in which bodies are compared
@@ -131,8 +132,10 @@ class Start:
 
     def cost_of(self, errors: list[float], proposed: Sequence[float] = ()) -> float:
         """Cost by the silhouette errors of other frames, and the costs of proposed poses."""
-        at = self.candidate, self.body.model, self.prior, errors, self.evidence
-        return float(rounded(sum(cost_terms(*at, proposed).values())))
+        terms = cost_terms(
+            self.candidate, self.body.model, self.prior, errors, self.evidence, proposed
+        )
+        return float(rounded(sum(terms.values())))
 
 
 def choose_body(
@@ -213,8 +216,8 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
 
 def clear_fits(fits: dict[int, PoseFit]) -> dict[int, PoseFit]:
     """Fits of the frames in which they explain the silhouettes nearly as well as in the best."""
-    most = TRACKING.bad * min(fit.error for fit in fits.values())
-    return {t: fit for t, fit in fits.items() if fit.error <= most}
+    best = min(fit.error for fit in fits.values())
+    return {t: fit for t, fit in fits.items() if not is_unusual(fit.error, best)}
 
 
 def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
@@ -224,8 +227,9 @@ def adapted(start: Start, frames: Mapping[int, FrameObservation]) -> Start:
     observed = [frames[t] for t in start.poses]
     observations, volume = [one.observation for one in observed], start.body.body_volume
     poses, prior = list(start.poses.values()), start.prior
-    at = prior.stature, prior.expected, prior.covariance
-    surface, poses = adapt_shape(start.body.surface, observations, poses, *at)
+    surface, poses = adapt_shape(
+        start.body.surface, observations, poses, prior.stature, prior.expected, prior.covariance
+    )
     errors = [
         silhouette_error(surface.model, pose, observation, volume.backend)
         for pose, observation in zip(poses, observations, strict=True)

@@ -42,7 +42,7 @@ def hull_volume_m3(frame: FrameObservation) -> float:
 def chest_from_hull(model: BodyModel, hull_m3: float) -> float:
     """Chest girth, m, with which a usual body fills a hull, m³, as far as people's go."""
     usual_m3 = HULL_GIRTH.hull_over_body * model.part_volumes_m3(0.02).sum()
-    girth = np.clip(np.sqrt(hull_m3 / usual_m3), 1 / HULL_GIRTH.most, HULL_GIRTH.most)
+    girth = np.sqrt(hull_m3 / usual_m3)
     return float(np.clip(girth * usual_chest(model.sizes.sex) * model.sizes.stature_m, *CHESTS_M))
 
 
@@ -222,6 +222,11 @@ def sigmas_above_usual(errors: Collection[float]) -> float:
 def is_improbable(errors: Collection[float]) -> bool:
     """Whether errors are larger than a right body's: then costly candidates are tried as well."""
     return sigmas_above_usual(errors) > PERSON_COST.improbable_sigmas
+
+
+def is_unusual(error: float, usual: float) -> bool:
+    """Whether an error is larger than the usual one by more than right bodies' errors differ."""
+    return error > np.exp(PERSON_COST.error_sigma) * usual
 
 
 def _shape(deviation: np.ndarray, covariance: np.ndarray | None) -> float:

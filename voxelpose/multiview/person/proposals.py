@@ -83,8 +83,8 @@ def proposals_of(
 
     def proposed(camera: int) -> dict[int, ProposedPoses | None]:
         shown = ((t / fps, observations.masks(t)[camera]) for t in read)
-        at = views.rig.cameras[camera], MEASURING.usual_m
-        return dict(zip(read, proposer.propose(*at, shown), strict=True))
+        poses = proposer.propose(views.rig.cameras[camera], MEASURING.usual_m, shown)
+        return dict(zip(read, poses, strict=True))
 
     cameras, found = range(len(views.rig)), {}
     each = side_by_side(proposed, cameras)

@@ -61,31 +61,31 @@ def repair_cameras(
     times_s: NDArray[np.float64],
     fps: float,
     *,
-    repair: bool,
+    put_right: bool,
     unknown: Unknown = None,
 ) -> RepairedCameras:
     """Checks cameras against the silhouettes of a dozen moments.
 
-    A repair is sure where, of four cameras or more, the others agree, one turned or late camera
-    explains the disagreement, and with it all cameras agree, or it is no longer that one which
-    disagrees by a small rest.
+    Repairs are sure where, of four cameras or more, the others agree, and with the turned and late
+    ones put right all agree, or none of these disagrees any more and the error has become small.
+    What no repair explains, as lost limbs, is left as it is.
 
     Args:
         rig: the pinhole cameras of the silhouettes.
         store: silhouettes of T frames.
         times_s: (T,) times of the frames, s.
         fps: frames per second.
-        repair: whether sure repairs are made; otherwise they are only told.
+        put_right: whether sure repairs are made; otherwise they are only told.
         unknown: C arrays (h, w) bool, where nothing is known; None: nowhere.
     """
     unchanged = RepairedCameras(rig, {})
     moments = even_moments(len(store), _MOMENTS)
     if len(rig) < 3 or len(moments) < 3:
         return unchanged
-    at = times_s[moments]
+    moments_s = times_s[moments]
     tracks = _tracks(rig, store, moments, times_s, unknown)
     try:
-        checked = agreement(list(tracks.values()), at)
+        checked = agreement(list(tracks.values()), moments_s)
         if checked.agrees:
             return unchanged
         if not checked.culprits:
@@ -95,34 +95,34 @@ def repair_cameras(
             np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
         )
         tracks |= _tracks(rig, store, near, times_s, unknown, checked.culprits)
-        repairs = explain(tracks, checked, at, most / fps)
-        repaired = rig
-        for found in repairs:
-            repaired = found.rig(repaired)
-        late = {found.camera: found.offset_s for found in repairs}
+        repairs = explain(tracks, checked, moments_s, most / fps)
+        small, repaired = [repair for repair in repairs if _is_small(repair)], rig
+        for repair in small:
+            repaired = repair.rig(repaired)
+        offsets_s = {repair.camera: repair.offset_s for repair in small}
         after = agreement(
             [track.with_camera(repaired[name]) for name, track in tracks.items()],
-            at,
-            offset_s=late,
+            moments_s,
+            offset_s=offsets_s,
         )
     except InputError:  # a camera never sees somebody together with another
         return unchanged
-    frames = {name: round(seconds * fps) for name, seconds in late.items() if seconds}
     if all(
-        found.kind == "out of step" and abs(found.offset_s) * fps <= SUBFRAME for found in repairs
+        repair.kind == "out of step" and abs(repair.offset_s) * fps <= SUBFRAME
+        for repair in repairs
     ):
         return unchanged
-    told = "; ".join(found.summary for found in repairs)
-    improved = after.error_px < checked.error_px / AGREEMENT.explained_gain and not set(late) & set(
-        after.culprits
-    )
-    explained = after.agrees or improved
-    if not (explained and len(rig) >= _FEWEST and all(map(_is_small, repairs))):
+    disagreeing = set(offsets_s) & set(after.culprits)
+    improved = after.error_px < checked.error_px / AGREEMENT.explained_gain and not disagreeing
+    unexplained = len(repairs) - len(small)  # by shadows or lost limbs, perhaps
+    if not (small and (after.agrees or improved) and len(rig) - unexplained >= _FEWEST):
         return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
-    if not repair:
-        return replace(unchanged, words=(f"{told}: --repair auto puts it right",))
-    words = f"{told}: put right for this result; calibrate again, or see {_REMEDY}"
-    return RepairedCameras(repaired, {name: k for name, k in frames.items() if k}, (words,), True)
+    summary = "; ".join(repair.summary for repair in small)
+    if not put_right:
+        return replace(unchanged, words=(f"{summary}: --repair auto puts it right",))
+    words = f"{summary}: put right for this result; calibrate again, or see {_REMEDY}"
+    late = {name: round(seconds * fps) for name, seconds in offsets_s.items()}
+    return RepairedCameras(repaired, {name: k for name, k in late.items() if k}, (words,), True)
 
 
 def _is_small(repair: Repair) -> bool:

@@ -20,7 +20,7 @@ from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import widened
-from voxelpose.multiview.tuning import COMPLETION
+from voxelpose.multiview.tuning import CARVING, COMPLETION
 
 Masks = list[NDArray[np.bool_]]
 """A mask (h, w) bool per camera."""
@@ -41,7 +41,7 @@ class SilhouetteCompletion:
         """Keeps the settings."""
         self._views, self._rule = views, rule
         low = volume.origin_m
-        self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, COMPLETION.voxel_m)
+        self._grid = grid = VoxelGrid.from_bounds(low, low + volume.size_m, CARVING.voxel_m)
         outvoted = len(views.rig) // 4
         self._majority = replace(rule, tolerance=rule.tolerance + outvoted)
         self._seen_by_one = CarveRule(tolerance=len(views.rig), least_agreeing=1)

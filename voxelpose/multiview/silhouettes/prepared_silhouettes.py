@@ -193,8 +193,9 @@ def prepare_silhouettes(
         work.refuse_implausible(lenses, pinholes, settings.stature_m, len(shares))
         checked = work.check_cameras(pinholes, times_s)
         reporter.stage("volume")
-        at = checked.rig, settings, stores[0], work.observer, reporter
-        upright = choose_upright(*at, person=preparation.person)
+        upright = choose_upright(
+            checked.rig, settings, stores[0], work.observer, reporter, person=preparation.person
+        )
         checked, added = work.complete_all(checked, upright, times_s)
         for words in checked.words:
             reporter.note(words)
@@ -276,10 +277,15 @@ class _Preparation:
         if self.settings.repair == "off":
             return RepairedCameras(rig, {})
         self.reporter.stage("cameras")
-        repair = self.settings.repair == "auto"
         with self.clock("cameras"):
-            at = times_s, self.source.fps
-            checked = repair_cameras(rig, self.stores[0], *at, repair=repair, unknown=self.unknown)
+            checked = repair_cameras(
+                rig,
+                self.stores[0],
+                times_s,
+                self.source.fps,
+                put_right=self.settings.repair == "auto",
+                unknown=self.unknown,
+            )
         for store in self.stores:
             store.advance([checked.late_frames.get(name, 0) for name in rig.names])
         return checked

@@ -69,7 +69,7 @@ def find_static_objects(
     posed = [(t, pose) for t, pose in enumerate(poses) if pose is not None]
     chosen = [posed[k] for k in even_moments(len(posed), _FRAMES)]
     places_m = np.array([posed_mesh(model, pose) for _, pose in chosen])
-    if np.ptp(places_m, axis=0).max() < STATIC_OBJECTS.moved_m:
+    if np.ptp(places_m, axis=0).max() < STATIC_OBJECTS.apart_m:
         return None
     views = observer.views
     foreground, clear, beside = (
@@ -109,7 +109,7 @@ def _apart(
     people.
     """
     longest = np.ptp(label_components(voxels).bounds, axis=1).max()
-    if longest * grid.voxel_size_m >= STATIC_OBJECTS.person_m:
+    if longest * grid.voxel_size_m >= CARVING.person_m:
         return False
     tree = KDTree(grid.occupied_points(voxels))
     least_m = STATIC_OBJECTS.apart_m
@@ -142,7 +142,7 @@ def _carved(
 
 def _large_pieces(voxels: NDArray[np.bool_], grid: VoxelGrid) -> NDArray[np.bool_]:
     components = label_components(voxels)
-    large = components.sizes * grid.voxel_size_m**3 >= STATIC_OBJECTS.least_m3
+    large = components.sizes * grid.voxel_size_m**3 >= CARVING.smallest_m3
     large[0] = False
     return large[components.labels]
 

@@ -28,6 +28,7 @@ from voxelpose.multiview.matching.pose_search import (
     move_limbs,
     refine_fit,
 )
+from voxelpose.multiview.person.posterior import is_unusual
 from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
@@ -101,7 +102,7 @@ class BodyTrack:
 
     def is_poor(self, error: float) -> bool:
         """Whether an error is clearly larger than usual."""
-        return error > TRACKING.poor * self.usual + TRACKING.poor_by
+        return is_unusual(error, self.usual)
 
     def predict(self, time_s: float) -> PosePrior:
         r"""Pose expected at a damped constant velocity, with the process noise of the time since.
@@ -127,13 +128,11 @@ class BodyTrack:
     def step(self, observation: Observation, time_s: float) -> BodyTrack:
         """Track with the next frame."""
         prior = self.predict(time_s)
-        sudden = elapsed_steps(self.time_s, time_s) > TRACKING.long_steps or self.before is None
-        settings = SEARCHED if sudden else STEP
+        settings = SEARCHED if self.before is None else STEP
         fit = refine_fit(self.body, observation, prior.pose, prior, settings)
         if self.is_poor(fit.error):
-            # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
-            prior = PosePrior(self.fit.pose, TRACKING.unexpected * prior.sigma)
-            again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
+            # It moved farther than expected, or otherwise: from the last pose, nothing is expected.
+            again = refine_fit(self.body, observation, self.fit.pose, None, SEARCHED)
             fit = min(fit, again, key=lambda one: one.error)
         errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
@@ -141,7 +140,7 @@ class BodyTrack:
     def with_limbs(self, observation: Observation) -> BodyTrack:
         """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
-        if moved.error >= TRACKING.better * self.fit.error:
+        if moved is self.fit:
             return self
         return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
 
@@ -179,7 +178,7 @@ def observed_near(body: BodyGeometry, rig: Rig, moment: Moment, pose: Pose) -> O
         pixels = (inside[:, :2] / depth[:, None] * focal + center) / _REDUCED
         x, y = np.clip(pixels, 0, np.array(small.shape[::-1]) - 1).astype(int).T
         small[y, x] = 1
-        near_px = REFINEMENT.reaches_m[0] * focal[0] / float(np.median(depth))
+        near_px = REFINEMENT.searched_m * focal[0] / float(np.median(depth))
         reach = max(round(near_px / _REDUCED), 1)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         size = small.shape[1] * _REDUCED, small.shape[0] * _REDUCED

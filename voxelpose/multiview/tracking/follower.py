@@ -37,6 +37,7 @@ from voxelpose.multiview.person.posterior import (
     hull_height_m,
     hull_volume_m3,
     is_improbable,
+    is_unusual,
 )
 from voxelpose.multiview.tracking.body_track import (
     BodyTrack,
@@ -122,10 +123,10 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
         track = followed(rig, track, moment)
-        if track.fit.error > TRACKING.bad * usual and not searched:
+        if is_unusual(track.fit.error, usual) and not searched:
             searched, track = True, search_limbs(rig, track, moment) or track
         error = track.fit.error
-        wrong = wrong + 1 if is_improbable([error]) and error > TRACKING.bad * usual else 0
+        wrong = wrong + 1 if is_improbable([error]) and is_unusual(error, usual) else 0
         if track.fit.error > TRACKING.lost or wrong == _MOST_WRONG:
             return None
     return track
@@ -254,7 +255,7 @@ class PoseFollower:
             if track is not None and time_s - track.time_s <= most_s:
                 stepped = followed(self.rig, track, moment)
                 best = self._track
-                least = TRACKING.lost if best is None else TRACKING.better * best.fit.error
+                least = TRACKING.lost if best is None else best.fit.error
                 if stepped.fit.error < least:
                     self._track = stepped
         if found is not None and behind and self._track is None:
@@ -292,8 +293,7 @@ class PoseFollower:
         if track is None:
             area = (mask.mean() for mask in moment.masks().values())
             if sum(fraction > LIVE.foreground for fraction in area) >= LEAST_CAMERAS:
-                first = moment, FEW_PLACEMENTS
-                self._submit(search, self.rig, self.settings, self._known, *first)
+                self._submit(search, self.rig, self.settings, self._known, moment, FEW_PLACEMENTS)
             return
         self._known = track.body
         person.least = min(person.least, track.usual)
@@ -303,7 +303,7 @@ class PoseFollower:
         if unfinished and not poor and now - sampled_s > LIVE.apart_s[person.adapted]:
             person.samples.append((moment, track.fit.pose))
         suspect = self.rough or is_improbable([track.usual])
-        bad = suspect or track.usual > TRACKING.bad * person.least
+        bad = suspect or is_unusual(track.usual, person.least)
         limbs_again_s = LIVE.poor_again_s if poor else LIVE.limbs_again_s
         if bad and now - person.searched_s > LIVE.poor_again_s:
             person.searched_s, self.rough = now, False

@@ -20,7 +20,7 @@ from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
-from voxelpose.multiview.person.posterior import is_improbable
+from voxelpose.multiview.person.posterior import is_improbable, is_unusual
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects
@@ -28,7 +28,7 @@ from voxelpose.multiview.tracking.tracking import PoseTracker
 
 REFIT_FRAMES = 12
 """Frames of a recording to which the body is adapted again, and by which tracks are compared."""
-_ROUNDS = 4  # in which something that stands beside the person is left out
+_ROUNDS = 2  # in which something that stands beside the person is left out
 _Facts = dict[str, object]
 Tracked = tuple[PoseTracker, Start]
 """Somebody who was followed, and from which start."""
@@ -51,7 +51,8 @@ def spread_errors(tracker: PoseTracker) -> list[float]:
 def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
     """Frames whose poses explain the silhouettes as well as usual, spread over the recording."""
     posed = np.flatnonzero(np.isfinite(tracker.error))
-    clear = posed[tracker.error[posed] <= np.median(tracker.error[posed]) * 1.1]
+    usual = float(np.median(tracker.error[posed]))
+    clear = np.array([t for t in posed.tolist() if not is_unusual(tracker.error[t], usual)])
     chosen = clear[even_moments(len(clear), REFIT_FRAMES)].tolist()
     return {t: frame for t in chosen if (frame := tracker.observe(t)) is not None}
 
@@ -112,16 +113,21 @@ class TrackWork:
             wrong = is_improbable(spread_errors(tracker))
             if objects is None and not wrong:
                 break
-            at = tracker.body.model, tracker.poses, prepared.store, prepared.observer
             with self.clock("objects"):
-                found = find_static_objects(*at, behind=wrong)
-            if found is None:
+                static = find_static_objects(
+                    tracker.body.model,
+                    tracker.poses,
+                    prepared.store,
+                    prepared.observer,
+                    behind=wrong,
+                )
+            if static is None:
                 break
-            without = kept.enter_context(prepared.without(found.pixels))
-            again, other = self.tracked(self._observations(without, kept), objects=True)
-            if other.cost_of(spread_errors(again)) >= start.cost_of(spread_errors(tracker)):
+            without = kept.enter_context(prepared.without(static.pixels))
+            second, other = self.tracked(self._observations(without, kept), objects=True)
+            if other.cost_of(spread_errors(second)) >= start.cost_of(spread_errors(tracker)):
                 break
-            objects, tracker, start = found, again, other
+            objects, tracker, start = static, second, other
         if objects is not None:
             self.reporter.note(
                 "something stands apart from the person all the time: it is left out"
@@ -138,9 +144,16 @@ class TrackWork:
         """Tracks the most probable person."""
         settings, known = self.settings, self.known
         with self.clock("first poses"):
-            keep = known is not None and names_result(str(settings.options["body"]))
-            given = self.matching, self.reporter, self.fps, known, keep, objects
-            start = choose_body(observations, settings, *given)
+            start = choose_body(
+                observations,
+                settings,
+                self.matching,
+                self.reporter,
+                self.fps,
+                known,
+                keep_clothes=known is not None and names_result(str(settings.options["body"])),
+                objects=objects,
+            )
         fits = {t: PoseFit(pose, start.errors[t]) for t, pose in start.poses.items()}
         return self._followed(start.body, observations, fits), start
 
@@ -149,18 +162,22 @@ class TrackWork:
     ) -> tuple[PoseTracker, dict[str, object]]:
         """As `track`, with a body that no person's measurements make."""
         with self.clock("first poses"):
-            search = self.settings, self.matching, self.reporter
-            body, fits = start_given(observations, *search, model)
+            body, fits = start_given(
+                observations, self.settings, self.matching, self.reporter, model
+            )
         tracker = self._followed(body, observations, fits)
         self._smooth(tracker)
         return tracker, _found(tracker, fits)
 
     def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
-        work = self.clock, self.reporter
-        seen = prepared.footage.joints
-        return kept.enter_context(
-            carved_observations(prepared.observer, prepared.store, *work, seen=seen)
+        observations = carved_observations(
+            prepared.observer,
+            prepared.store,
+            self.clock,
+            self.reporter,
+            seen=prepared.footage.joints,
         )
+        return kept.enter_context(observations)
 
     def _followed(
         self, body: BodyGeometry, observations: ObservationStore, fits: dict[int, PoseFit]

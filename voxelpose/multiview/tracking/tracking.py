@@ -27,7 +27,7 @@ from silhouette_core.tuning import STEPS
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose, move_limbs
-from voxelpose.multiview.person.posterior import is_improbable
+from voxelpose.multiview.person.posterior import is_improbable, is_unusual
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.body_track import BodyTrack
 from voxelpose.multiview.tuning import OFF_LINE, TRACKING
@@ -114,8 +114,8 @@ class PoseTracker:
             t = int(np.where(tried, -np.inf, errors).argmax())
             if tried[t]:
                 return
-            usual = TRACKING.bad * np.median(errors[self.observations.there])
-            if errors[t] < usual and not is_improbable(errors[~tried]):
+            usual = float(np.median(errors[self.observations.there]))
+            if not is_unusual(errors[t], usual) and not is_improbable(errors[~tried]):
                 return
             tried[max(t - _BESIDE, 0) : t + _BESIDE + 1] = True
             self.search([t])
@@ -228,7 +228,7 @@ class PoseTracker:
         if fit.error >= min(best, TRACKING.lost):
             return False
         self._candidates[t] = [one for one in fits if one not in same] + [fit]
-        return fit.error < TRACKING.better * best
+        return not same
 
     def _decide(self) -> None:
         """Takes the cheapest trajectory through the candidates."""

@@ -45,7 +45,7 @@ def checked(rig: Rig, film: list[list[np.ndarray]], *, repair: bool = True) -> R
     with closing(MaskStore([camera.size for camera in rig], len(film))) as store:
         for t, masks in enumerate(film):
             store.put(t, masks)
-        return repair_cameras(rig, store, np.arange(len(film)) / FPS, FPS, repair=repair)
+        return repair_cameras(rig, store, np.arange(len(film)) / FPS, FPS, put_right=repair)
 
 
 def late(film: list[list[np.ndarray]], frames: int) -> list[list[np.ndarray]]:

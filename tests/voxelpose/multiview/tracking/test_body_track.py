@@ -14,7 +14,7 @@ from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph,
 from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
-from voxelpose.multiview.tuning import REFINING, TRACKING
+from voxelpose.multiview.tuning import TRACKING
 
 SEEN_BY = views(2)
 BODY = SimpleNamespace(model=fitting_model(), surface=Surface(fitting_model(), 200))
@@ -82,14 +82,14 @@ def test_a_longer_time_between_frames_is_given_longer_steps_and_reaches(refined)
         step(track_at(0.1), frames)
     np.testing.assert_allclose(priors[0].sigma, pose_step_sigma(HUMAN))
     np.testing.assert_allclose(priors[1].sigma, 4 * pose_step_sigma(HUMAN))
-    assert reaches == pytest.approx([REFINING.step_reach_m, REFINEMENT.reaches_m[0]])
+    assert reaches == pytest.approx([REFINEMENT.predicted_m, REFINEMENT.searched_m])
 
 
 def test_without_a_velocity_a_step_reaches_as_far_as_after_a_search(refined):
     errors, _, reaches = refined
     errors += [0.1]
     step(BodyTrack(BODY, 0.0, PoseFit(at(0.0), 0.1), None, (0.1,)), 1)  # type: ignore[arg-type]
-    assert reaches == pytest.approx([REFINEMENT.reaches_m[0]])
+    assert reaches == pytest.approx([REFINEMENT.searched_m])
 
 
 @pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.099, False), (0.05, True)])
