@@ -376,13 +376,13 @@ def remove_leftovers(folder: Path) -> list[Path]:
 
 def _exchanged(first: Path, second: Path) -> bool:
     """Exchanges two names in one step; False where the system cannot."""
-    names = os.fsencode(first), os.fsencode(second)
+    old, new = os.fsencode(first), os.fsencode(second)
     try:
         library = ctypes.CDLL(None)
         if sys.platform == "linux":
-            return library.renameat2(_HERE, names[0], _HERE, names[1], _EXCHANGE) == 0
+            return library.renameat2(_HERE, old, _HERE, new, _EXCHANGE) == 0
         if sys.platform == "darwin":
-            return library.renamex_np(*names, _EXCHANGE) == 0
+            return library.renamex_np(old, new, _EXCHANGE) == 0
     except (OSError, AttributeError, TypeError):
         pass
     return False

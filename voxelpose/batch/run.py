@@ -382,8 +382,8 @@ def _run_task(task: _Task) -> Outcome:
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
-            how = job.estimator_settings(threads), job.estimator
-            fit_people(job.open(), output, *how, people=job.people)
+            options = job.estimator_settings(threads)
+            fit_people(job.open(), output, options, job.estimator, people=job.people)
         if settings.report:
             from voxelpose.report.page import write_report  # its charts take seconds to import
 

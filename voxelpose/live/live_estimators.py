@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -165,11 +166,11 @@ class FollowedPeople:
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
         moment = Moment.of(0.0, silhouettes)
-        given = self._pinholes, settings, moment
-        beside = [self._executor.submit(_load_kernels, *given) for _ in self._hulls]
-        _load_kernels(*given)
-        for loaded in beside:
-            loaded.result()
+        load = partial(_load_kernels, self._pinholes, settings, moment)
+        loading = [self._executor.submit(load) for _ in self._hulls]
+        load()
+        for process in loading:
+            process.result()
 
     def _carved(self, moment: Moment, pose: Pose) -> NDArray[np.float32]:
         low, high = pose.root_m - 1.2, pose.root_m + 1.2  # as far as a body reaches

@@ -4,7 +4,6 @@ fitted body and of their outlines with one another.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -151,8 +150,8 @@ def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Fi
     """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
     recording since, worst first.
     """
-    seen = (_outlines(result), _parts(result), _joints(result), _cameras(cameras))
-    return _worst_first([*_changes(changed), _lost(result), *chain(*seen)])
+    of_result = [_lost(result), *_outlines(result), *_parts(result), *_joints(result)]
+    return _worst_first([*_changes(changed), *of_result, *_cameras(cameras)])
 
 
 def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:

@@ -282,8 +282,8 @@ class SetupSession:
         with self._saving, self._staging:
             written = repair_folder(self.folder, repaired)
             change_section(self.folder / SETTINGS_FILE, "fit", {"unit": None})  # stated now
-            _, fps, label = self._opened.given
-            self._open(OpenedFolder.open(self.folder, None, fps, label))
+            opened = self._opened
+            self._open(OpenedFolder.open(self.folder, None, opened.fps, opened.label))
         self._job.forget()
         return {"written": [path.name for path in written]}
 

@@ -89,8 +89,8 @@ class LiveStep:
         command = self._commands.command("live", project, fixed, asked.settings, inside)
         command.check()
         self._token = secrets.token_urlsafe(32)
-        given = self._commands.work("live"), command, f"{asked.project} – live", self._token
-        self._job.start(LIVE, asked.project, follow, *given)
+        work, name = self._commands.work("live"), f"{asked.project} – live"
+        self._job.start(LIVE, asked.project, follow, work, command, name, self._token)
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:

@@ -198,8 +198,8 @@ class StudioServer(GatedServer):
                     raise InputError("there is no picture yet")
                 return picture, "image/jpeg"
             case ("still",):
-                asked = project, query.get("place", ""), query.get("camera", "")
-                return session.calibration.still(*asked), "image/jpeg"
+                place, camera = query.get("place", ""), query.get("camera", "")
+                return session.calibration.still(project, place, camera), "image/jpeg"
             case ("rig",):
                 picture = session.folder.project(project) / RIG_PICTURE
                 return picture.read_bytes(), "image/png"

@@ -240,18 +240,19 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
     threading.Thread(target=end_with_parent, daemon=True).start()
     reporter = JobReporter(pipe)
     try:
-        told = "done", work(reporter, *arguments)
+        outcome, content = "done", work(reporter, *arguments)
     except InputError as error:
-        told = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
+        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
     except KeyboardInterrupt:
-        told = "failed", (_ENDED, "")
+        outcome, content = "failed", (_ENDED, "")
     except OSError as error:
         traceback.print_exc()
-        told = "failed", (f"{error.filename or 'a file'}: {error.strerror or error}", "")
+        line = f"{error.filename or 'a file'}: {error.strerror or error}"
+        outcome, content = "failed", (line, "")
     except Exception:
         traceback.print_exc()
-        told = "failed", (_BUG, "")
-    reporter.send(*told)
+        outcome, content = "failed", (_BUG, "")
+    reporter.send(outcome, content)
 
 
 def _kill_later(process: Any) -> None:

@@ -277,10 +277,9 @@ class ResultScenes:
         elif masks:
             places_m = [fitted.motion.root_m[row] for fitted, row in posed] or [None]
             try:
-                at = self.volume(masks), self.voxel_size_m, self.rule
-                observer = HullObserver(self.views, *at)
-                seen = self.views.without_unknown(masks)
-                observation = observer.observe_people(seen, places_m)
+                volume, views = self.volume(masks), self.views
+                observer = HullObserver(views, volume, self.voxel_size_m, self.rule)
+                observation = observer.observe_people(views.without_unknown(masks), places_m)
             except InputError as error:
                 notes.append(str(error))
             else:
