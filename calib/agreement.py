@@ -119,9 +119,10 @@ def agreement(
     for track in tracks:
         name = track.camera.name
         rest = [other for other in good if other != name]
-        own = signed_errors(errors, name, rest)
-        others_px, moments = group_error(errors, rest), int(track.seen.sum())
-        lines.append(CameraAgreement(name, trimmed_mean(own), others_px, moments, len(own)))
+        signed_px = signed_errors(errors, name, rest)
+        error_px, others_px = trimmed_mean(signed_px), group_error(errors, rest)
+        moments = int(track.seen.sum())
+        lines.append(CameraAgreement(name, error_px, others_px, moments, len(signed_px)))
     agrees = not culprits and whole <= AGREEMENT.disagree_px * scale
     return Agreement(whole, tuple(lines), culprits, agrees)
 

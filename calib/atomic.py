@@ -84,12 +84,12 @@ def announce(partial: Path, path: Path) -> None:
 
 def written_paths() -> list[Path]:
     """The files and folders that this process has completed, as far as they are still there."""
-    there = []
+    written = []
     for inode, path in _renames.items():
         with suppress(OSError):
             if path.stat().st_ino == inode:
-                there.append(path)
-    return there
+                written.append(path)
+    return written
 
 
 def partial_mark() -> str:
@@ -300,13 +300,12 @@ class FolderWriter:
                 errno.ENOTDIR,
             ):
                 raise
-            kept = self._kept_beside(target)
             raise InputError(
                 f"something else was written to {self.out} meanwhile and stays there: this result"
-                f" is in {kept}"
+                f" is in {self._put_beside(target)}"
             ) from error
 
-    def _kept_beside(self, target: Path) -> Path:
+    def _put_beside(self, target: Path) -> Path:
         for number in range(2, 1000):
             beside = target.with_name(f"{target.name}-{number}")
             if not beside.exists():

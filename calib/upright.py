@@ -225,14 +225,14 @@ def _stances(rig: Rig, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     above = np.array([-camera.rotation[1] for camera in rig])
     x, y = right @ up, above @ up
     # A camera that looks along up does not tell: its image has no vertical.
-    told = np.hypot(x, y)
+    certainty = np.hypot(x, y)
     lean = np.arctan2(x, y)[:, None] - np.arange(4) * (np.pi / 2)
     lean = np.abs((lean + np.pi) % (2 * np.pi) - np.pi)
     across = np.stack([right, -above, -right, above], axis=1)
     upright = np.cos(2 * np.minimum(lean, np.pi / 4))  # 0 where the next stance begins
     # Of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
     worth = np.array([1.0, UPRIGHT.on_its_side, UPRIGHT.upside_down, UPRIGHT.on_its_side])
-    return upright * worth * np.minimum(told[:, None] / 0.3, 1.0), across
+    return upright * worth * np.minimum(certainty[:, None] / 0.3, 1.0), across
 
 
 def _same(first: FloatArray, second: FloatArray) -> bool:
@@ -259,8 +259,8 @@ def _directions(rig: Rig) -> Iterable[FloatArray]:
         unit_vector(vertical) for vertical in (mean, *above) if np.linalg.norm(vertical) > 0.1
     )
     for first, second in combinations(range(len(rig)), 2):
-        for one, other in product((right[first], above[first]), (right[second], above[second])):
-            across = np.cross(one, other)
+        for a, b in product((right[first], above[first]), (right[second], above[second])):
+            across = np.cross(a, b)
             if np.linalg.norm(across) > 0.1:
                 yield unit_vector(across)
                 yield -unit_vector(across)

@@ -142,11 +142,12 @@ def evaluate_people(
     known_m = read_people_truth(_truth_of(results[0].folder) if truth is None else Path(truth))
     if len(results) > len(known_m):
         raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
-    found_m = [read_joints(result.folder / JOINTS, len(known_m[0]), offset) for result in results]
-    cost = np.array([[_apart_m(true, found) for true in known_m] for found in found_m])
+    files = [result.folder / JOINTS for result in results]
+    joints_m = [read_joints(file, len(known_m[0]), offset) for file in files]
+    cost = np.array([[_apart_m(true_m, these_m) for true_m in known_m] for these_m in joints_m])
     pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
     scores = {
-        results[k].folder.name: score_motion(known_m[person], found_m[k])
+        results[k].folder.name: score_motion(known_m[person], joints_m[k])
         for k, person in pairs.items()
     }
     missed = sorted({*range(len(known_m))} - {*pairs.values()})

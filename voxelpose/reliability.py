@@ -64,10 +64,10 @@ def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
     """The verdict on several people's results, by their names: that of the least reliable one, the
     first of these, who is named; where all are reliable, with the uncertain joints of all.
     """
-    name, worst = min(verdicts.items(), key=lambda one: LEVELS.index(one[1].level))
+    name, worst = min(verdicts.items(), key=lambda item: LEVELS.index(item[1].level))
     if worst.reason:
         return replace(worst, reason=f"{name}: {worst.reason}")
-    uncertain = [f"{name} {joint}" for name, one in verdicts.items() for joint in one.uncertain]
+    uncertain = [f"{who} {joint}" for who, each in verdicts.items() for joint in each.uncertain]
     return replace(worst, uncertain=tuple(uncertain))
 
 

@@ -249,10 +249,10 @@ class Source:
             )
         return int(width), int(height)
 
-    def rig(self, found: Sequence[Camera | None], notes: Sequence[str] = ()) -> Rig:
+    def rig(self, entries: Sequence[Camera | None], notes: Sequence[str] = ()) -> Rig:
         """Rig of the cameras; an error if there is none or two share a name."""
-        cameras = [camera for camera in found if camera is not None]
-        if found and not cameras:
+        cameras = [camera for camera in entries if camera is not None]
+        if entries and not cameras:
             raise self.error(
                 f"none of {', '.join(self.cameras or ())} is in it with a position: choose others"
             )

@@ -244,30 +244,24 @@ class _Task:
         if seconds is None:
             spent = people_seconds(self.folder) if several else summary["seconds"]
             seconds = float(spent["total"])
-        each = {
-            one.folder.name: Outcome(
-                self.job,
-                status,
-                "",
-                seconds,
-                one.summary,
-                asdict(scores[one.folder.name]) if scores else {},
-            )
-            for one in results
-        }
+        each: dict[str, Outcome] = {}
+        for result in results:
+            name = result.folder.name
+            score = asdict(scores[name]) if scores else {}
+            each[name] = Outcome(self.job, status, "", seconds, result.summary, score)
         if several:
             return Outcome(self.job, status, "", seconds, people=each)
         return each[results[0].folder.name]
 
 
 def run_batch(
-    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
+    jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
-    has other settings now. `told` is told every outcome, and how many there are so far; None for a
-    piece of a long recording.
+    has other settings now. `on_outcome` is called with every outcome, and how many there are so
+    far; None for a piece of a long recording.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.
@@ -277,18 +271,18 @@ def run_batch(
     except OSError as error:
         raise InputError(f"{settings.out} cannot be made: {error.strerror or error}") from error
     with claimed(settings.out.resolve()):
-        return _run_jobs(jobs, settings, told)
+        return _run_jobs(jobs, settings, on_outcome)
 
 
 def _run_jobs(
-    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
+    jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """The outcomes of the jobs, in their order."""
     outcomes: dict[int, Outcome] = {}
 
     def keep(number: int, outcome: Outcome) -> None:
         outcomes[number] = outcome
-        told(outcome, len(outcomes))
+        on_outcome(outcome, len(outcomes))
 
     for number, job in enumerate(jobs):
         task = _Task(job, settings)
@@ -300,7 +294,7 @@ def _run_jobs(
     of_piece = replace(settings, out=settings.out / PIECES, pictures=False, report=False)
 
     def keep_piece(key: tuple[int, int], outcome: Outcome) -> None:
-        told(outcome, None)
+        on_outcome(outcome, None)
         number, place = key
         if outcome.people:
             words = f"{len(outcome.people)} people are seen, and pieces follow one: set people = 1"

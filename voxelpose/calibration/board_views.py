@@ -114,9 +114,9 @@ def find_views(
     if not is_film(pictures):
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
-    kept = select_views(board, seen, max_views)
+    used = select_views(board, seen, max_views)
     return {
-        name: NOT_NEW if name in seen and name not in kept else view for name, view in views.items()
+        name: NOT_NEW if name in seen and name not in used else view for name, view in views.items()
     }
 
 
@@ -248,16 +248,16 @@ def board_moments(
         at_floor = numbers == (-1 if floor is None else floor)
         important = {*before[at_floor].tolist(), *after[at_floor].tolist()}
         reporter.stage(f"looking for the board in {name}", len(needed))
-        found: dict[int, BoardView] = {}
+        detected: dict[int, BoardView] = {}
         pictures = reader.select(needed.tolist())
         for number, picture in zip(needed.tolist(), pictures, strict=True):
             view = finders[name](picture, number in important)
             if isinstance(view, BoardView):
-                found[number] = view
+                detected[number] = view
             reporter.advance()
         for moment, a, b, fraction in zip(views, before, after, part, strict=True):
-            if a in found and b in found:
-                view = view_between(board, found[a], found[b], float(fraction))
+            if a in detected and b in detected:
+                view = view_between(board, detected[a], detected[b], float(fraction))
                 if view is not None:
                     views[moment][name] = view
     seen = {name: sum(name in moment for moment in views.values()) for name in readers}
@@ -303,9 +303,9 @@ def _thinned(
     """Moments with most views, evenly over time; boards seen by a single camera are useless."""
     alone = 1 if len({name for seen in views.values() for name in seen}) == 1 else 0
     useful = [moment for moment, seen in views.items() if len(seen) > 1 - alone or moment == floor]
-    kept = {
+    chosen = {
         max(useful[part[0] : part[-1] + 1], key=lambda moment: len(views[moment]))
         for part in np.array_split(np.arange(len(useful)), min(max_moments, len(useful)) or 1)
         if len(part)
     }
-    return {moment: views[moment] for moment in useful if moment in kept or moment == floor}
+    return {moment: views[moment] for moment in useful if moment in chosen or moment == floor}

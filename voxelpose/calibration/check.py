@@ -138,18 +138,18 @@ def _outlines(
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = moments[even_moments(len(moments), _SHOWN, 1 / (_SHOWN + 1))]
+    pictured = moments[even_moments(len(moments), _SHOWN, 1 / (_SHOWN + 1))]
     checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)
         for name, mask in masks.items():
             unknown = silhouettes.unknown.get(name)
             outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
-        if moment in shown:
-            checked_frames[int(recording.numbers[moment])] = shown_now = {}
+        if moment in pictured:
+            checked_frames[int(recording.numbers[moment])] = pictures = {}
             for name, mask in masks.items():
                 small = cv2.resize(frames[name], mask.shape[::-1], interpolation=cv2.INTER_AREA)
-                shown_now[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
+                pictures[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
         reporter.advance()
     times = recording.times_s[moments]
     return {

@@ -52,8 +52,8 @@ def extrinsics_from_recording(
         InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
     readers, lenses = _readers(folder, lenses, settings.cameras)
-    times, told = recorded_times(folder, readers)
-    for note in told:
+    times, notes = recorded_times(folder, readers)
+    for note in notes:
         reporter.note(note)
     _check_start(folder, readers, times, reporter)
     views, seen = board_moments(
@@ -67,12 +67,12 @@ def extrinsics_from_recording(
         )
     reporter.stage("bundle adjustment")
     floor = None if settings.floor is None else f"frame {settings.floor}"
-    found = calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
+    extrinsics = calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
     if settings.earlier is None:
-        return found
+        return extrinsics
     with suppress(InputError):  # of other cameras, or of another size
-        return replace(found, before_px=board_errors(board, settings.earlier, views))
-    return found
+        return replace(extrinsics, before_px=board_errors(board, settings.earlier, views))
+    return extrinsics
 
 
 def _readers(

@@ -128,8 +128,8 @@ def _located(text: str, folder: Path) -> str:
     """A path that is relative to a folder, also after NAME=; what is no path stays."""
     name, equals, last = text.rpartition("=")
     path = folder / os.path.expanduser(last)  # noqa: PTH111
-    there = last and not last.isdigit() and os.path.exists(path)  # noqa: PTH110
-    return f"{name}{equals}{path}" if there else text
+    exists = last and not last.isdigit() and os.path.exists(path)  # noqa: PTH110
+    return f"{name}{equals}{path}" if exists else text
 
 
 class FolderSetting(NamedTuple):
@@ -163,7 +163,7 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     from voxelpose.recording.subject import settings_files
 
     options = options_of(load_command(section))
-    found: dict[str, FolderSetting] = {}
+    settings: dict[str, FolderSetting] = {}
     for file in reversed(settings_files(folder)):
         where = f"{file}: [{section}]"
         for key, given in _sections(file).get(section, {}).items():
@@ -172,8 +172,8 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
                 near = nearest(name, options) or f": there are {', '.join(options)}"
                 raise InputError(f"{where} has no setting {key[:40]!r}{near}")
             value = options[name].value_from(given, file.parent, where)
-            found[name] = FolderSetting(value, str(file))
-    return found
+            settings[name] = FolderSetting(value, str(file))
+    return settings
 
 
 def sections_in(folder: Path) -> list[str]:
@@ -213,16 +213,16 @@ def parse_with_settings(
     # First for the folder alone: what is missing may be in its files.
     blanks = {o.field: o.kind() for o in options.values() if o.default is MISSING}
     typed = parsed(blanks)
-    found = folder_settings(section, folder_of(typed))
+    settings = folder_settings(section, folder_of(typed))
     for option in options.values():
         if option.appended and getattr(typed, option.field):
-            found.pop(option.name, None)  # the values would be added to the file's
-    if not found:
+            settings.pop(option.name, None)  # the values would be added to the file's
+    if not settings:
         return parsed(None), {}
-    done = parsed({options[name].field: setting.value for name, setting in found.items()})
+    done = parsed({options[name].field: setting.value for name, setting in settings.items()})
     taken = {
         name: setting
-        for name, setting in found.items()
+        for name, setting in settings.items()
         if getattr(done, options[name].field) == setting.value
     }
     if "sources" in {field.name for field in fields(command)}:
@@ -238,8 +238,8 @@ def _grouped(command: Any) -> Any:
     groups = []
     for name, listed in {**command.groups, "expert": " ".join(rest)}.items():
         # A subclass of fewer fields, since tyro finds their docstrings in its parents.
-        own = {word: rest.pop(word) for word in listed.split() if word in rest}
-        group = type(name, (command,), {"__dataclass_fields__": own})
+        members = {word: rest.pop(word) for word in listed.split() if word in rest}
+        group = type(name, (command,), {"__dataclass_fields__": members})
         groups.append((name, group))
     return make_dataclass(command.__name__, groups)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,10 +76,10 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
         verdict, frames = verdict_of(summary), summary["frames"]
         colour = "green" if verdict.level == "reliable" else "yellow"
         words = plain(str(verdict).removeprefix(verdict.level))
-        away = len(frames.get("away", ()))
+        absent = len(frames.get("away", ()))
         console.print(
             f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames"
-            + (f", away in {away}:" if away else ":")
+            + (f", away in {absent}:" if absent else ":")
             + f" [bold {colour}]{verdict.level}[/]{words}",
             soft_wrap=True,
         )
@@ -158,9 +159,9 @@ def print_scan_score(score: ScanScore) -> None:
     }
     print_table(
         (
-            (name, *(f"{mm:.1f}" for mm in (one.mean_mm, one.rms_mm, one.p95_mm, one.worst_mm)))
-            for name, one in rows.items()
-            if one is not None
+            (name, *(f"{value_mm:.1f}" for value_mm in astuple(distance)))
+            for name, distance in rows.items()
+            if distance is not None
         ),
         f"frame {score.frame}, mm",
         "mean, + outside",

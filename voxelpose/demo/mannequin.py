@@ -148,8 +148,8 @@ class Mannequin:
         """
         world_from_bone, rest, origins = [], self.joints_m, np.zeros_like(self.joints_m)
         for k, (name, parent) in enumerate(zip(BONE_NAMES, _PARENTS, strict=True)):
-            own = rotations.get(name, Rotation.identity())
-            world_from_bone.append(own if parent < 0 else world_from_bone[parent] * own)
+            turn = rotations.get(name, Rotation.identity())
+            world_from_bone.append(turn if parent < 0 else world_from_bone[parent] * turn)
             origins[k] = (
                 (*(self.stride * pelvis_m), 0)
                 if parent < 0

@@ -155,7 +155,7 @@ def export_motion(
         for place in reversed(made):
             with suppress(OSError):  # it holds something
                 place.rmdir()
-    return [place / name for place, (_, own) in plan.items() for name in (*own, EXPORT_RECORD)]
+    return [place / name for place, (_, files) in plan.items() for name in (*files, EXPORT_RECORD)]
 
 
 def _planned(

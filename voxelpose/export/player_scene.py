@@ -125,18 +125,18 @@ def _names(count: int, results: Sequence[tuple[str, int]]) -> tuple[list[str], l
     if not results:
         return (person_names(count) if count > 1 else [""]), [0] * count
     names, numbers = list[str](), list[int]()
-    for k, (result, own) in enumerate(results):
-        people = person_names(own) if own > 1 else [""]
+    for k, (result, total) in enumerate(results):
+        people = person_names(total) if total > 1 else [""]
         names += [f"{result} {person}".strip() for person in people]
-        numbers += [k] * own
+        numbers += [k] * total
     return names, numbers
 
 
 def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
     model, quality = motion.model, motion.quality
     row = np.searchsorted(motion.frames, rows)
-    there = row < len(motion)
-    there[there] = motion.frames[row[there]] == rows[there]
+    posed = row < len(motion)
+    posed[posed] = motion.frames[row[posed]] == rows[posed]
     measure = next((key for key in CONFIDENCE if key in quality), None)
     parts, local, bones = skeleton_lines(model)
     weights = np.rint(model.skin_weights * 255)
@@ -153,7 +153,7 @@ def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
         "owner": numbers(owner),
         "skin_parts": numbers(np.where(weights > 0, model.skin_parts, 0)),
         "skin_weights": packed(weights.astype(np.uint8)),
-        "rows": packed(np.where(there, row, -1).astype(np.int32)),
+        "rows": packed(np.where(posed, row, -1).astype(np.int32)),
         "filled": packed(motion.filled.astype(np.uint8)),
         "root": packed(motion.root_m.astype(np.float32)),
         "turn": packed(np.rint(quaternions(motion.parts()[0]) * _ONE).astype(np.int16)),

@@ -72,10 +72,10 @@ class _Sparing:
 
     def step(self, given: object) -> People:
         people = list(self._finder.step(given))
-        for k, found in enumerate(people):
-            if found is not None:
-                known, self._sent[k] = found.model is self._sent.get(k), found.model
-                people[k] = replace(found, model=None) if known else found  # type: ignore[arg-type]
+        for k, body in enumerate(people):
+            if body is not None:
+                known, self._sent[k] = body.model is self._sent.get(k), body.model
+                people[k] = replace(body, model=None) if known else body  # type: ignore[arg-type]
         return tuple(people)
 
     def close(self) -> None:
@@ -104,11 +104,11 @@ class LiveEstimator(RemoteObject, ABC):
     def step(self, given: Any) -> People:
         """Everybody by number, None where there is none, from what `prepare` made."""
         people: list[PosedBody | None] = []
-        for k, found in enumerate(self.call("step", given)):
-            if found is not None:
-                self._models[k] = found.model or self._models[k]
-                found = replace(found, model=self._models[k])
-            people.append(found)
+        for k, body in enumerate(self.call("step", given)):
+            if body is not None:
+                self._models[k] = body.model or self._models[k]
+                body = replace(body, model=self._models[k])
+            people.append(body)
         return tuple(people)
 
 
@@ -140,20 +140,20 @@ class FollowedPeople:
     def step(self, moment: Moment) -> People:
         """Everybody in silhouettes as recorded; None where there is none."""
         masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
-        found = self._follower.step(Moment.of(moment.time_s, masks))
-        return tuple(self._posed(k, own) for k, own in enumerate(found))
+        people = self._follower.step(Moment.of(moment.time_s, masks))
+        return tuple(self._posed(k, person) for k, person in enumerate(people))
 
-    def _posed(self, person: int, found: FoundPerson | None) -> PosedBody | None:
+    def _posed(self, number: int, person: FoundPerson | None) -> PosedBody | None:
         """Somebody who was found, with the hull, which is carved now and then."""
-        if found is None:
-            self._hulls[person] = None
+        if person is None:
+            self._hulls[number] = None
             return None
-        hull, time_s = self._hulls[person], found.moment.time_s
+        hull, time_s, pose = self._hulls[number], person.moment.time_s, person.fit.pose
         if hull is None or time_s - hull[0] > 0.15:  # it is only shown
-            hull = self._hulls[person] = time_s, self._carved(found.moment, found.fit.pose)
-        confidence = float(np.clip(1 - found.fit.error, 0, 1))
-        body = posed_body(found.model, found.fit.pose, confidence, found.shown, hull_m=hull[1])
-        return replace(body, confidence=confidence * float(found.shown.mean()))
+            hull = self._hulls[number] = time_s, self._carved(person.moment, pose)
+        confidence = float(np.clip(1 - person.fit.error, 0, 1))
+        body = posed_body(person.model, pose, confidence, person.shown, hull_m=hull[1])
+        return replace(body, confidence=confidence * float(person.shown.mean()))
 
     def close(self) -> None:
         """Ends the searching process."""
@@ -226,12 +226,12 @@ class MonocularPoses:
 
     def step(self, seen: SeenPerson) -> People:
         """The likeliest pose and others."""
-        (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
-        model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
-        shown = np.where(found.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
-        likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
-        hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
-        return (posed_body(model, found.pose, confidence, shown, hypotheses),)
+        (estimate,) = self._stages.trajectory.add(self._stages.noted(*seen))
+        model, confidence = self._stages.trajectory.model, float(np.clip(1 - estimate.error, 0, 1))
+        visibility = np.where(estimate.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
+        probabilities = estimate.probability[:_HYPOTHESES].tolist()
+        hypotheses = tuple(zip(probabilities, estimate.joints[:_HYPOTHESES], strict=True))
+        return (posed_body(model, estimate.pose, confidence, visibility, hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
@@ -284,16 +284,16 @@ def posed_body(
     model: BodyModel,
     pose: Pose,
     confidence: float,
-    shown: NDArray[np.float64],
+    visibility: NDArray[np.float64],
     hypotheses: Hypotheses = (),
     hull_m: NDArray[np.float32] | None = None,
 ) -> PosedBody:
-    """Body with its parts and joints in the world; `shown`, (15,), is each joint's confidence
+    """Body with its parts and joints in the world; `visibility`, (15,), is each joint's confidence
     relative to the pose's, 0 to 1, the rest as of `PosedBody`.
     """
     (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
     joints_m = landmarks(model, rotation[None], origin[None])[0]
-    each = confidence * shown
+    each = confidence * visibility
     return PosedBody(model, pose, rotation, origin, joints_m, each, confidence, hypotheses, hull_m)
 
 

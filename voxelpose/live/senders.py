@@ -54,13 +54,13 @@ class ReceiverAddress:
         """Family and number of the host. InputError where the host's name is not known here."""
         kind = socket.SOCK_DGRAM if self.protocol == "vmc" else socket.SOCK_STREAM
         try:
-            found = socket.getaddrinfo(self.host, self.port, type=kind)
+            addresses = socket.getaddrinfo(self.host, self.port, type=kind)
         except (OSError, UnicodeError):
             raise InputError(
                 f"--send {self.shown}: this machine knows no host {self.host!r}: check the name, or"
                 " give its number, such as 192.168.0.20"
             ) from None
-        family, _, _, _, address = found[0]
+        family, _, _, _, address = addresses[0]
         return family, str(address[0])
 
 
@@ -183,12 +183,12 @@ class DatagramSender(Sender):
 
     async def connection(self) -> None:
         """See `Sender.connection`."""
-        with ExitStack() as kept:
-            outlets = [kept.enter_context(self._outlet(0))]
+        with ExitStack() as outlet_stack:
+            outlets = [outlet_stack.enter_context(self._outlet(0))]
             while True:
                 frame, offered_s = await self.newest()
                 for person in range(len(outlets), len(frame.people)):
-                    outlets.append(kept.enter_context(self._outlet(person)))
+                    outlets.append(outlet_stack.enter_context(self._outlet(person)))
                 refused = [
                     _refused(outlet, datagram)
                     for person, outlet in enumerate(outlets)

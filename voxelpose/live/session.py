@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,8 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
-from voxelpose.live.live_frame import LiveFrame, Phase, SessionState, hidden_note
-from voxelpose.live.live_recorder import LiveRecorder
+from voxelpose.live.live_frame import LiveFrame, People, Phase, SessionState, hidden_note
+from voxelpose.live.live_recorder import LiveRecorder, Masks
 from voxelpose.live.live_silhouettes import (
     EmptyView,
     PeopleInTurn,
@@ -411,10 +410,10 @@ class LiveSession:
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 
-    def _show(self, shot: Shot, *found: Any) -> None:
+    def _show(self, shot: Shot, masks: Masks, people: People, note: str = "") -> None:
         """Hands a moment, with what was found in it, to all receivers."""
-        taken_s = self._started_unix_s + shot.time_s
-        frame = LiveFrame(shot.number, shot.time_s, shot.pictures, *found, captured_unix_s=taken_s)
+        number, time_s, taken_s = shot.number, shot.time_s, self._started_unix_s + shot.time_s
+        frame = LiveFrame(number, time_s, shot.pictures, masks, people, note, taken_s)
         for receive in self.receivers:
             receive(frame)
 

@@ -47,11 +47,11 @@ def recorded_times(
         checked_rate(fps, "--fps", "correct it")
     elif (folder / TIMESTAMPS).exists():
         return read_timestamps(folder / TIMESTAMPS, readers)
-    found = times_in_files(readers, fps)
-    if found is not None:
+    file_times = times_in_files(readers, fps)
+    if file_times is not None:
         if together:
-            _check_ends(folder, found.times)
-        return found.times, (found.note,)
+            _check_ends(folder, file_times.times)
+        return file_times.times, (file_times.note,)
     aside = None if fps is None else times_in_files(readers)
     return None, () if aside is None else (f"{aside.faults}: --fps sets them aside",)
 

@@ -67,8 +67,8 @@ class MaskForm:
         coloured = labels and any(map(_is_coloured, layers))
         if alpha and coloured:
             coloured = _few(map(_opaque, layers))
-        shown = alphas if alpha and not coloured else [one.values for one in layers]
-        return cls(alpha, coloured, _scale(shown))
+        arrays = alphas if alpha and not coloured else [one.values for one in layers]
+        return cls(alpha, coloured, _scale(arrays))
 
     def plane(self, layers: Layers) -> Plane:
         """Values that count; where colours count within what is opaque, black without."""
@@ -107,10 +107,10 @@ def _opaque(layers: Layers) -> NDArray:
 
 
 @np.errstate(invalid="ignore")  # of infinite values, which are no whole numbers
-def _scale(shown: Sequence[NDArray]) -> float | None:
+def _scale(arrays: Sequence[NDArray]) -> float | None:
     """Factor of values: none where they are whole numbers already."""
-    top = max((float(np.nanmax(one, initial=0)) for one in shown), default=0.0)
-    whole = all(one.dtype.kind in "bui" or not np.any(one % 1) for one in shown)
+    top = max((float(np.nanmax(one, initial=0)) for one in arrays), default=0.0)
+    whole = all(one.dtype.kind in "bui" or not np.any(one % 1) for one in arrays)
     if (whole and top <= _LARGEST) or not 0 < top < np.inf:
         return None
     return _LARGEST / top
@@ -127,10 +127,10 @@ def codes_of(plane: Plane) -> NDArray[np.int64]:
 
 def _few(pictures: Iterable[NDArray]) -> bool:
     """Whether pictures hold no more values than labels do."""
-    found: set[int] = set()
+    codes: set[int] = set()
     for picture in pictures:
-        found |= set(np.unique(codes_of(np.atleast_3d(_thinned(picture)))).tolist())
-    return len(found) <= _MOST_VALUES
+        codes |= set(np.unique(codes_of(np.atleast_3d(_thinned(picture)))).tolist())
+    return len(codes) <= _MOST_VALUES
 
 
 def _thinned(picture: NDArray) -> NDArray:
@@ -173,13 +173,13 @@ class MaskLevels:
         exact = labels and _few(planes)
         apart = 0.0 if exact else top / (_SHADES if labels else 4)
         flat = [_flat(plane, apart / 2) for plane in planes]
-        found = _found(flat, apart, planes[0].shape[2])
+        unordered = _found(flat, apart, planes[0].shape[2])
         thin = [_thinned(plane) for plane in planes]
-        indices = [nearest_value(plane, found) for plane in thin]
+        indices = [nearest_value(plane, unordered) for plane in thin]
         border = np.concatenate([_border(one) for one in indices])
-        background = int(np.bincount(border, minlength=len(found)).argmax())
-        order = sorted(range(len(found)), key=lambda k: (k != background, *found[k]))
-        values = found[order]
+        background = int(np.bincount(border, minlength=len(unordered)).argmax())
+        order = sorted(range(len(unordered)), key=lambda k: (k != background, *unordered[k]))
+        values = unordered[order]
         indices = [np.argsort(order).astype(np.int16)[one] for one in indices]
         distance = [np.abs(plane - values[0]).max(axis=2) for plane in thin]
         near = np.concatenate([one[one <= apart] for one in distance])
@@ -235,12 +235,12 @@ def _found(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.flo
         for code, *row in zip(codes.tolist(), counts, *columns, strict=True):
             sums[code] += row
         large |= set(codes[counts * _LEAST >= len(values)].tolist())
-    found: list[NDArray[np.float64]] = []
+    chosen: list[NDArray[np.float64]] = []
     for code, (count, *total) in sorted(sums.items(), key=lambda one: -one[1][0]):
         value = np.rint(np.array(total) / count)
-        if code in large and all(np.abs(value - other).max() > 2 * apart for other in found):
-            found.append(value)
-    return np.array(found or [np.zeros(channels)])
+        if code in large and all(np.abs(value - other).max() > 2 * apart for other in chosen):
+            chosen.append(value)
+    return np.array(chosen or [np.zeros(channels)])
 
 
 def nearest_value(plane: Plane, values: NDArray[np.float64]) -> NDArray[np.int16]:

@@ -54,13 +54,13 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
     not shown, are kept; returns the names that are clicked nowhere and so were not written.
     InputError where the file cannot be written.
     """
-    others, kept = _further_columns(path)
+    others, earlier = _further_columns(path)
     text = io.StringIO()
     writer = csv.DictWriter(text, (*_COLUMNS, *others), restval="", lineterminator="\n")
     writer.writeheader()
     for point in points:
         for camera, pixel in point.pixels.items():
-            row: dict[str, Any] = kept.get((camera, point.name), {}) | {
+            row: dict[str, Any] = earlier.get((camera, point.name), {}) | {
                 "camera": camera,
                 "point": point.name,
                 "x_px": f"{pixel[0]:.2f}".rstrip("0").rstrip("."),
@@ -80,7 +80,7 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
     By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera; `position_m`,
     world coordinates; `measured`, whether they were typed in.
     """
-    found: dict[str, dict[str, Any]] = {}
+    errors: dict[str, dict[str, Any]] = {}
     for point in points:
         seen = [rig[name] for name in point.pixels if name in rig]
         pixels = np.array([point.pixels[camera.name] for camera in seen]).reshape(-1, 2)
@@ -92,19 +92,19 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
             continue
         expected: dict[str, Any] = {}
         for camera in rig:
-            (at,), _ = camera.project(place[None])
-            if not np.isfinite(at).all() or np.abs(at).max() > 1e5:
+            (pixel,), _ = camera.project(place[None])
+            if not np.isfinite(pixel).all() or np.abs(pixel).max() > 1e5:
                 continue
-            entry: dict[str, Any] = {"expected": at.tolist()}
+            entry: dict[str, Any] = {"expected": pixel.tolist()}
             if camera.name in point.pixels:
-                entry["error_px"] = float(np.linalg.norm(at - point.pixels[camera.name]))
+                entry["error_px"] = float(np.linalg.norm(pixel - point.pixels[camera.name]))
             expected[camera.name] = entry
-        found[point.name] = {
+        errors[point.name] = {
             "pixels": expected,
             "position_m": place.tolist(),
             "measured": point.position_m is not None,
         }
-    return found
+    return errors
 
 
 def _triple(position: np.ndarray | None) -> tuple[float, float, float] | None:

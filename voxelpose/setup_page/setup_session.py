@@ -273,11 +273,11 @@ class SetupSession:
         again; returns the files. InputError where nothing can be repaired, files have changed since
         the check, or the system refuses.
         """
-        found = self.check_status()
-        repaired = found.get("repaired")
+        status = self.check_status()
+        repaired = status.get("repaired")
         if not repaired:
             raise InputError("there is nothing to repair: check the cameras first")
-        if found["inputs"] != replaced_inputs(self._recording):
+        if status["inputs"] != replaced_inputs(self._recording):
             raise InputError("calibration or time stamps have changed since: check again")
         with self._saving, self._staging:
             written = repair_folder(self.folder, repaired)
@@ -321,12 +321,12 @@ class SetupSession:
         names = POINTS_FILE, SETTINGS_FILE, RECORDING_FILE
         files = [self.folder / name for name in names]
         files += visible_entries(self.folder / "regions")
-        found = hashlib.sha256()
+        digest = hashlib.sha256()
         for file in files:
             if file.is_file():
-                found.update(f"{file.name}\0{file.stat().st_size}\0".encode())
-                found.update(file.read_bytes())
-        return found.hexdigest()
+                digest.update(f"{file.name}\0{file.stat().st_size}\0".encode())
+                digest.update(file.read_bytes())
+        return digest.hexdigest()
 
     def _check_places(self, places: page_requests.PlacesDrawn) -> None:
         check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)

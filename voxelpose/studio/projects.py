@@ -110,7 +110,7 @@ class StudioFolder:
 
     def projects(self) -> list[dict[str, Any]]:
         """All projects: `name`, number of `cameras`, whether `calibrated`."""
-        found = []
+        projects = []
         for folder in visible_entries(self.root):
             if not folder.is_dir() or is_result(folder) or not self.holds(folder):
                 continue
@@ -118,16 +118,16 @@ class StudioFolder:
             cameras = _camera_count(folder)
             if new or cameras or is_recording(folder):
                 calibrated = calibration_path(folder) is not None
-                found.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
-        return found
+                projects.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
+        return projects
 
     def results(self) -> list[dict[str, Any]]:
         """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
         here), `level` and `words` of its verdict, `frames`, time it was `made`, whether it has a
         contact `sheet`.
         """
-        found = [self._described(folder) for folder in self._result_folders()]
-        return sorted(found, key=lambda result: -result["made"])
+        results = [self._described(folder) for folder in self._result_folders()]
+        return sorted(results, key=lambda result: -result["made"])
 
     def holds(self, path: Path) -> bool:
         """Whether a path, its links followed, lies within."""
@@ -175,13 +175,14 @@ class StudioFolder:
             recording = self._recording_of(people[0])
             if recording.parent == self.root:
                 known["project"] = recording.name
-            summaries = {one.name: load_summary(one / SUMMARY) for one in people}
+            summaries = {person.name: load_summary(person / SUMMARY) for person in people}
         except InputError as error:
             return known | {"level": "failed", "words": str(error)}
         verdicts = {name: verdict_of(summary) for name, summary in summaries.items()}
         verdict = verdict_of_people(verdicts) if len(people) > 1 else verdicts[people[0].name]
-        counts = [(one["frames"]["with_pose"], one["frames"]["lost"]) for one in summaries.values()]
-        frames = ", ".join(f"{posed} of {posed + len(lost)}" for posed, lost in counts)
+        counts = [summary["frames"] for summary in summaries.values()]
+        posed = [(frames["with_pose"], len(frames["lost"])) for frames in counts]
+        frames = ", ".join(f"{count} of {count + lost}" for count, lost in posed)
         whom = f"{len(people)} people, " if len(people) > 1 else ""
         return known | {
             "level": verdict.level,

@@ -162,8 +162,8 @@ class _Filming:
         begun_s, asked = time.monotonic(), None
         while asked != word or not word:
             passed_s = time.monotonic() - begun_s
-            shown = self._empty is None or len(self._empty) == len(self._readers)
-            if seconds is not None and passed_s >= seconds and shown:
+            has_empty = self._empty is None or len(self._empty) == len(self._readers)
+            if seconds is not None and passed_s >= seconds and has_empty:
                 return
             self._show(phase, None if seconds is None else max(seconds - passed_s, 0.0))
             if self._recorder is not None:
@@ -223,7 +223,7 @@ class _Filming:
         if recorder.failure:
             raise InputError(recorder.failure)
         if recorder.written < 2:
-            states = "; ".join(f"{one.source.name}: {one.state}" for one in self._readers)
+            states = "; ".join(f"{reader.source.name}: {reader.state}" for reader in self._readers)
             raise InputError(
                 "at no moment did all cameras send a picture, so nothing is kept: cameras of one"
                 f" rate are needed ({states})"

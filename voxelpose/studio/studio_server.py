@@ -160,19 +160,21 @@ class StudioServer(GatedServer):
 
     async def _tell(self, writer: StreamWriter) -> None:
         """Sends the job's state whenever it has changed, as server-sent events."""
-        job, told, silent_ms = self._session.job, -1, 0
+        job, sent_version, silent_ms = self._session.job, -1, 0
         headers = {"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
         writer.write(_head(headers | {"Connection": "close"}))
         while True:
             version = job.version
-            if version != told:
+            if version != sent_version:
                 status = job.status()
                 status.pop("picture", None)
                 writer.write(b"data: " + msgspec.json.encode(status) + b"\n\n")
+                sent_version, silent_ms = version, 0
             elif silent_ms >= _BEAT_MS:
                 writer.write(b":\n\n")
-            spoken = version != told or silent_ms >= _BEAT_MS
-            told, silent_ms = version, 0 if spoken else silent_ms + _LOOK_MS
+                silent_ms = 0
+            else:
+                silent_ms += _LOOK_MS
             await writer.drain()
             await asyncio.sleep(_LOOK_MS / 1000)
 

@@ -244,12 +244,12 @@ class StudioSession:
             raise InputError("this result has no pictures: fit again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)
 
-    def setup(self, name: str, again: bool) -> SetupPage:
+    def setup(self, name: str, reopen: bool) -> SetupPage:
         """The set-up of a project, opened where another was, or once more. InputError where it
         cannot be opened.
         """
         with self._lock:
-            if self._setup is None or self._setup[0] != name or again:
+            if self._setup is None or self._setup[0] != name or reopen:
                 folder = self.folder.project(name)
                 read = partial(self.commands.values, "fit", folder)
                 opened = OpenedFolder.open(folder, **_unstated(read()))

@@ -145,7 +145,7 @@ def show_hull(
     if skeleton is None:
         mesh.compute_vertex_normals()
         mesh.paint_uniform_color(_SKIN[::-1] / 255)
-        shown = [mesh]
+        geometries = [mesh]
     else:
         # A closed surface would occlude the lines: it is drawn as a net.
         drawn = _drawn(skeleton)
@@ -157,8 +157,8 @@ def show_hull(
         lines.colors = open3d.utility.Vector3dVector(colours)
         net = open3d.geometry.LineSet.create_from_triangle_mesh(mesh)
         net.paint_uniform_color(_SKIN[::-1] / 255)
-        shown = [net, lines]
-    open3d.visualization.draw_geometries(shown, window_name=title)
+        geometries = [net, lines]
+    open3d.visualization.draw_geometries(geometries, window_name=title)
 
 
 def _drawn(skeleton: Skeleton) -> list[tuple[tuple[int, int], Colour]]:
@@ -227,15 +227,15 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     returns the number of frames written: those without a hull are left out. InputError where there
     is nothing to show, or the file cannot be written.
     """
-    motions, one = scenes.motions, scenes.motions[0] if len(scenes.motions) == 1 else None
+    motions, followed = scenes.motions, scenes.motions[0] if len(scenes.motions) == 1 else None
     if not motions:
         raise InputError(
             f"{scenes.title} is a recording without a fit: --video wants a result; --png shows one"
             " frame's hull"
         )
     reach = [motion.landmarks() for motion in motions]
-    if one is not None:
-        reach[0] -= one.root_m[:, None]
+    if followed is not None:
+        reach[0] -= followed.root_m[:, None]
     margin_m = 0.12  # around the joints: flesh, and the excess of the hull
     low = np.min([points.min((0, 1)) for points in reach], axis=0) - margin_m
     high = np.max([points.max((0, 1)) for points in reach], axis=0) + margin_m
@@ -250,8 +250,8 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
                 scene = scenes.scene(frame)
                 if scene.hull is not None:
                     middle = np.zeros(3)
-                    if one is not None:
-                        middle = one.root_m[np.abs(one.frames - frame).argmin()]
+                    if followed is not None:
+                        middle = followed.root_m[np.abs(followed.frames - frame).argmin()]
                     box_m, hull = (middle + low, middle + high), scene.hull
                     picture = hull_picture(
                         hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m

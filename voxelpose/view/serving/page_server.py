@@ -141,14 +141,14 @@ class PageServer:
         """Passes a WebSocket on, and whatever follows either way."""
         port = self.viser.get_port()
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
-        own = inner_writer.get_extra_info("sockname")[:2]
-        self._peers.add(own)
+        address = inner_writer.get_extra_info("sockname")[:2]
+        self._peers.add(address)
         try:
             inner_writer.write(request.head)
             await until_one_ends(_copy(inner_reader, writer), _copy(reader, inner_writer))
         finally:
             inner_writer.close()
-            self._peers.discard(own)
+            self._peers.discard(address)
 
 
 async def _copy(reader: StreamReader, writer: StreamWriter) -> None:

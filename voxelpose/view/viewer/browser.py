@@ -104,8 +104,8 @@ class Browser:
         frames = int(scenes.frames[0]), int(scenes.frames[-1]) + 1
         results = [(scenes.name, scenes.motions)]
         results += [(one.name, one.motions) for one in self._others]
-        several = tuple((name, len(own)) for name, own in results) if self._others else ()
-        motions = [motion for _, own in results for motion in own]
+        several = tuple((name, len(people)) for name, people in results) if self._others else ()
+        motions = [motion for _, people in results for motion in people]
         scene = player_scene(motions, scenes.fps, Stage(scenes.name, rig, frames, several))
         return scene | {
             "shown": self._frame,
@@ -132,8 +132,8 @@ class Browser:
         with self._working:
             scene = self.scenes.scene(self._asked(query))
             models = [motion.model for motion in self.scenes.motions]
-            shown, kind = scene.camera_frames[names.index(camera)], _pictures(query)
-            picture = outlined_picture(scene, models, shown, kind or "picture")
+            camera_frame, kind = scene.camera_frames[names.index(camera)], _pictures(query)
+            picture = outlined_picture(scene, models, camera_frame, kind or "picture")
         if picture is None:
             raise InputError(self.scenes.missing or "this camera has no picture")
         return picture, "image/jpeg"

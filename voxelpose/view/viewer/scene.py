@@ -183,8 +183,8 @@ class CameraFrames:
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
         """Where nothing is known, (h, w) bool in every view; None: nowhere."""
-        found = scaled_unknown(self._recording, LONG_SIDE_PX)
-        return unknown_views(found, list(self._views.values()))
+        unknown = scaled_unknown(self._recording, LONG_SIDE_PX)
+        return unknown_views(unknown, list(self._views.values()))
 
     def read(self, frame: int) -> tuple[CameraFrame, ...]:
         """Undistorted pictures and silhouettes of a frame, one per camera."""

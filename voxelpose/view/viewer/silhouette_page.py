@@ -45,10 +45,9 @@ class FitSilhouette:
     def picture(self) -> bytes:
         """PNG to be laid over the frame: kept, added and taken out, and the body's outline."""
         image = np.zeros((*self.alone.shape, 4), np.uint8)
-        kept = self.alone & self.used, SILHOUETTE, 90
-        added = self.used & ~self.alone, ADDED, 190
-        for where, colour, alpha in (kept, added, (self.alone & ~self.used, REMOVED, 190)):
-            image[where] = (*colour[::-1], alpha)
+        image[self.alone & self.used] = (*SILHOUETTE[::-1], 90)
+        image[self.used & ~self.alone] = (*ADDED[::-1], 190)
+        image[self.alone & ~self.used] = (*REMOVED[::-1], 190)
         outlines, _ = cv2.findContours(
             self.body.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
         )
@@ -56,13 +55,13 @@ class FitSilhouette:
             cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), 1 + wider)
         return png(image)
 
-    def explained(self, before: Mapping[str, Any], at: tuple[int, int]) -> dict[str, Any]:
+    def explained(self, before: Mapping[str, Any], pixel: tuple[int, int]) -> dict[str, Any]:
         """What a pixel is taken for, and why, after it was explained by the picture alone."""
-        alone, used = bool(self.alone[at]), bool(self.used[at])
+        alone, used = bool(self.alone[pixel]), bool(self.used[pixel])
         why = before["why"] if alone == used else self.reasons[0 if used else 1]
         measures = [*before["measures"]]
         if self.body.any():
-            measures.append(f"{'inside' if self.body[at] else 'outside'} the body")
+            measures.append(f"{'inside' if self.body[pixel] else 'outside'} the body")
         return {**before, "person": used, "why": why, "measures": measures}
 
     def summary(self) -> str:
@@ -86,8 +85,8 @@ class FitSilhouettes:
 
     def __init__(self, scenes: ResultScenes) -> None:
         self._scenes = scenes
-        found = scenes.facts.get("late_frames", {})  # by camera name
-        self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
+        late_frames = scenes.facts.get("late_frames", {})  # by camera name
+        self.late = {name: int(late_frames.get(name, 0)) for name in scenes.rig.names}
 
     def of(
         self, moment: int, frames: Mapping[str, Frame], plain: Silhouettes
@@ -148,13 +147,13 @@ class FitSilhouettes:
         soft = plain.soft(frames, moment)
         silhouettes, tint = (
             scenes.views.without_unknown(
-                [scenes.lenses[k].undistort(getattr(found, kind)) for k, found in soft.items()]
+                [scenes.lenses[k].undistort(getattr(levels, kind)) for k, levels in soft.items()]
             )
             for kind in ("silhouette", "tint")
         )
         work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule)
-        found = work.complete(silhouettes, tint)
-        more = zip(soft, found, silhouettes, strict=True)
+        completed = work.complete(silhouettes, tint)
+        more = zip(soft, completed, silhouettes, strict=True)
         return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in more}
 
     def _person(self, name: str, mask: Mask, body: Mask) -> Mask:
@@ -271,7 +270,7 @@ class SilhouettePage:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
         if asked.pixel is not None and "explained" in alone:
             size = self._recording.rig[asked.camera].size
-            at = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
-            return {"explained": fitted.explained(alone["explained"], at)}
+            pixel = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
+            return {"explained": fitted.explained(alone["explained"], pixel)}
         picture = base64.b64encode(fitted.picture()).decode()
         return {"png": picture, "note": fitted.summary()}
