@@ -79,7 +79,7 @@ class Outline:
         edge = np.concatenate(contours).reshape(-1, 2)
         within_px = np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge).min(axis=1)
         border = within_px <= _BORDER_PX
-        if unknown is not None and len(hiding := _hiding(body, unknown)):
+        if unknown is not None and len(hiding := _occluding_edge(body, unknown)):
             edge = np.concatenate([edge, hiding])
             border = np.concatenate([border, np.ones(len(hiding), np.bool_)])
         points = ((edge[:, None] + _AROUND).reshape(-1, 2) + 0.5) / scale - 0.5
@@ -98,7 +98,7 @@ class Outline:
         return cls(points[corners], ~np.repeat(border, len(_AROUND))[corners], middle)
 
 
-def _hiding(body: Mask, unknown: Mask) -> NDArray[np.int64]:
+def _occluding_edge(body: Mask, unknown: Mask) -> NDArray[np.int64]:
     """Edge (N, 2), px, of the unknown places (H, W) that touch a silhouette."""
     wide = np.ones((2 * _TOUCHING_PX + 1, 2 * _TOUCHING_PX + 1), np.uint8)
     places = np.asarray(cv2.dilate(unknown.astype(np.uint8), wide), np.uint8).view(np.bool_)

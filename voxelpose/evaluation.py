@@ -144,7 +144,7 @@ def evaluate_people(
         raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
     files = [result.folder / JOINTS for result in results]
     joints_m = [read_joints(file, len(known_m[0]), offset) for file in files]
-    cost = np.array([[_apart_m(true_m, these_m) for true_m in known_m] for these_m in joints_m])
+    cost = np.array([[_distance_m(true_m, these_m) for true_m in known_m] for these_m in joints_m])
     pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
     scores = {
         results[k].folder.name: score_motion(known_m[person], joints_m[k])
@@ -157,7 +157,7 @@ def evaluate_people(
     }
 
 
-def _apart_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
+def _distance_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
     """Mean distance of the joints (T, J, 3) in frames in which both are known; as far as can be
     where there is none.
     """

@@ -276,6 +276,9 @@ def _with_subject(settings: Settings, recording: Recording, estimator: Estimator
     background = settings.background
     if background == "auto":
         background = getattr(estimator, "usual_background", background)
+    up = settings.up
+    if up is None and recording.up is not None:
+        up = tuple(recording.up.tolist())
     return replace(
         settings,
         options=options,
@@ -283,15 +286,8 @@ def _with_subject(settings: Settings, recording: Recording, estimator: Estimator
         stature_m=settings.stature_m if settings.stature_m is not None else subject.stature_m,
         chest_m=settings.chest_m if settings.chest_m is not None else subject.chest_girth_m,
         sex=settings.sex if settings.sex != "unknown" else subject.sex,
-        up=settings.up if settings.up is not None else _stated_up(recording),
+        up=up,
     )
-
-
-def _stated_up(recording: Recording) -> tuple[float, float, float] | None:
-    if recording.up is None:
-        return None
-    x, y, z = recording.up.tolist()
-    return x, y, z
 
 
 def _title(recording: Recording, estimate: Estimate) -> str:

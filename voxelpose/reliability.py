@@ -97,7 +97,7 @@ def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator
             f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet: look at"
             " the frames around it (facts in summary.json), or give longer --pieces"
         )
-    agreement = _known(quality.get("outline_agreement", {}).get("median"), 1.0)
+    agreement = _number_or(quality.get("outline_agreement", {}).get("median"), 1.0)
     right = quality.get("right_probability", {}).get("lower_quarter")
     apart, turn = agreement < RELIABILITY.agreement, facts.get("half_turn_ratio")
     # A quarter of the frames is more likely wrong than right.
@@ -172,7 +172,7 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
 
 def _uncertain(quality: _Table) -> tuple[str, ...]:
     near = quality.get("landmark_confidence", {})
-    return tuple(name for name in near if _known(near[name], 1.0) < 0.5)
+    return tuple(name for name in near if _number_or(near[name], 1.0) < 0.5)
 
 
 def _error_mm(quality: _Table) -> float | None:
@@ -180,6 +180,6 @@ def _error_mm(quality: _Table) -> float | None:
     return quality.get("pose_error_mm", {}).get("mean")
 
 
-def _known(value: float | None, otherwise: float) -> float:
+def _number_or(value: float | None, otherwise: float) -> float:
     """A number of the summary, where null stands for one that is not known."""
     return otherwise if value is None else value

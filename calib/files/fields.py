@@ -117,7 +117,7 @@ class Source:
         """
         if values.get("rotation") is None and values.get("translation") is None:
             if not self.lenses:
-                return self._unposed(name)
+                return self._refuse_unposed(name)
             values = {**values, "rotation": np.eye(3), "translation": np.zeros(3)}
         size = self.image_size(name, values.get("size"))
         matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
@@ -152,7 +152,7 @@ class Source:
         except ValueError as error:
             raise self.error(f"{str(error)[:300]}: {_REMEDY}") from None
 
-    def _unposed(self, name: str) -> None:
+    def _refuse_unposed(self, name: str) -> None:
         """Refuses a camera without a position, unless it is left out."""
         if self.cameras is None or name in self.cameras:
             raise self.error(

@@ -162,7 +162,7 @@ def jobs_of(
     unchecked: list[Job] = []
     for path in paths:
         if path.suffix.lower() == ".toml" and path.is_file():
-            unchecked += _listed(path, command, common)
+            unchecked += _jobs_of_list(path, command, common)
         elif not path.is_dir():
             raise InputError(f"there is no recording {path}: give folders, or a TOML list of them")
         elif is_recording(path):
@@ -200,7 +200,7 @@ def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
     return settings
 
 
-def _listed(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job]:
+def _jobs_of_list(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job]:
     """The jobs of a list, without the names of those that it names not."""
     document = parse_toml(load_text(path, _LARGEST_LIST), path)
     tables, unknown = document.get("recording"), sorted(set(document) - {"recording", "settings"})

@@ -27,7 +27,7 @@ _KEPT_FAILURES = 5  # pictures without the board in which another board is searc
 NOT_NEW = "shows the board much as another frame does"
 
 
-def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
+def _examined_pictures(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
     """Yields names and pictures: all stills, of any sizes, or every n-th frame of a film."""
     step = stride(pictures.frame_count)
     if pictures.stills:
@@ -106,7 +106,7 @@ def find_views(
     """
     views: dict[str, BoardView | str] = {}
     find = BoardFinder(board, stills=not is_film(pictures))
-    for name, picture in _examined(pictures):
+    for name, picture in _examined_pictures(pictures):
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
@@ -267,7 +267,7 @@ def board_moments(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return _thinned(views, max_moments, f"frame {floor}"), seen
+    return _select_moments(views, max_moments, f"frame {floor}"), seen
 
 
 def frames_around(
@@ -297,7 +297,7 @@ def frames_around(
     return np.where(known, first, -1), np.where(known, second, -1), fraction
 
 
-def _thinned(
+def _select_moments(
     views: dict[str, dict[str, BoardView]], max_moments: int, floor: str
 ) -> dict[str, dict[str, BoardView]]:
     """Moments with most views, evenly over time; boards seen by a single camera are useless."""

@@ -190,8 +190,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
         return None
     from calib.upright import direction_of
 
-    x, y, z = direction_of(text, "--up={}").tolist()
-    return x, y, z
+    return tuple(direction_of(text, "--up={}").tolist())
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:

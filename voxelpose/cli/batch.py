@@ -85,10 +85,10 @@ class Batch:
 
         def tell(outcome: Outcome, count: int | None) -> None:
             if count is None:
-                _tell(outcome, " ")
+                _print_outcome(outcome, " ")
                 return
             finished.append(outcome.job.name)
-            _tell(outcome, f"[{count}/{len(jobs)}]")
+            _print_outcome(outcome, f"[{count}/{len(jobs)}]")
 
         try:
             outcomes = run_batch(jobs, settings, tell)
@@ -117,7 +117,7 @@ def _with_folder_settings(job: Job) -> Job:
     return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
 
 
-def _tell(outcome: Outcome, place: str) -> None:
+def _print_outcome(outcome: Outcome, place: str) -> None:
     """Prints one line about a job."""
     words = f"{len(outcome.people)} people, " if outcome.people else ""
     words += str(outcome.verdict)

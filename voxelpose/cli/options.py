@@ -53,15 +53,15 @@ class Option:
         except (msgspec.ValidationError, NotImplementedError, OverflowError):
             near = nearest(str(given), choices_of(self.kind))
             raise InputError(
-                f"{where}: {self.name} = {str(given)[:60]!r} must be {_wanted(self.kind)}{near}"
+                f"{where}: {self.name} = {str(given)[:60]!r} must be {_type_words(self.kind)}{near}"
             ) from None
         check_name(value)
         if self.name not in _LOCATED:
             return value
         return (
-            tuple(_located(text, folder) for text in value)
+            tuple(_path_below(text, folder) for text in value)
             if isinstance(value, tuple)
-            else _located(value, folder)
+            else _path_below(value, folder)
         )
 
 
@@ -100,7 +100,7 @@ def nearest(word: str, names: Iterable[str]) -> str:
     return f": did you mean {close[0]}?" if close else ""
 
 
-def _inner(kind: Any) -> Any:
+def _type_if_given(kind: Any) -> Any:
     """The type of a value that may be None, or the same type."""
     if get_origin(kind) in (Union, types.UnionType):
         return next(part for part in get_args(kind) if part is not types.NoneType)
@@ -109,22 +109,22 @@ def _inner(kind: Any) -> Any:
 
 def choices_of(kind: Any) -> tuple[str, ...]:
     """The words of which a value is one; none where it is any."""
-    return get_args(_inner(kind)) if get_origin(_inner(kind)) is Literal else ()
+    return get_args(_type_if_given(kind)) if get_origin(_type_if_given(kind)) is Literal else ()
 
 
-def _wanted(kind: Any) -> str:
-    kind = _inner(kind)
+def _type_words(kind: Any) -> str:
+    kind = _type_if_given(kind)
     if choices := choices_of(kind):
         return f"one of {', '.join(choices)}"
     if get_origin(kind) is tuple:
         first, *others = get_args(kind)
         if others == [...]:
-            return f"a list in brackets, of which each is {_wanted(first)}"
+            return f"a list in brackets, of which each is {_type_words(first)}"
         return f"a list of {len(others) + 1} numbers in brackets"
     return _WORDS[kind]
 
 
-def _located(text: str, folder: Path) -> str:
+def _path_below(text: str, folder: Path) -> str:
     """A path that is relative to a folder, also after NAME=; what is no path stays."""
     name, equals, last = text.rpartition("=")
     path = folder / os.path.expanduser(last)  # noqa: PTH111
@@ -207,7 +207,7 @@ def parse_with_settings(
         )
 
     if not {"-h", "--help"}.isdisjoint(words):
-        command = _grouped(command)
+        command = _with_groups(command)
         return parsed(None), {}
     options = options_of(command)
     # First for the folder alone: what is missing may be in its files.
@@ -230,7 +230,7 @@ def parse_with_settings(
     return done, taken
 
 
-def _grouped(command: Any) -> Any:
+def _with_groups(command: Any) -> Any:
     """A class of a command's groups of options, which help shows in a box each, or the command."""
     if not hasattr(command, "groups"):
         return command

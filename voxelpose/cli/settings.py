@@ -83,7 +83,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     import msgspec
 
     in_files = options.folder_settings(section, folder)
-    known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
+    known = _subject_values(folder) if section in _WITH_SUBJECT else {}
     values = {}
     for name, option in options.options_of(options.load_command(section)).items():
         if name in in_files:
@@ -98,7 +98,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     return values
 
 
-def _of_the_subject(folder: Path) -> dict[str, Any]:
+def _subject_values(folder: Path) -> dict[str, Any]:
     """What subject.toml of a recording says, by the names of the options."""
     from voxelpose.recording.subject import Subject, read_subject
 

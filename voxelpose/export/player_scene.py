@@ -160,8 +160,8 @@ def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
         "points_part": numbers(parts),
         "points": packed(local.astype(np.float32)),
         "bones": numbers(bones),
-        "overlap": _shares(quality.get("part_overlap")),
-        "confidence": None if measure is None else _shares(quality[measure]),
+        "overlap": _fraction_bytes(quality.get("part_overlap")),
+        "confidence": None if measure is None else _fraction_bytes(quality[measure]),
         "measure": CONFIDENCE.get(measure or "", ""),
     }
 
@@ -171,7 +171,7 @@ def numbers(values: NDArray[np.integer[Any]]) -> dict[str, str]:
     return packed(values.astype(np.min_scalar_type(int(values.max(initial=0)))))
 
 
-def _shares(values: NDArray[np.float64] | None) -> dict[str, str] | None:
+def _fraction_bytes(values: NDArray[np.float64] | None) -> dict[str, str] | None:
     """Fractions as bytes."""
     if values is None:
         return None
@@ -201,7 +201,7 @@ def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str,
     else:
         roots = np.concatenate([motion.root_m for motion in motions])
         middle, motion = np.median(roots, axis=0), motions[0]
-        lowest = min(map(_lowest, motions))
+        lowest = min(map(_lowest_point_m, motions))
         # Of a calibration without a floor it is anywhere: then people stand on it.
         floor = motion.floor_m if -0.1 < lowest - motion.floor_m < 0.5 else lowest
         # A person of 1.75 m is seen from 3.2 m, other bodies from as many times their extent.
@@ -218,7 +218,7 @@ def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str,
     return {"floor_m": float(floor)} | {name: place.tolist() for name, place in places.items()}
 
 
-def _lowest(motion: Motion) -> float:
+def _lowest_point_m(motion: Motion) -> float:
     """Height of the lowest point of the body, m, the median over some frames."""
     rotation, origin = motion.parts()
     rows = np.unique(np.linspace(0, len(motion) - 1, 9).round().astype(int))

@@ -63,7 +63,7 @@ class LiveMoment:
     pictures: Pictures
 
 
-class _Sparing:
+class _ChangedModels:
     """What finds poses, whose large body models are sent only when they have changed."""
 
     def __init__(self, make: Callable[..., Any], arguments: tuple[object, ...]):
@@ -93,7 +93,7 @@ class LiveEstimator(RemoteObject, ABC):
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
         """Begins the process, and waits until it is ready."""
-        super().__init__(_Sparing, make, arguments)
+        super().__init__(_ChangedModels, make, arguments)
         self._models: dict[int, BodyModel] = {}  # by person
         self.wait()
 
@@ -141,9 +141,9 @@ class FollowedPeople:
         """Everybody in silhouettes as recorded; None where there is none."""
         masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
         people = self._follower.step(Moment.of(moment.time_s, masks))
-        return tuple(self._posed(k, person) for k, person in enumerate(people))
+        return tuple(self._posed_person(k, person) for k, person in enumerate(people))
 
-    def _posed(self, number: int, person: FoundPerson | None) -> PosedBody | None:
+    def _posed_person(self, number: int, person: FoundPerson | None) -> PosedBody | None:
         """Somebody who was found, with the hull, which is carved now and then."""
         if person is None:
             self._hulls[number] = None
@@ -162,7 +162,7 @@ class FollowedPeople:
     def _warm_up(self, settings: Settings) -> None:
         """Follows a drawn body, so that all kernels are loaded before the first frame."""
         body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
-        silhouettes = _drawn(self._pinholes, body, load_backend(settings.backend))
+        silhouettes = _upright_masks(self._pinholes, body, load_backend(settings.backend))
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
         moment = Moment.of(0.0, silhouettes)
@@ -306,7 +306,7 @@ def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
         adapt_body(rig, settings, track, [(moment, track.fit.pose)])
 
 
-def _drawn(rig: Rig, body: BodyModel, backend: Backend) -> dict[str, NDArray[np.bool_]]:
+def _upright_masks(rig: Rig, body: BodyModel, backend: Backend) -> dict[str, NDArray[np.bool_]]:
     """Silhouettes (h, w) bool of an upright body at the point nearest to all optical axes."""
     axes = np.stack([camera.rotation[2] for camera in rig])
     middle = nearest_point(np.stack([camera.center_m for camera in rig]), axes)

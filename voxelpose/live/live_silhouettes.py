@@ -135,7 +135,7 @@ class LiveSilhouettes:
         if isinstance(people := self._silhouettes.people, PeopleInTurn):
             people.idle_s += time.perf_counter() - self._ended_s
         masks = self._silhouettes.of(pictures, near, self._frame)
-        self._near = {name: w for name, mask in masks.items() if (w := _around(mask)) is not None}
+        self._near = {name: w for name, mask in masks.items() if (w := _mask_box(mask)) is not None}
         for name in whole:
             several = _shows_several(masks[name])
             self.others = self.others | {name} if several else self.others - {name}
@@ -143,7 +143,7 @@ class LiveSilhouettes:
         return masks
 
 
-def _around(mask: Mask) -> tuple[slice, slice] | None:
+def _mask_box(mask: Mask) -> tuple[slice, slice] | None:
     """Rows and columns around a silhouette; None where it is empty."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):

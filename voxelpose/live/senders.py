@@ -190,7 +190,7 @@ class DatagramSender(Sender):
                 for person in range(len(outlets), len(frame.people)):
                     outlets.append(outlet_stack.enter_context(self._outlet(person)))
                 refused = [
-                    _refused(outlet, datagram)
+                    _send_datagram(outlet, datagram)
                     for person, outlet in enumerate(outlets)
                     for datagram in vmc_datagrams(frame, person)
                 ]
@@ -207,7 +207,7 @@ class DatagramSender(Sender):
         return outlet
 
 
-def _refused(outlet: socket.socket, datagram: bytes) -> bool:
+def _send_datagram(outlet: socket.socket, datagram: bytes) -> bool:
     """Sends a datagram; returns whether an earlier one was reported as refused. OSError where the
     network cannot be reached.
     """
@@ -243,7 +243,7 @@ class WebSocketSender(Sender):
                 proxy=None,
             ) as link:
                 self.note_state("connected, waiting for a frame", True)
-                await until_one_ends(self._feed(link), self._read(link))
+                await until_one_ends(self._send_frames(link), self._read(link))
         except TimeoutError:
             raise ConnectionError("no answer") from None
         except ConnectionRefusedError:
@@ -258,7 +258,7 @@ class WebSocketSender(Sender):
         except (InvalidHandshake, EOFError):
             raise ConnectionError("it does not speak WebSocket") from None
 
-    async def _feed(self, link: ClientConnection) -> None:
+    async def _send_frames(self, link: ClientConnection) -> None:
         while True:
             frame, offered_s = await self.newest()
             for person in range(len(frame.people)):

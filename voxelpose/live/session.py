@@ -73,7 +73,7 @@ class StageTimes:
 
     def medians(self) -> dict[str, float]:
         """Median seconds of every stage in the last frames."""
-        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._spent().items()}
+        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._seconds().items()}
 
     def summary(self) -> dict[str, list[float]]:
         """Shortest, longest, mean, median, 95 and 99 % quantile of every stage, s, since the start;
@@ -81,10 +81,10 @@ class StageTimes:
         """
         return {
             name: [s.min(), s.max(), s.mean(), *np.quantile(s, (0.5, 0.95, 0.99))]
-            for name, s in self._spent().items()
+            for name, s in self._seconds().items()
         }
 
-    def _spent(self) -> dict[str, NDArray[np.float64]]:
+    def _seconds(self) -> dict[str, NDArray[np.float64]]:
         with self._lock:
             return {name: np.array(seconds) for name, seconds in self._stages.items()}
 
@@ -164,7 +164,7 @@ class LiveSession:
             for camera in settings.rig
         ]
         self._threads = [
-            threading.Thread(target=self._guarded, args=(work,), daemon=True)
+            threading.Thread(target=self._run_stage, args=(work,), daemon=True)
             for work in (self._observe, self._estimate)
         ]
         self._failure: BaseException | None = None
@@ -310,7 +310,7 @@ class LiveSession:
     def _now(self) -> float:
         return time.monotonic() - self._started_s
 
-    def _guarded(self, work: Callable[[], None]) -> None:
+    def _run_stage(self, work: Callable[[], None]) -> None:
         """Runs a stage; what it raises ends the session."""
         try:
             set_threads(1)

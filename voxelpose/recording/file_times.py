@@ -90,7 +90,7 @@ def times_in_files(
         return None
     stills = {name: image_numbers(reader.stills) for name, reader in readers.items()}
     images = {name: numbers for name, numbers in stills.items() if numbers is not None}
-    counted, times = _common(images), dict[str, Times]()
+    counted, times = _common_numbers(images), dict[str, Times]()
     for name, reader in readers.items():
         times[name] = np.arange(reader.frame_count) / (fps or reader.fps or rate)
         if name in counted:
@@ -98,7 +98,7 @@ def times_in_files(
         elif fps is None and reader.shown_s is not None:
             times[name] = reader.shown_s
     faults = [(_fault(taken, images.get(name)), name) for name, taken in times.items()]
-    faults += _late(times, images)
+    faults += _late_starts(times, images)
     named = {words: [name for said, name in faults if said == words] for words, _ in faults}
     said = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
     said += _rates_apart(times)
@@ -147,7 +147,7 @@ def image_numbers(stills: Sequence[Path]) -> NDArray[np.int64] | None:
     return numbers if (np.diff(numbers) > 0).all() else None
 
 
-def _common(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
+def _common_numbers(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
     """Numbers of the cameras' images, counted in steps from a common begin.
 
     Where all cover the same, each begins with its first: some count from 0, others from 1.
@@ -187,7 +187,7 @@ def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:
     return ", ".join(listed) + (" and more" if len(ends) > _LISTED else "")
 
 
-def _late(
+def _late_starts(
     times: Mapping[str, Times], images: Mapping[str, NDArray[np.int64]]
 ) -> list[tuple[str, str]]:
     """By how much cameras began later than the first, in words, and their names."""

@@ -66,7 +66,7 @@ class MaskForm:
         alpha = bool(alphas) and min(a.min() for a in alphas) < max(a.max() for a in alphas)
         coloured = labels and any(map(_is_coloured, layers))
         if alpha and coloured:
-            coloured = _few(map(_opaque, layers))
+            coloured = _has_few_values(map(_opaque, layers))
         arrays = alphas if alpha and not coloured else [one.values for one in layers]
         return cls(alpha, coloured, _scale(arrays))
 
@@ -125,15 +125,15 @@ def codes_of(plane: Plane) -> NDArray[np.int64]:
     return code
 
 
-def _few(pictures: Iterable[NDArray]) -> bool:
+def _has_few_values(pictures: Iterable[NDArray]) -> bool:
     """Whether pictures hold no more values than labels do."""
     codes: set[int] = set()
     for picture in pictures:
-        codes |= set(np.unique(codes_of(np.atleast_3d(_thinned(picture)))).tolist())
+        codes |= set(np.unique(codes_of(np.atleast_3d(_subsampled(picture)))).tolist())
     return len(codes) <= _MOST_VALUES
 
 
-def _thinned(picture: NDArray) -> NDArray:
+def _subsampled(picture: NDArray) -> NDArray:
     """Every so many pixels, as many as are looked at."""
     step = max(1, int(np.ceil((picture.shape[0] * picture.shape[1] / _LOOKED_AT) ** 0.5)))
     return picture[::step, ::step]
@@ -170,11 +170,11 @@ class MaskLevels:
             labels: whether several values may be labels; opacity has two, and what is between.
         """
         top = max(float(plane.max()) for plane in planes)
-        exact = labels and _few(planes)
+        exact = labels and _has_few_values(planes)
         apart = 0.0 if exact else top / (_SHADES if labels else 4)
-        flat = [_flat(plane, apart / 2) for plane in planes]
-        unordered = _found(flat, apart, planes[0].shape[2])
-        thin = [_thinned(plane) for plane in planes]
+        flat = [_plain_areas(plane, apart / 2) for plane in planes]
+        unordered = _area_values(flat, apart, planes[0].shape[2])
+        thin = [_subsampled(plane) for plane in planes]
         indices = [nearest_value(plane, unordered) for plane in thin]
         border = np.concatenate([_border(one) for one in indices])
         background = int(np.bincount(border, minlength=len(unordered)).argmax())
@@ -214,16 +214,16 @@ def _is_compact(
     return 2 * near > far
 
 
-def _flat(plane: Plane, noise: float) -> Plane:
+def _plain_areas(plane: Plane, noise: float) -> Plane:
     """Values (N, C) of the pixels whose neighbours are alike."""
     kernel = np.ones((3, 3), np.uint8)
     spread = cv2.dilate(plane, kernel) - cv2.erode(plane, kernel)
     spread = spread.reshape(plane.shape).max(axis=2)
-    values = _thinned(plane)
-    return values[_thinned(spread) <= noise]
+    values = _subsampled(plane)
+    return values[_subsampled(spread) <= noise]
 
 
-def _found(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.float64]:
+def _area_values(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.float64]:
     """Values (L, C) that fill areas; closer ones than twice `apart` are the commonest of them."""
     cell = max(apart / 2, 1.0)
     sums: defaultdict[int, NDArray[np.float64]] = defaultdict(lambda: np.zeros(channels + 1))

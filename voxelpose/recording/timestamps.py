@@ -60,7 +60,7 @@ def read_timestamps(
     times: dict[str, Times] = {}
     for name, reader in readers.items():
         columns = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
-        times[name] = _checked(path, name, reader, np.concatenate([np.zeros(0), *columns]))
+        times[name] = _checked_times(path, name, reader, np.concatenate([np.zeros(0), *columns]))
     unit, notes = _COLUMNS.get(column, ""), ()
     if not unit:
         unit, notes = _unit_by_rate(path, readers, times)
@@ -76,7 +76,7 @@ def read_timestamps(
     return times, notes
 
 
-def _checked(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
+def _checked_times(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
     """The times of a camera's frames, in the table's unit."""
     if len(times) == reader.promised:
         times = times[: reader.frame_count]  # it lacks the last ones

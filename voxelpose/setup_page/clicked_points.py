@@ -35,7 +35,7 @@ def read_clicked(path: Path) -> list[PointClicked]:
         PointClicked(
             name,
             {camera: (float(x), float(y)) for camera, (x, y) in pixels.items()},
-            _triple(points.known_m.get(name)),
+            tuple(points.known_m[name].tolist()) if name in points.known_m else None,
         )
         for name, pixels in points.pixels.items()
     ]
@@ -107,13 +107,6 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
     return errors
 
 
-def _triple(position: np.ndarray | None) -> tuple[float, float, float] | None:
-    if position is None:
-        return None
-    x, y, z = position.tolist()
-    return x, y, z
-
-
 def _further_columns(path: Path) -> tuple[list[str], dict[tuple[str, str], dict[str, str]]]:
     """Names of columns that are none of ours, and their texts by camera and point."""
     if not path.exists():
@@ -144,7 +137,7 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
     y], ...].
     """
     upright = frame.rig(rig)
-    x, y = _middle(upright)
+    x, y = _floor_centre(upright)
     lines: list[tuple[str, NDArray[np.float64]]] = []
     for offset in np.linspace(-3, 3, 13).tolist():  # metres, a line every half
         kind = "grid" if offset else "middle"
@@ -155,14 +148,14 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
     drawn: dict[str, list[dict[str, Any]]] = {camera.name: [] for camera in rig}
     for camera in upright:
         for kind, ends in lines:
-            drawn[camera.name] += _seen(camera, kind, ends)
+            drawn[camera.name] += _visible_pieces(camera, kind, ends)
     for camera in rig:
         for kind, axis in zip("xyz", np.eye(3), strict=True):
-            drawn[camera.name] += _seen(camera, kind, np.array([np.zeros(3), axis]))
+            drawn[camera.name] += _visible_pieces(camera, kind, np.array([np.zeros(3), axis]))
     return drawn
 
 
-def _middle(rig: Rig) -> tuple[float, float]:
+def _floor_centre(rig: Rig) -> tuple[float, float]:
     """Point of the floor, to whole metres, below what all cameras look at."""
     place = triangulate(list(rig), np.array([camera.matrix[:2, 2] for camera in rig]))
     if len(rig) == 1:  # where its optical axis meets the floor, if near
@@ -170,11 +163,10 @@ def _middle(rig: Rig) -> tuple[float, float]:
         down = -camera.rotation[2][2]
         reach = camera.center_m[2] / down if down > 0.05 else 4.0
         place = camera.center_m + camera.rotation[2] * float(np.clip(reach, 1.0, 20.0))
-    x, y = np.rint(place[:2]).tolist()
-    return x, y
+    return tuple(np.rint(place[:2]).tolist())
 
 
-def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str, Any]]:
+def _visible_pieces(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str, Any]]:
     """The pieces of a line that a camera sees."""
     count = int(np.linalg.norm(ends[1] - ends[0]) / 0.1) + 1  # pieces of 10 cm: lenses bend lines
     share = np.linspace(0, 1, count)[:, None]

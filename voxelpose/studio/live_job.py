@@ -106,10 +106,10 @@ def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> 
             actions[asked]()
         if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
             told_s = time.monotonic()
-            reporter.tell(**_known(session, receivers), trouble=trouble)
+            reporter.tell(**_session_state(session, receivers), trouble=trouble)
 
 
-def _known(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
+def _session_state(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
     state = session.state
     return {
         "phase": state.phase,

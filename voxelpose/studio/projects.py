@@ -70,7 +70,7 @@ class StudioFolder:
     def project(self, name: str) -> Path:
         """Folder of a project; InputError where there is none of this name."""
         check_plain_name(name)
-        folder = self._inside(self.root / name)
+        folder = self._checked_inside(self.root / name)
         if not folder.is_dir() or is_result(folder):
             raise InputError(f"there is no project {name!r}: choose another, or make it")
         return folder
@@ -93,17 +93,17 @@ class StudioFolder:
         parts = name.split("/")
         for part in parts:
             check_plain_name(part)
-        folder = self._inside(self.root.joinpath(*parts))
+        folder = self._checked_inside(self.root.joinpath(*parts))
         if len(parts) > 2 or not is_result(folder):
             raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
-        self._inside(self._recording_of(people_folders(folder)[0]))
+        self._checked_inside(self._recording_of(people_folders(folder)[0]))
         return folder
 
     def out(self, name: str, overwrite: bool) -> Path:
         """Where a result of this name is to be written. InputError where it must not."""
         check_plain_name(name)
         out = self.root / name
-        self._inside(out)
+        self._checked_inside(out)
         if out.exists() and not overwrite:
             raise InputError(f"there is a {name!r} already: choose another name, or replace it")
         return out
@@ -126,7 +126,7 @@ class StudioFolder:
         here), `level` and `words` of its verdict, `frames`, time it was `made`, whether it has a
         contact `sheet`.
         """
-        results = [self._described(folder) for folder in self._result_folders()]
+        results = [self._describe_result(folder) for folder in self._result_folders()]
         return sorted(results, key=lambda result: -result["made"])
 
     def holds(self, path: Path) -> bool:
@@ -141,10 +141,10 @@ class StudioFolder:
         if "\0" not in text:
             for path in (project / text, self.root / text):
                 if path.exists():
-                    return self._inside(path)
+                    return self._checked_inside(path)
         raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
 
-    def _inside(self, path: Path) -> Path:
+    def _checked_inside(self, path: Path) -> Path:
         if not self.holds(path):
             raise InputError(
                 f"{path.name[:80]!r} lies outside of {self.root}: start the studio in a folder that"
@@ -163,7 +163,7 @@ class StudioFolder:
                     if inner.is_dir() and self.holds(inner) and is_result(inner):
                         yield inner
 
-    def _described(self, folder: Path) -> dict[str, Any]:
+    def _describe_result(self, folder: Path) -> dict[str, Any]:
         known: dict[str, Any] = {
             "name": folder.relative_to(self.root).as_posix(),
             "project": None,

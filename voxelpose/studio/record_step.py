@@ -77,14 +77,14 @@ class RecordStep:
         """
         project = self._folder.project(name)
         texts, _ = self._commands.values("live", project).get("source", ((), ""))
-        sources = list(self._known(texts))
+        sources = list(self._known_sources(texts))
         return {
             "webcams": [
                 {"number": number, "name": what} for number, what in list_webcams().items()
             ],
             "videos": list(self._videos()),
             "sources": [
-                {"name": source.name, "address": self._shown(source)} for source in sources
+                {"name": source.name, "address": self._address_text(source)} for source in sources
             ],
             "cameras": [camera.name for camera in _calibrated(project)],
             "board": self._commands.board(project) is not None,
@@ -142,7 +142,7 @@ class RecordStep:
 
     def keep(self, project: Path, sources: tuple[CameraSource, ...], loop: bool) -> None:
         """Keeps cameras for the next time, and for the command `live`."""
-        listed = [f"{source.name}={self._shown(source, project)}" for source in sources]
+        listed = [f"{source.name}={self._address_text(source, project)}" for source in sources]
         change_section(project / SETTINGS_FILE, "live", {"source": listed, "loop": loop})
 
     def _address(self, named: SourceNamed) -> str:
@@ -166,14 +166,14 @@ class RecordStep:
             raise InputError(f"{named.name}: {path.name} is no video: choose another")
         return str(path)
 
-    def _shown(self, source: CameraSource, base: Path | None = None) -> str:
+    def _address_text(self, source: CameraSource, base: Path | None = None) -> str:
         """An address as it is typed: videos relative to a folder, of the studio unless another."""
         if source.kind != "file":
             return source.address
         path = os.path.relpath(Path(source.address).resolve(), base or self._folder.root)
         return Path(path).as_posix()
 
-    def _known(self, texts: Sequence[str]) -> Iterator[CameraSource]:
+    def _known_sources(self, texts: Sequence[str]) -> Iterator[CameraSource]:
         """Cameras that settings name, but for videos that are gone, or lie elsewhere."""
         for text in texts:
             with suppress(InputError):

@@ -80,7 +80,7 @@ class _Filming:
         self._reporter, self._plan = reporter, plan
         self._started_s = time.monotonic()
         names = [source.name for source in plan.sources]
-        self._matcher = ShotMatcher(names, self._now, self._take)
+        self._matcher = ShotMatcher(names, self._now, self._record_moment)
         self._readers = [
             CameraReader(
                 source, plan.sizes.get(source.name), self._deliver, self._now, None, plan.loop
@@ -142,7 +142,7 @@ class _Filming:
         self._counts[name] += 1
         self._matcher.deliver(name, time_s, picture)
 
-    def _take(self, shot: Shot) -> None:
+    def _record_moment(self, shot: Shot) -> None:
         """Keeps a moment, if it is wanted."""
         if (empty := self._empty) is not None:
             for name, picture in shot.pictures.items():

@@ -186,7 +186,7 @@ class GateRequest:
     def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
         given = [value for name, value in self.query if name == "token"]
         if given:
-            if not all([_same(value, token) for value in given]):
+            if not all([_is_equal(value, token) for value in given]):
                 return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
             if self.upgrade:
                 return None
@@ -198,7 +198,7 @@ class GateRequest:
             return Reply("303 See Other", "The token is right.", headers=headers)
         for crumb in self.headers.get("cookie", "").split(";"):
             name, _, value = crumb.strip().partition("=")
-            if name == keys.cookie and _same(value, keys.secret):
+            if name == keys.cookie and _is_equal(value, keys.secret):
                 return None
         return Reply(
             "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
@@ -241,7 +241,7 @@ def _reachable(host: str) -> str:
     return "localhost"
 
 
-def _same(given: str, right: str) -> bool:
+def _is_equal(given: str, right: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), right.encode())
 
 
@@ -353,7 +353,7 @@ class Gate:
         last = port + _MOST_PORTS - 1
         while True:
             try:
-                return await asyncio.start_server(self._meet, host, port, limit=_HEAD_BYTES)
+                return await asyncio.start_server(self._serve_link, host, port, limit=_HEAD_BYTES)
             except socket.gaierror:  # no such name: every port would say so, and slowly
                 raise
             except OSError:
@@ -361,7 +361,7 @@ class Gate:
                     raise
                 port += 1
 
-    async def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve_link(self, reader: StreamReader, writer: StreamWriter) -> None:
         task = asyncio.current_task()
         if task is None or len(self._tasks) >= 2 * _MOST_LINKS:
             writer.close()

@@ -158,13 +158,13 @@ class PageJob:
             if kind in ("done", "failed"):
                 process.join(_STOP_S)  # its files are all there, or gone
             with self._lock:
-                self._take(kind, content)
+                self._update_from(kind, content)
         with self._lock:
             self._pipe = None
         pipe.close()
         process.join()
 
-    def _take(self, kind: str, content: Any) -> None:
+    def _update_from(self, kind: str, content: Any) -> None:
         """Notes what the process has told."""
         if kind == "at":
             stage, done, total = content
@@ -199,13 +199,13 @@ class JobReporter:
     def stage(self, name: str, total: int | None = None) -> None:
         """See `Reporter.stage`."""
         self._stage, self._done, self._total = name, 0, total
-        self._tell()
+        self._send_progress()
 
     def advance(self, steps: int = 1) -> None:
         """See `Reporter.advance`."""
         self._done += steps
         if 1000 * (time.monotonic() - self._told_s) > _TELL_EVERY_MS:
-            self._tell()
+            self._send_progress()
 
     def note(self, text: str) -> None:
         """See `Reporter.note`."""
@@ -228,7 +228,7 @@ class JobReporter:
         with self._lock:
             self._pipe.send((kind, content))
 
-    def _tell(self) -> None:
+    def _send_progress(self) -> None:
         self._told_s = time.monotonic()
         self.send("at", (self._stage, self._done, self._total))
 

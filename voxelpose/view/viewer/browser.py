@@ -48,7 +48,7 @@ class Browser:
         self.scenes, self._frame = scenes, frame
         self._working, self._ended = threading.Lock(), threading.Event()
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
-        self._answers = PageAnswers("voxelpose.view.viewer", self._got, lambda *_: None)
+        self._answers = PageAnswers("voxelpose.view.viewer", self._get, lambda *_: None)
         body = 0 if self._silhouettes is None else _LARGEST_BODY
         self._gate = None if address is None else Gate(address, self.answer, body)
         self.url = "" if self._gate is None else self._gate.url
@@ -76,7 +76,7 @@ class Browser:
         else:
             await self._answers.serve(request, reader, writer)
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         match path:
             case ():
                 return self._page()
@@ -84,7 +84,7 @@ class Browser:
                 return json_content(self._state())
             case ("api", "frame"):
                 with self._working:
-                    scene = self.scenes.scene(self._asked(query))
+                    scene = self.scenes.scene(self._requested_frame(query))
                     return json_content(frame_answer(scene, _pictures(query)))
             case ("api", "area"):
                 return json_content(self._area(query))
@@ -119,7 +119,7 @@ class Browser:
         }
 
     def _area(self, query: Mapping[str, str]) -> Any:
-        frame, part = self._asked(query), query.get("part", "")
+        frame, part = self._requested_frame(query), query.get("part", "")
         if part not in self.scenes.limb_names:
             raise InputError(f"there is no movable area of a part {part[:40]!r}")
         with self._working:
@@ -130,7 +130,7 @@ class Browser:
         names = list(self.scenes.rig.names)
         check_camera_names([camera], names)
         with self._working:
-            scene = self.scenes.scene(self._asked(query))
+            scene = self.scenes.scene(self._requested_frame(query))
             models = [motion.model for motion in self.scenes.motions]
             camera_frame, kind = scene.camera_frames[names.index(camera)], _pictures(query)
             picture = outlined_picture(scene, models, camera_frame, kind or "picture")
@@ -138,7 +138,7 @@ class Browser:
             raise InputError(self.scenes.missing or "this camera has no picture")
         return picture, "image/jpeg"
 
-    def _asked(self, query: Mapping[str, str]) -> int:
+    def _requested_frame(self, query: Mapping[str, str]) -> int:
         frame, frames = whole_number(query, "frame"), self.scenes.frames
         if frame is None or not frames[0] <= frame <= frames[-1]:
             raise InputError(f"there is no frame {frame}: it goes from {frames[0]} to {frames[-1]}")

@@ -36,7 +36,7 @@ def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
         "hull": None if scene.hull is None else _hull(scene.hull),
         "hypotheses": [
             {
-                "ends": packed(_finite(pose.joints_m[pose.bones]).astype(np.float32)),
+                "ends": packed(_finite_lines(pose.joints_m[pose.bones]).astype(np.float32)),
                 "share": pose.probability / _likeliest(scene),
             }
             for pose in scene.hypotheses
@@ -113,6 +113,6 @@ def _likeliest(scene: Scene) -> float:
     return max(1e-9, *(one.probability for one in scene.hypotheses))
 
 
-def _finite(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+def _finite_lines(ends: NDArray[np.float64]) -> NDArray[np.float64]:
     """Those of lines (B, 2, 3) whose ends are known."""
     return ends[np.isfinite(ends).all((1, 2))]

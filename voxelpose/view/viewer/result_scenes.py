@@ -183,7 +183,7 @@ class ResultScenes:
 
     def bodies(self, frame: int) -> tuple[BodyState | None, ...]:
         """The fitted bodies of a frame; None where one was not found."""
-        return tuple(posed and posed[0].state(posed[1]) for posed in self._found(frame))
+        return tuple(posed and posed[0].state(posed[1]) for posed in self._posed_bodies(frame))
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
         """Movable areas of a frame by the name of the limb's first part; none without a hull, or of
@@ -195,13 +195,13 @@ class ResultScenes:
 
     def poses(self, frame: int) -> list[Pose | None]:
         """The fitted poses of a frame; None where one was not found."""
-        return [posed and posed[0].pose(posed[1]) for posed in self._found(frame)]
+        return [posed and posed[0].pose(posed[1]) for posed in self._posed_bodies(frame)]
 
     def part_poses(self, frame: int) -> list[PartPoses | None]:
         """Where the parts of the fitted bodies are in a frame; None where one was not found."""
-        return [posed and posed[0].parts(posed[1]) for posed in self._found(frame)]
+        return [posed and posed[0].parts(posed[1]) for posed in self._posed_bodies(frame)]
 
-    def _found(self, frame: int) -> list[tuple[FittedBody, int] | None]:
+    def _posed_bodies(self, frame: int) -> list[tuple[FittedBody, int] | None]:
         """The fitted bodies with the rows of their motions that hold a frame."""
         posed: list[tuple[FittedBody, int] | None] = []
         for fitted in self._fitted:
@@ -241,7 +241,7 @@ class ResultScenes:
 
     def _make_scene(self, frame: int) -> tuple[Scene, FrameObservation | None]:
         notes = [words for words in (self.missing, self.changed) if words]
-        camera_frames, people = self.camera_frames(frame), self._found(frame)
+        camera_frames, people = self.camera_frames(frame), self._posed_bodies(frame)
         posed = [camera_frame for camera_frame in people if camera_frame is not None]
         if self.motions and not posed:
             notes.append("no pose was found in this frame")
@@ -301,7 +301,7 @@ class ResultScenes:
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
 
     def _make_areas(self, frame: int) -> dict[str, LimbArea]:
-        observation, people = self._observed_scene(frame)[1], self._found(frame)
+        observation, people = self._observed_scene(frame)[1], self._posed_bodies(frame)
         if observation is None or len(people) != 1 or people[0] is None:
             return {}
         (fitted, row), hull = people[0], (observation.grid, observation.occupancy)

@@ -193,10 +193,10 @@ class SilhouettePage:
         self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
         self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
         self.answers = page_answers.PageAnswers(
-            "voxelpose.view.viewer", self._got, self._posted, FOLDER
+            "voxelpose.view.viewer", self._get, self._post, FOLDER
         )
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
         match path:
             case ("api", "state"):
                 return page_answers.json_content(self._state())
@@ -206,7 +206,7 @@ class SilhouettePage:
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
+    def _post(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
         if tuple(path) != ("api", "stage"):
             return None
         asked = page_answers.parse_request(body, previews.StageAsked)
