@@ -108,8 +108,8 @@ class Mannequin:
             pieces.append((ball["bone"], _COLOUR_NAMES.index(ball["colour"]), mesh))
         pieces.append(("left_foot", SHOES, _shoe(metres(tables["shoe"]["rows"]))))
         pieces += [
-            (bone.replace("left", "right"), colour, _mirrored(*mesh))
-            for bone, colour, mesh in pieces
+            (bone.replace("left", "right"), colour, (vertices * _MIRROR, faces[:, ::-1]))
+            for bone, colour, (vertices, faces) in pieces
             if bone.startswith("left")
         ]
         joints = {bone: metres(joint) for bone, joint in tables["joints"].items()}
@@ -227,12 +227,6 @@ def _shoe(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.in
     across = 0.107 + width * flat * cosine
     up = 0.5 * height + 0.5 * height * flat * sine
     return _loft(np.stack([across, np.broadcast_to(y, across.shape), up], -1))
-
-
-def _mirrored(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    return vertices * _MIRROR, faces[:, ::-1]
 
 
 @dataclass(frozen=True)

@@ -373,11 +373,11 @@ class LiveSession:
         search for a person begins.
         """
         settings = self.settings
-        given, people = (settings.regions, settings.silhouettes_given, moments), None
+        rig, regions, people = settings.rig, settings.regions, None
         if settings.network is not None and settings.asked:
             people = SeenPeople(settings.asked, settings.network)
-        view, side = EmptyView(settings.rig, self._empty, *given), long_side_px(settings.rig)
-        silhouettes = Silhouettes(view, "auto", side, ahead=False, people=people)
+        view = EmptyView(rig, self._empty, regions, settings.silhouettes_given, moments)
+        silhouettes = Silhouettes(view, "auto", long_side_px(rig), ahead=False, people=people)
         silhouettes.people = None if people is None else PeopleInTurn(people.windows)
         self._silhouettes.learn(silhouettes)
         # Loads the kernels before the first frame is there.

@@ -28,6 +28,7 @@ _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
 _FILE = "application/octet-stream"
 _HEAD_BYTES = 16384
 _HEAD_S = 10
+_PIECE = 2**16
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
@@ -218,6 +219,13 @@ async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
         task.result()
 
 
+async def pass_on(reader: StreamReader, writer: StreamWriter) -> None:
+    """Passes on what comes until its end."""
+    while piece := await reader.read(_PIECE):
+        writer.write(piece)
+        await writer.drain()
+
+
 def is_loopback(host: str) -> bool:
     """Whether an address or name is this machine's own, which no other machine can reach."""
     if host.lower() == "localhost":
@@ -293,7 +301,7 @@ class Gate:
         cannot be used.
         """
         self._address, self._handle = address, handle
-        self._largest = largest_body, largest_upload
+        self._largest_body, self._largest_upload = largest_body, largest_upload
         self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
@@ -380,7 +388,7 @@ class Gate:
             async with asyncio.timeout(_HEAD_S):
                 head = await reader.readuntil(b"\r\n\r\n")
             request = GateRequest.parse(head)
-            reply = request.reply(self._keys, *self._largest)
+            reply = request.reply(self._keys, self._largest_body, self._largest_upload)
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
@@ -400,12 +408,12 @@ class Gate:
 
 
 class GatedServer:
-    """Serves pages behind a gate until it is closed."""
+    """Serves pages behind a gate, if they have one of their own, until it is closed."""
 
-    def __init__(self, gate: Gate, end: Callable[[], None]) -> None:
+    def __init__(self, gate: Gate | None, end: Callable[[], None]) -> None:
         """`end` ends what the pages work on, after the gate."""
         self._gate, self._end, self._ended = gate, end, threading.Event()
-        self.url, self.port = gate.url, gate.port
+        self.url, self.port = ("", 0) if gate is None else (gate.url, gate.port)
 
     def run(self) -> None:
         """Waits until somebody interrupts, or the server is closed."""
@@ -415,5 +423,6 @@ class GatedServer:
     def close(self) -> None:
         """Ends all connections and threads."""
         self._ended.set()
-        self._gate.close()
+        if self._gate is not None:
+            self._gate.close()
         self._end()

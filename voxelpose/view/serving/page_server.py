@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from viser import infra
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, until_one_ends
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, pass_on, until_one_ends
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
@@ -145,13 +145,7 @@ class PageServer:
         self._peers.add(address)
         try:
             inner_writer.write(request.head)
-            await until_one_ends(_copy(inner_reader, writer), _copy(reader, inner_writer))
+            await until_one_ends(pass_on(inner_reader, writer), pass_on(reader, inner_writer))
         finally:
             inner_writer.close()
             self._peers.discard(address)
-
-
-async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
-        await writer.drain()

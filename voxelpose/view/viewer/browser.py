@@ -11,7 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from voxelpose.export.html_player import player_page
 from voxelpose.export.player_scene import Stage, player_scene
-from voxelpose.view.serving.gate import Address, Gate, GateRequest
+from voxelpose.view.serving.gate import Address, Gate, GatedServer, GateRequest
 from voxelpose.view.serving.page_answers import (
     Content,
     PageAnswers,
@@ -30,7 +30,7 @@ _HEAD = """<link rel="stylesheet" href="player.css">
 _LARGEST_BODY = 10_000  # bytes that the page of silhouettes may be sent
 
 
-class Browser:
+class Browser(GatedServer):
     """Serves scenes to browsers."""
 
     def __init__(
@@ -46,23 +46,14 @@ class Browser:
         """
         self._others = others
         self.scenes, self._frame = scenes, frame
-        self._working, self._ended = threading.Lock(), threading.Event()
+        self._working = threading.Lock()
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
         self._answers = PageAnswers("voxelpose.view.viewer", self._get, lambda *_: None)
         body = 0 if self._silhouettes is None else _LARGEST_BODY
-        self._gate = None if address is None else Gate(address, self.answer, body)
-        self.url = "" if self._gate is None else self._gate.url
+        gate = None if address is None else Gate(address, self.answer, body)
+        super().__init__(gate, self._close_scenes)
 
-    def run(self) -> None:
-        """Waits until the process is interrupted, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Stops the server."""
-        self._ended.set()
-        if self._gate is not None:
-            self._gate.close()
+    def _close_scenes(self) -> None:
         with self._working:
             self.scenes.close()
 

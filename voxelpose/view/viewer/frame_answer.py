@@ -29,6 +29,7 @@ _FARTHEST_MM = 65535  # as two bytes hold it
 
 def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
     """A frame of the page: hull, other poses, what is said about it, and pictures, if wanted."""
+    likeliest = max([1e-9, *(pose.probability for pose in scene.hypotheses)])
     return {
         "frame": scene.frame,
         "lines": frame_lines(scene),
@@ -37,7 +38,7 @@ def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
         "hypotheses": [
             {
                 "ends": packed(_finite_lines(pose.joints_m[pose.bones]).astype(np.float32)),
-                "share": pose.probability / _likeliest(scene),
+                "share": pose.probability / likeliest,
             }
             for pose in scene.hypotheses
         ],
@@ -107,10 +108,6 @@ def _pictures(scene: Scene, pictures: Pictures) -> dict[str, str]:
         for name, picture in images.items()
         if picture is not None
     }
-
-
-def _likeliest(scene: Scene) -> float:
-    return max(1e-9, *(one.probability for one in scene.hypotheses))
 
 
 def _finite_lines(ends: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -304,8 +304,8 @@ class ResultScenes:
         observation, people = self._observed_scene(frame)[1], self._posed_bodies(frame)
         if observation is None or len(people) != 1 or people[0] is None:
             return {}
-        (fitted, row), hull = people[0], (observation.grid, observation.occupancy)
-        areas = movable_areas(fitted.volume, *hull, fitted.pose(row))
+        (fitted, row), grid = people[0], observation.grid
+        areas = movable_areas(fitted.volume, grid, observation.occupancy, fitted.pose(row))
         return {area.limb.name: area for area in areas}
 
 
