@@ -202,8 +202,8 @@ def _misfit(
         errors = {}
         for flipped, flipped_or_not in options.items():
             pixels, _ = camera.project(flipped_or_not @ pose[0].T + pose[1])
-            apart = np.linalg.norm(pixels - view.pixels, axis=1).mean()
-            error = apart * 1000 / camera.matrix[0, 0]
+            distance_px = np.linalg.norm(pixels - view.pixels, axis=1).mean()
+            error = distance_px * 1000 / camera.matrix[0, 0]
             errors[flipped] = float(error) if np.isfinite(error) else np.inf
         best = min(errors, key=lambda flipped: errors[flipped])
         total += min(errors[best], 5 * BOARDS.far_px)

@@ -161,8 +161,8 @@ def _distance_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> fl
     """Mean distance of the joints (T, J, 3) in frames in which both are known; as far as can be
     where there is none.
     """
-    apart = np.linalg.norm(true_m - found_m, axis=2)
-    known = apart[np.isfinite(apart)]
+    distance_m = np.linalg.norm(true_m - found_m, axis=2)
+    known = distance_m[np.isfinite(distance_m)]
     return float(known.mean()) if len(known) else FARTHEST_M
 
 
@@ -203,8 +203,8 @@ def _angle_errors(truth: Motion, estimate: Motion, offset: int) -> dict[str, Any
     _, true_rows, rows = np.intersect1d(truth.frames, estimate.frames + offset, return_indices=True)
     if names != estimate.model.tree.dof_names or not len(rows) or not free.any():
         return {}
-    apart = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
-    degrees = np.abs((np.degrees(apart) + 180) % 360 - 180).mean(axis=0)
+    error_rad = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
+    degrees = np.abs((np.degrees(error_rad) + 180) % 360 - 180).mean(axis=0)
     each = {name: float(degrees[k]) for k, name in enumerate(names) if free[k]}
     return {"joint_angle_deg": float(degrees[free].mean()), "each_joint_angle_deg": each}
 
@@ -316,8 +316,8 @@ def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray
     sign[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     rotation = (u * sign[:, None]) @ vt
     scale = (s * sign).sum(axis=1) / np.maximum((a**2).sum(axis=(1, 2)), 1e-12)
-    apart = scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2) - b
-    return np.where(known & (known.sum(axis=1, keepdims=True) > 3), apart, np.nan)
+    residual_m = scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2) - b
+    return np.where(known & (known.sum(axis=1, keepdims=True) > 3), residual_m, np.nan)
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:

@@ -236,8 +236,8 @@ def _aligned_with(open3d: Any, scan: Surface, body: Surface) -> tuple[NDArray[np
         return made
 
     def matched(count: int, start: NDArray[np.float64], method: Any) -> Any:
-        far = 10 * float(np.ptp(body[0]))  # every point has a partner
-        return registration.registration_icp(*clouds[count], far, start, method)
+        limit_m = 10 * float(np.ptp(body[0]))  # every point has a partner
+        return registration.registration_icp(*clouds[count], limit_m, start, method)
 
     clouds = {count: (cloud(scan, count), cloud(body, count)) for count in (_FEW_POINTS, _POINTS)}
     by_points, by_planes = (

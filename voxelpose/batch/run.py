@@ -111,8 +111,8 @@ def _join_overlapping(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
             whole = _concatenated([first, last])
             continue
         old, new = whole.select(before_rows), after.select(after_rows)
-        apart = np.linalg.norm(old.landmarks() - new.landmarks(), axis=2)
-        seams_mm.append(1000 * float(apart.mean()))
+        distance_m = np.linalg.norm(old.landmarks() - new.landmarks(), axis=2)
+        seams_mm.append(1000 * float(distance_m.mean()))
         whole = _concatenated([first, _cross_faded(old, new), last])
     return whole, seams_mm
 

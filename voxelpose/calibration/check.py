@@ -167,13 +167,13 @@ def _dense_outlines(
     reporter: Reporter,
 ) -> OutlineTrack:
     """Outlines of one camera at all frames around the moments."""
-    near = np.unique(
+    steps = np.unique(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
-    reporter.stage(f"{name} frame by frame", len(near))
-    frames = recording.readers[name].select((near + recording.first).tolist())
+    reporter.stage(f"{name} frame by frame", len(steps))
+    frames = recording.readers[name].select((steps + recording.first).tolist())
     camera = recording.rig[name]
-    return outline_track(camera, frames, recording.times_s[near], silhouettes, reporter)
+    return outline_track(camera, frames, recording.times_s[steps], silhouettes, reporter)
 
 
 def outline_track(

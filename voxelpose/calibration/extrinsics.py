@@ -124,18 +124,18 @@ def _check_start(
     )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
     counts = {name: reader.frame_count for name, reader in readers.items()}
-    apart = used = ""
+    doubt = used = ""
     if times is not None:
-        apart = ends_apart(times)
+        doubt = ends_apart(times)
     elif rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
     elif len(set(counts.values())) > 1:
         listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-        apart = f"the videos differ in length ({listed} frames)"
+        doubt = f"the videos differ in length ({listed} frames)"
         used = f", the first {min(counts.values())} are used"
-    if apart:
-        reporter.note(f"{apart}: taken to start together{used}; if they do not, {remedy}")
+    if doubt:
+        reporter.note(f"{doubt}: taken to start together{used}; if they do not, {remedy}")
 
 
 def extrinsics_notes(result: Extrinsics) -> dict[str, object]:

@@ -208,12 +208,12 @@ def draw_check(check: Check) -> Image:
         groups = figure.subfigures(rows, across, squeeze=False).ravel()
         for group, name in zip(groups, names, strict=False):
             line = next(line for line in agreement.table if line.camera == name)
-            apart = name in agreement.culprits or any(
+            disagrees = name in agreement.culprits or any(
                 name in (repair.camera, repair.with_camera) for repair in check.repairs
             )
             words = f"{name}: {line.error_px:.1f} px from the others"
-            words += ", does not agree" * apart
-            group.suptitle(words, color=_rgb(WARNING if apart else INK), fontsize=14)
+            words += ", does not agree" * disagrees
+            group.suptitle(words, color=_rgb(WARNING if disagrees else INK), fontsize=14)
             panels = group.subplots(1, len(moments), squeeze=False).ravel()
             box = _box([check.checked_frames[moment][name].mask for moment in moments])
             for axes, moment in zip(panels, moments, strict=True):

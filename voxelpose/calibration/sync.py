@@ -231,11 +231,11 @@ class _Films:
         self,
         by: SyncMethod,
         signals: Sequence[Signal],
-        how: SignalSettings,
+        settings: SignalSettings,
         notes: Sequence[str] = (),
     ) -> Sync:
         """Offsets at which signals correlate."""
-        offsets = offsets_from_signals(signals, how, self.settings.reference)
+        offsets = offsets_from_signals(signals, settings, self.settings.reference)
         return Sync(offsets, by, self.times, self.fps, (*self.notes, *notes))
 
 
@@ -357,8 +357,8 @@ def _by_sound(films: _Films, reporter: Reporter) -> Sync:
         "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
         " camera is nearer to it, or farther, than the reference; the table allows for one metre"
     )
-    how = SignalSettings(most, STEP_S, sigma_s, lasting=False)
-    sync = films.by_signals("sound", signals, how, [note])
+    settings = SignalSettings(most, STEP_S, sigma_s, lasting=False)
+    sync = films.by_signals("sound", signals, settings, [note])
     metre_s = 0.003  # of sound's way: some cameras are nearer to it than others
     lines = [
         line

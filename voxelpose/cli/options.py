@@ -51,9 +51,9 @@ class Option:
         try:
             value = msgspec.convert(given, self.kind, dec_hook=path_from)
         except (msgspec.ValidationError, NotImplementedError, OverflowError):
-            near = nearest(str(given), choices_of(self.kind))
+            expected = f"{_type_words(self.kind)}{nearest(str(given), choices_of(self.kind))}"
             raise InputError(
-                f"{where}: {self.name} = {str(given)[:60]!r} must be {_type_words(self.kind)}{near}"
+                f"{where}: {self.name} = {str(given)[:60]!r} must be {expected}"
             ) from None
         check_name(value)
         if self.name not in _LOCATED:
@@ -169,8 +169,8 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
         for key, given in _sections(file).get(section, {}).items():
             name = key.replace("_", "-")
             if name not in options:
-                near = nearest(name, options) or f": there are {', '.join(options)}"
-                raise InputError(f"{where} has no setting {key[:40]!r}{near}")
+                suggestion = nearest(name, options) or f": there are {', '.join(options)}"
+                raise InputError(f"{where} has no setting {key[:40]!r}{suggestion}")
             value = options[name].value_from(given, file.parent, where)
             settings[name] = FolderSetting(value, str(file))
     return settings
@@ -281,8 +281,8 @@ def _check_sections(
     for name, table in content.items():
         section = f"[{before}{name[:40]}]"
         if name not in known:
-            near = nearest(name, known) or f": the sections are {', '.join(known)}"
-            raise InputError(f"{file}: there is no section {section}{near}")
+            suggestion = nearest(name, known) or f": the sections are {', '.join(known)}"
+            raise InputError(f"{file}: there is no section {section}{suggestion}")
         if not isinstance(table, dict):
             raise InputError(
                 f"{file}: {before}{name} must be a section: write {section}, and each setting on a"

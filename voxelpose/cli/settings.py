@@ -66,8 +66,8 @@ def _section(command: str) -> str:
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:
-        near = options.nearest(section, sections) or f": there are {', '.join(sections)}"
-        raise InputError(f"--command {command}: there is no such command{near}")
+        suggestion = options.nearest(section, sections) or f": there are {', '.join(sections)}"
+        raise InputError(f"--command {command}: there is no such command{suggestion}")
     return section
 
 

@@ -50,7 +50,7 @@ def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
     alone, top = len(motions) == 1, list[int]()
     for k, (name, motion) in enumerate(zip(person_names(len(motions)), motions, strict=True)):
         upright, body = motion.upright(), len(document.nodes)
-        how = {
+        extras = {
             "conditioning": conditioning_words(motion),
             "filled_frames": motion.frames[motion.filled].tolist(),
         }
@@ -58,11 +58,11 @@ def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
         _add_body(document, packer, upright.model, None if alone else COLOURS[k % len(COLOURS)])
         _add_animation(animation, packer, upright, body + 1, first_frame)
         if alone:
-            document.extras |= how
+            document.extras |= extras
             top = [body, body + 1]
         else:
             top.append(len(document.nodes))
-            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=how))
+            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=extras))
     document.animations = [animation]
     document.scenes = [gltf.Scene(nodes=top)]
     document.scene = 0

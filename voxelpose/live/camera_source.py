@@ -325,8 +325,8 @@ class ShotMatcher:
         moment = min(stream.newest_s for stream in delivering.values())
         shortest = min(stream.interval_s for stream in delivering.values())
         chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
-        apart = max(abs(time_s - moment) for time_s, _ in chosen.values())
-        if shortest > 0 and apart > LIVE.apart * shortest:
+        apart_s = max(abs(time_s - moment) for time_s, _ in chosen.values())
+        if shortest > 0 and apart_s > LIVE.apart * shortest:
             return None
         if any(time_s <= delivering[name].used_s for name, (time_s, _) in chosen.items()):
             return None

@@ -99,11 +99,11 @@ def times_in_files(
             times[name] = reader.shown_s
     faults = [(_fault(taken, images.get(name)), name) for name, taken in times.items()]
     faults += _late_starts(times, images)
-    named = {words: [name for said, name in faults if said == words] for words, _ in faults}
-    said = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
-    said += _rates_apart(times)
+    named = {words: [name for fault, name in faults if fault == words] for words, _ in faults}
+    listed = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
+    listed += _rates_apart(times)
     source = "numbers of the images" if images else "times in the files"
-    return FileTimes(times, f"by the {source}, {'; '.join(said)}") if said else None
+    return FileTimes(times, f"by the {source}, {'; '.join(listed)}") if listed else None
 
 
 def ends_apart(times: Mapping[str, Times]) -> str:
@@ -118,13 +118,13 @@ def ends_apart(times: Mapping[str, Times]) -> str:
 
 
 def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
-    apart = ends_apart(times)
-    if apart:
+    doubt = ends_apart(times)
+    if doubt:
         instants, _ = match_frames(times, folder)
         numbers, period = even_numbers(instants)
         numbers += round((instants[0] - min(float(taken[0]) for taken in times.values())) / period)
         raise InputError(
-            f"{folder}: {apart}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
+            f"{folder}: {doubt}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
             f" pairs frames by time; if not, `voxelpose calibrate sync` finds by how much, and"
             f" writes {TIMESTAMPS}"
         )

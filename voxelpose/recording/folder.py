@@ -138,7 +138,7 @@ class Recording:
             if reader.promised > reader.frame_count
         )
         whole = frames is None or frames[1] is None
-        timed, said = recorded_times(folder, readers, fps, together=whole)
+        timed, time_notes = recorded_times(folder, readers, fps, together=whole)
         if timed is None:
             start, stop = _frame_range(readers, frames)
             rate, times_s = times_by_rate(folder, readers, fps)
@@ -163,7 +163,7 @@ class Recording:
             silhouettes_given,
             None if calibration is None else read_up(calibration),
             names,
-            notes + said,
+            notes + time_notes,
             numbers[start:stop],
             label,
         )

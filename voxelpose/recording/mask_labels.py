@@ -65,9 +65,9 @@ class _Look:
         value = self.value(name)
         if value is None:
             return None
-        apart = np.abs(self.levels.values - value).max(axis=1)
+        distance = np.abs(self.levels.values - value).max(axis=1)
         least = 0.5 if self.levels.exact else self.levels.top / _NEAR
-        return self.names[int(apart.argmin())] if apart.min() <= least else None
+        return self.names[int(distance.argmin())] if distance.min() <= least else None
 
     @property
     def cut_out(self) -> bool:

@@ -171,9 +171,9 @@ class MaskLevels:
         """
         top = max(float(plane.max()) for plane in planes)
         exact = labels and _has_few_values(planes)
-        apart = 0.0 if exact else top / (_SHADES if labels else 4)
-        flat = [_plain_areas(plane, apart / 2) for plane in planes]
-        unordered = _area_values(flat, apart, planes[0].shape[2])
+        tolerance = 0.0 if exact else top / (_SHADES if labels else 4)
+        flat = [_plain_areas(plane, tolerance / 2) for plane in planes]
+        unordered = _area_values(flat, tolerance, planes[0].shape[2])
         thin = [_subsampled(plane) for plane in planes]
         indices = [nearest_value(plane, unordered) for plane in thin]
         border = np.concatenate([_border(one) for one in indices])
@@ -182,15 +182,15 @@ class MaskLevels:
         values = unordered[order]
         indices = [np.argsort(order).astype(np.int16)[one] for one in indices]
         distance = [np.abs(plane - values[0]).max(axis=2) for plane in thin]
-        near = np.concatenate([one[one <= apart] for one in distance])
+        near = np.concatenate([one[one <= tolerance] for one in distance])
         same = exact or np.count_nonzero(near >= 1) * _LEAST < near.size
-        noise = 0.0 if same else apart
+        noise = 0.0 if same else tolerance
         edges = np.concatenate([_border(one) for one in distance])
-        plain = 2 * int(np.count_nonzero(near <= apart / 4)) > near.size
+        plain = 2 * int(np.count_nonzero(near <= tolerance / 4)) > near.size
         return cls(
             values,
             exact,
-            plain and 2 * int(np.count_nonzero(edges <= apart)) > edges.size,
+            plain and 2 * int(np.count_nonzero(edges <= tolerance)) > edges.size,
             exact or _is_compact(thin, indices, values, top / _SHADES),
             top,
             noise,
@@ -202,14 +202,14 @@ def _is_compact(
     planes: Sequence[Plane],
     indices: Sequence[NDArray[np.int16]],
     values: NDArray[np.float64],
-    apart: float,
+    tolerance: float,
 ) -> bool:
     """Whether most of what is far from the background is near another value."""
     far = near = 0
     for plane, index in zip(planes, indices, strict=True):
-        before = np.abs(plane - values[0]).max(axis=2) > 2 * apart
+        before = np.abs(plane - values[0]).max(axis=2) > 2 * tolerance
         far += int(np.count_nonzero(before))
-        off = np.abs(plane - values[index]).max(axis=2) <= 2 * apart
+        off = np.abs(plane - values[index]).max(axis=2) <= 2 * tolerance
         near += int(np.count_nonzero(before & off & (index > 0)))
     return 2 * near > far
 
@@ -223,9 +223,9 @@ def _plain_areas(plane: Plane, noise: float) -> Plane:
     return values[_subsampled(spread) <= noise]
 
 
-def _area_values(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.float64]:
-    """Values (L, C) that fill areas; closer ones than twice `apart` are the commonest of them."""
-    cell = max(apart / 2, 1.0)
+def _area_values(flat: Sequence[Plane], tolerance: float, channels: int) -> NDArray[np.float64]:
+    """Values (L, C) that fill areas; of those closer than twice `tolerance` the commonest."""
+    cell = max(tolerance / 2, 1.0)
     sums: defaultdict[int, NDArray[np.float64]] = defaultdict(lambda: np.zeros(channels + 1))
     large: set[int] = set()
     for values in flat:
@@ -238,7 +238,7 @@ def _area_values(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[
     chosen: list[NDArray[np.float64]] = []
     for code, (count, *total) in sorted(sums.items(), key=lambda one: -one[1][0]):
         value = np.rint(np.array(total) / count)
-        if code in large and all(np.abs(value - other).max() > 2 * apart for other in chosen):
+        if code in large and all(np.abs(value - other).max() > 2 * tolerance for other in chosen):
             chosen.append(value)
     return np.array(chosen or [np.zeros(channels)])
 

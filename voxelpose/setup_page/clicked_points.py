@@ -172,10 +172,10 @@ def _visible_pieces(camera: Camera, kind: str, ends: NDArray[np.float64]) -> lis
     share = np.linspace(0, 1, count)[:, None]
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)
-    near = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
-    cuts = np.flatnonzero(np.diff(near)) + 1
+    visible = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
+    cuts = np.flatnonzero(np.diff(visible)) + 1
     return [
         {"kind": kind, "pixels": [[round(x, 2), round(y, 2)] for x, y in piece.tolist()]}
-        for piece, inside in zip(np.split(pixels, cuts), np.split(near, cuts), strict=True)
+        for piece, inside in zip(np.split(pixels, cuts), np.split(visible, cuts), strict=True)
         if inside[0] and len(piece) > 1
     ]

@@ -153,16 +153,16 @@ class FitSilhouettes:
         )
         work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule)
         completed = work.complete(silhouettes, tint)
-        more = zip(soft, completed, silhouettes, strict=True)
-        return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in more}
+        cameras = zip(soft, completed, silhouettes, strict=True)
+        return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in cameras}
 
     def _person(self, name: str, mask: Mask, body: Mask) -> Mask:
         """The pieces of one person, who is where the body is."""
         seen, body = (self._scenes.lenses[name].undistort(image) for image in (mask, body))
-        near = usual = None
+        near_px = usual_px = None
         if body.any():
-            near, usual = np.argwhere(body).mean(axis=0)[::-1], float(np.count_nonzero(body))
-        person = find_person(seen, near, usual)
+            near_px, usual_px = np.argwhere(body).mean(axis=0)[::-1], float(np.count_nonzero(body))
+        person = find_person(seen, near_px, usual_px)
         if person is None:
             return np.zeros_like(mask)
         return mask & ~self._as_recorded(name, seen & ~person.mask)
