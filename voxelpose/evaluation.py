@@ -33,18 +33,10 @@ from voxelpose.results import Result, is_result, open_people
 _LOST_MM = 300
 _CORRECT_MM = 150
 _FLIP_MM = 30
-_SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
-_BONES = np.array(
-    [
-        [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in bone.split()]
-        for bone in _SIDE_BONES
-        for side in ("left", "right")
-    ]
-    + [
-        [LANDMARK_NAMES.index(joint) for joint in bone.split()]
-        for bone in ("pelvis neck", "neck head_top")
-    ]
-)
+_LIMB_BONES = ("{}_hip {}_knee", "{}_knee {}_ankle", "{}_shoulder {}_elbow", "{}_elbow {}_wrist")
+_BONE_ENDS = [bone.format(side, side) for bone in _LIMB_BONES for side in ("left", "right")]
+_BONE_ENDS += ["pelvis neck", "neck head_top"]
+_BONES = np.array([[*map(LANDMARK_NAMES.index, ends.split())] for ends in _BONE_ENDS])
 
 
 @dataclass(frozen=True)
@@ -157,11 +149,11 @@ def evaluate_people(
     }
 
 
-def _distance_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
+def _distance_m(true_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> float:
     """Mean distance of the joints (T, J, 3) in frames in which both are known; as far as can be
     where there is none.
     """
-    distance_m = np.linalg.norm(true_m - found_m, axis=2)
+    distance_m = np.linalg.norm(true_m - estimate_m, axis=2)
     known = distance_m[np.isfinite(distance_m)]
     return float(known.mean()) if len(known) else FARTHEST_M
 
