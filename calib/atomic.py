@@ -300,9 +300,10 @@ class FolderWriter:
                 errno.ENOTDIR,
             ):
                 raise
+            beside = self._put_beside(target)
             raise InputError(
                 f"something else was written to {self.out} meanwhile and stays there: this result"
-                f" is in {self._put_beside(target)}"
+                f" is in {beside}"
             ) from error
 
     def _put_beside(self, target: Path) -> Path:

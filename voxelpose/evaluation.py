@@ -136,7 +136,7 @@ def evaluate_people(
         raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
     files = [result.folder / JOINTS for result in results]
     joints_m = [read_joints(file, len(known_m[0]), offset) for file in files]
-    cost = np.array([[_distance_m(true_m, these_m) for true_m in known_m] for these_m in joints_m])
+    cost = np.array([[_distance_m(true, joints) for true in known_m] for joints in joints_m])
     pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
     scores = {
         results[k].folder.name: score_motion(known_m[person], joints_m[k])

@@ -169,8 +169,8 @@ class FollowedPeople:
         load = partial(_load_kernels, self._pinholes, settings, moment)
         loading = [self._executor.submit(load) for _ in self._hulls]
         load()
-        for process in loading:
-            process.result()
+        for future in loading:
+            future.result()
 
     def _carved(self, moment: Moment, pose: Pose) -> NDArray[np.float32]:
         low, high = pose.root_m - 1.2, pose.root_m + 1.2  # as far as a body reaches
