@@ -117,8 +117,8 @@ def _decoupled(problem: "_Problem") -> sparse.csr_matrix:
     blocks = []
     for first, last in pairwise(edges):
         if last > first:
-            own = jacobian[:, first:last]
-            level, axes = np.linalg.eigh((own.T @ own).toarray())
+            columns = jacobian[:, first:last]
+            level, axes = np.linalg.eigh((columns.T @ columns).toarray())
             # Directions without effect get a bounded step.
             blocks.append(axes / np.sqrt(np.maximum(level, 1e-12 * max(level.max(), 1e-12))))
     return sparse.csr_matrix(sparse.block_diag(blocks))
@@ -144,8 +144,8 @@ def ideal_poses(
     SOLVEPNP_IPPE).
     """
     normalised = camera.lens.undistort((pixels - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2])
-    kept = np.isfinite(normalised).all(axis=1)
-    points_m, normalised = points_m[kept], normalised[kept]
+    has_ray = np.isfinite(normalised).all(axis=1)
+    points_m, normalised = points_m[has_ray], normalised[has_ray]
     if len(points_m) < 4:
         return []
     count, rotvecs, shifts, _ = cv2.solvePnPGeneric(
@@ -313,13 +313,13 @@ def _covariances(
     ours = np.flatnonzero(problem.moving < problem.boards_at)
     inner = normal[np.ix_(ours, ours)]
     # Boards are eliminated one by one (Schur complement): no residual depends on two of them.
-    for at in range(problem.boards_at, problem.size, 6):
-        own = np.flatnonzero((problem.moving >= at) & (problem.moving < at + 6))
-        if len(own):
+    for first in range(problem.boards_at, problem.size, 6):
+        board = np.flatnonzero((problem.moving >= first) & (problem.moving < first + 6))
+        if len(board):
             inner -= (
-                normal[np.ix_(ours, own)]
-                @ np.linalg.pinv(normal[np.ix_(own, own)])
-                @ normal[np.ix_(own, ours)]
+                normal[np.ix_(ours, board)]
+                @ np.linalg.pinv(normal[np.ix_(board, board)])
+                @ normal[np.ix_(board, ours)]
             )
     scale = np.sqrt(np.maximum(normal[ours, ours], 1e-300))
     level, axes = np.linalg.eigh(inner / np.outer(scale, scale))
@@ -330,8 +330,8 @@ def _covariances(
         sigma**2 * (axes * inverse) @ axes.T / np.outer(scale, scale)
     )
     return tuple(
-        whole[at : at + problem.block, at : at + problem.block]
-        for at in range(0, problem.boards_at, problem.block)
+        whole[first : first + problem.block, first : first + problem.block]
+        for first in range(0, problem.boards_at, problem.block)
     )
 
 

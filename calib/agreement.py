@@ -119,9 +119,10 @@ def agreement(
     for track in tracks:
         name = track.camera.name
         rest = [other for other in good if other != name]
-        own = signed_errors(errors, name, rest)
-        others_px, moments = group_error(errors, rest), int(track.seen.sum())
-        lines.append(CameraAgreement(name, trimmed_mean(own), others_px, moments, len(own)))
+        signed_px = signed_errors(errors, name, rest)
+        error_px, others_px = trimmed_mean(signed_px), group_error(errors, rest)
+        moments = int(track.seen.sum())
+        lines.append(CameraAgreement(name, error_px, others_px, moments, len(signed_px)))
     agrees = not culprits and whole <= AGREEMENT.disagree_px * scale
     return Agreement(whole, tuple(lines), culprits, agrees)
 
@@ -138,14 +139,14 @@ def _culprits(errors: PairErrors, names: Sequence[str], scale: float) -> tuple[s
     culprits: tuple[str, ...] = ()
     while len(culprits) < max_count:
         remaining = [name for name in names if name not in culprits]
-        further = _fewest(errors, remaining, max_count - len(culprits), scale)
+        further = _smallest_set(errors, remaining, max_count - len(culprits), scale)
         if not further:
             break
         culprits += further  # without these, further ones may be detectable
     return tuple(name for name in names if name in culprits)
 
 
-def _fewest(
+def _smallest_set(
     errors: PairErrors, names: Sequence[str], max_count: int, scale: float
 ) -> tuple[str, ...]:
     """Smallest set of cameras without which the others agree; of several, the most distinct one."""
@@ -183,4 +184,5 @@ def group_error(errors: PairErrors, names: Sequence[str]) -> float:
 def trimmed_mean(errors: FloatArray) -> float:
     """Mean absolute value of the smaller errors; NaN if there are none."""
     sizes = np.sort(np.abs(errors[np.isfinite(errors)]))
-    return float(sizes[: max(1, int(AGREEMENT.kept * len(sizes)))].mean()) if len(sizes) else np.nan
+    count = max(1, int(AGREEMENT.trimmed * len(sizes)))
+    return float(sizes[:count].mean()) if len(sizes) else np.nan

@@ -84,12 +84,12 @@ def announce(partial: Path, path: Path) -> None:
 
 def written_paths() -> list[Path]:
     """The files and folders that this process has completed, as far as they are still there."""
-    there = []
+    written = []
     for inode, path in _renames.items():
         with suppress(OSError):
             if path.stat().st_ino == inode:
-                there.append(path)
-    return there
+                written.append(path)
+    return written
 
 
 def partial_mark() -> str:
@@ -300,13 +300,13 @@ class FolderWriter:
                 errno.ENOTDIR,
             ):
                 raise
-            kept = self._kept_beside(target)
+            beside = self._put_beside(target)
             raise InputError(
                 f"something else was written to {self.out} meanwhile and stays there: this result"
-                f" is in {kept}"
+                f" is in {beside}"
             ) from error
 
-    def _kept_beside(self, target: Path) -> Path:
+    def _put_beside(self, target: Path) -> Path:
         for number in range(2, 1000):
             beside = target.with_name(f"{target.name}-{number}")
             if not beside.exists():
@@ -376,13 +376,13 @@ def remove_leftovers(folder: Path) -> list[Path]:
 
 def _exchanged(first: Path, second: Path) -> bool:
     """Exchanges two names in one step; False where the system cannot."""
-    names = os.fsencode(first), os.fsencode(second)
+    old, new = os.fsencode(first), os.fsencode(second)
     try:
         library = ctypes.CDLL(None)
         if sys.platform == "linux":
-            return library.renameat2(_HERE, names[0], _HERE, names[1], _EXCHANGE) == 0
+            return library.renameat2(_HERE, old, _HERE, new, _EXCHANGE) == 0
         if sys.platform == "darwin":
-            return library.renamex_np(*names, _EXCHANGE) == 0
+            return library.renamex_np(old, new, _EXCHANGE) == 0
     except (OSError, AttributeError, TypeError):
         pass
     return False

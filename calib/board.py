@@ -120,15 +120,15 @@ class Board:
         if self.marker_m is not None:
             return self._other_markers(picture)
         flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, _, meta = cv2.findChessboardCornersSBWithMeta(_grey(picture), (3, 3), flags)
-        if not found or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
+        success, _, meta = cv2.findChessboardCornersSBWithMeta(_grey(picture), (3, 3), flags)
+        if not success or meta is None or sorted(meta.shape) == sorted((self.columns, self.rows)):
             return None
         detected, requested = (
             f"{max(numbers)} x {min(numbers)}"
             for numbers in (meta.shape[:2], (self.columns, self.rows))
         )
         wrong = zip(sorted(meta.shape[:2]), sorted((self.columns, self.rows)), strict=True)
-        missing = [expected - found for found, expected in wrong]
+        missing = [expected - count for count, expected in wrong]
         if min(missing) >= 0 and missing != [1, 1]:
             return (
                 f"only {detected} of {requested} inner corners are to be made out: part of it"
@@ -203,11 +203,10 @@ class Board:
             corners = detector(grey)
             if corners is None:
                 continue
-            found = self._fault(grey, corners)
-            if found is None:
+            fault = self._fault(grey, corners)
+            if fault is None:
                 ordered = self._ordered(grey, corners)
                 return BoardView(np.arange(len(corners)), ordered, grey.shape[::-1])
-            fault = found
         return fault
 
     def _fast_corners(self, grey: Image, give_up: bool) -> FloatArray | None:
@@ -226,8 +225,8 @@ class Board:
             | cv2.CALIB_CB_NORMALIZE_IMAGE
             | (cv2.CALIB_CB_FAST_CHECK if give_up else 0)
         )
-        found, corners = cv2.findChessboardCorners(small, (self.columns, self.rows), flags=flags)
-        if not found:
+        success, corners = cv2.findChessboardCorners(small, (self.columns, self.rows), flags=flags)
+        if not success:
             return None
         pixels = ((corners.reshape(-1, 2) + 0.5) / scale - 0.5).astype(np.float32)
         half = int(np.clip(0.3 * self._spacing_px(pixels), 2, 25))
@@ -241,8 +240,8 @@ class Board:
     def _slow_corners(self, grey: Image) -> FloatArray | None:
         """Detects corners by OpenCV's sector-based detector."""
         flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, corners = cv2.findChessboardCornersSB(grey, (self.columns, self.rows), flags=flags)
-        return corners.reshape(-1, 2).astype(np.float64) if found else None
+        success, corners = cv2.findChessboardCornersSB(grey, (self.columns, self.rows), flags=flags)
+        return corners.reshape(-1, 2).astype(np.float64) if success else None
 
     def _spacing_px(self, pixels: NDArray[np.floating]) -> float:
         """Shortest distance between neighbouring corners, px."""

@@ -20,7 +20,7 @@ from calib.lens import FisheyeLens, RationalLens
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
-def _frozen(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> FloatArray:
+def _read_only(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> FloatArray:
     """Returns a read-only float64 copy of finite numbers."""
     array = float_array(name, value, shape, finite=True).copy()
     array.setflags(write=False)
@@ -55,7 +55,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         who = f"camera {self.name}: "
-        matrix = _frozen(who + "matrix", self.matrix, (3, 3))
+        matrix = _read_only(who + "matrix", self.matrix, (3, 3))
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise ValueError(
                 f"{who}focal lengths must be positive, got {matrix[0, 0]:g} and {matrix[1, 1]:g}"
@@ -64,14 +64,14 @@ class Camera:
             raise ValueError(
                 f"{who}matrix must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {matrix.tolist()}"
             )
-        distortion = _frozen(who + "distortion", self.distortion, ("n",))
+        distortion = _read_only(who + "distortion", self.distortion, ("n",))
         counts = (4,) if self.fisheye else _COUNTS
         if len(distortion) not in counts:
             raise ValueError(
                 f"{who}distortion must have {' or '.join(map(str, counts))} numbers, got"
                 f" {len(distortion)}"
             )
-        rotation = _frozen(who + "rotation", self.rotation, (3, 3))
+        rotation = _read_only(who + "rotation", self.rotation, (3, 3))
         error = np.abs(rotation @ rotation.T - np.eye(3)).max()  # files round to a few digits
         if error > 1e-3 or np.linalg.det(rotation) < 0:
             raise ValueError(
@@ -83,7 +83,7 @@ class Camera:
             ("matrix", matrix),
             ("distortion", distortion),
             ("rotation", rotation),
-            ("translation", _frozen(who + "translation", self.translation, (3,))),
+            ("translation", _read_only(who + "translation", self.translation, (3,))),
         ):
             object.__setattr__(self, key, value)
 

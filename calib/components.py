@@ -50,12 +50,12 @@ def label_components(mask: NDArray[np.bool_], *, diagonal: bool = True) -> MaskC
     labels, box = np.zeros(mask.shape, np.int32), _occupied(mask)
     inside = np.ascontiguousarray(mask[box])
     if mask.ndim == 2:
-        _, found = cv2.connectedComponents(inside.view(np.uint8), connectivity=8 if diagonal else 4)
+        _, inner = cv2.connectedComponents(inside.view(np.uint8), connectivity=8 if diagonal else 4)
     else:
         neighbours = ndimage.generate_binary_structure(3, 3 if diagonal else 1)
-        found = np.empty(inside.shape, np.int32)
-        ndimage.label(inside, neighbours, output=found)
-    labels[box] = found
+        inner = np.empty(inside.shape, np.int32)
+        ndimage.label(inside, neighbours, output=inner)
+    labels[box] = inner
     # OpenCV's own statistics take several times as long as its labels.
     return MaskComponents(labels, np.bincount(labels[box][inside], minlength=1))
 

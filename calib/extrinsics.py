@@ -130,7 +130,7 @@ def board_errors(board: Board, rig: Rig, views: Views) -> dict[str, float]:
     _, scene, seen = _scene(board, rig.cameras, known, candidates, None, every=True)
     residuals_px = adjust(scene, seen, "boards").residuals_px
     rows = {camera.name: seen.camera == index for index, camera in enumerate(rig)}
-    return {name: rms_px(residuals_px[own]) for name, own in rows.items() if own.any()}
+    return {name: rms_px(residuals_px[mask]) for name, mask in rows.items() if mask.any()}
 
 
 def _scene(
@@ -202,8 +202,8 @@ def _misfit(
         errors = {}
         for flipped, flipped_or_not in options.items():
             pixels, _ = camera.project(flipped_or_not @ pose[0].T + pose[1])
-            apart = np.linalg.norm(pixels - view.pixels, axis=1).mean()
-            error = apart * 1000 / camera.matrix[0, 0]
+            distance_px = np.linalg.norm(pixels - view.pixels, axis=1).mean()
+            error = distance_px * 1000 / camera.matrix[0, 0]
             errors[flipped] = float(error) if np.isfinite(error) else np.inf
         best = min(errors, key=lambda flipped: errors[flipped])
         total += min(errors[best], 5 * BOARDS.far_px)
@@ -222,10 +222,10 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
             f"the floor's board {floor!r} was not seen by any calibrated camera: name a moment at"
             " which it lies in view"
         )
-    at = moments.index(floor)
+    index = moments.index(floor)
     # The board's z points into the floor: up is -z, and y changes its sign too.
-    world_from_old = np.diag([1.0, -1, -1]) @ scene.rotations[at].T
-    origin = scene.translations[at]
+    world_from_old = np.diag([1.0, -1, -1]) @ scene.rotations[index].T
+    origin = scene.translations[index]
     moved = tuple(
         replace(
             camera,

@@ -107,7 +107,7 @@ def calibrate_intrinsics(
     while True:
         if len(good) < _MIN_PICTURES:
             raise InputError(_too_few(camera, len(good), len(views), lines))
-        found, errors, deviations = _solve(board, list(good.values()), size, lens, camera)
+        calibrated, errors, deviations = _solve(board, list(good.values()), size, lens, camera)
         rms = dict(zip(good, errors, strict=True))
         worst = max(rms, key=lambda name: rms[name])
         median = float(np.median(errors))
@@ -120,12 +120,12 @@ def calibrate_intrinsics(
             f"{rms[worst] / median:.1f} times the others' error",
         )
         del good[worst]
-    _check_plausible(found)
+    _check_plausible(calibrated)
     lines |= {name: PictureError(name, len(view.ids), rms[name]) for name, view in good.items()}
     counts = np.array([len(view.ids) for view in good.values()])
     total = float(np.sqrt((counts * errors**2).sum() / counts.sum()))
     table = tuple(lines[name] for name in views)
-    return Intrinsics(found, total, table, deviations, corner_coverage(good.values(), size))
+    return Intrinsics(calibrated, total, table, deviations, corner_coverage(good.values(), size))
 
 
 def lens_error_px(board: Board, camera: Camera, views: Sequence[BoardView]) -> float:
@@ -145,8 +145,8 @@ def lens_error_px(board: Board, camera: Camera, views: Sequence[BoardView]) -> f
     pixels = np.concatenate([view.pixels for view, _ in seen])
     turns, shifts = (np.array([pose[part] for _, pose in seen]) for part in (0, 1))
     scene = BundleScene((lens,), turns, shifts)
-    found = adjust(scene, Observations(np.zeros_like(owner), owner, points, pixels), "boards")
-    return rms_px(found.residuals_px)
+    adjusted = adjust(scene, Observations(np.zeros_like(owner), owner, points, pixels), "boards")
+    return rms_px(adjusted.residuals_px)
 
 
 def _solve(

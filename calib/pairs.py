@@ -237,14 +237,14 @@ def _agreement(
 ) -> int:
     """Number of boards on which two cameras agree, with or without mirroring the first."""
     both = {moment: seen for moment, seen in views.items() if name in seen and other in seen}
-    own = {
+    first = {
         moment: _mirrored(board, lenses[name], seen[name]) if mirrored else seen[name]
         for moment, seen in both.items()
     }
     candidates = board_candidates(
         board,
         lenses,
-        {moment: {name: own[moment], other: seen[other]} for moment, seen in both.items()},
+        {moment: {name: first[moment], other: seen[other]} for moment, seen in both.items()},
     )
     candidates = {moment: seen for moment, seen in candidates.items() if len(seen) == 2}
     return relative(other, name, candidates)[2] if candidates else 0

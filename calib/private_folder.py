@@ -24,10 +24,10 @@ def private_folder() -> Path:
         with suppress(FileExistsError):  # no folder
             folder = Path(tempfile.gettempdir()) / f"voxelpose-{user}"
             folder.mkdir(mode=0o700, exist_ok=True)
-            found = folder.lstat()
-            own = found.st_uid == user and not stat.S_IMODE(found.st_mode) & 0o077
-            kept = stat.S_ISDIR(found.st_mode) and (own or os.name == "nt")
-            if kept and os.access(folder, os.W_OK):
+            status = folder.lstat()
+            is_private = status.st_uid == user and not stat.S_IMODE(status.st_mode) & 0o077
+            is_usable = stat.S_ISDIR(status.st_mode) and (is_private or os.name == "nt")
+            if is_usable and os.access(folder, os.W_OK):
                 return folder
         return Path(tempfile.mkdtemp(prefix="voxelpose-"))
     except OSError as error:

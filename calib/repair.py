@@ -89,9 +89,9 @@ class SuspectCamera:
     def _track_at(self, offset_s: float) -> OutlineTrack:
         """The frames that an offset needs, cached for the last offset."""
         if self.__dict__.get("_offset_s") != offset_s:
-            near = self.track.frames_around(self.moments_s + offset_s)
-            near.with_camera(near.camera)  # computes its cached corners
-            self.__dict__.update(_offset_s=offset_s, _near=near)
+            track = self.track.frames_around(self.moments_s + offset_s)
+            track.with_camera(track.camera)  # computes its cached corners
+            self.__dict__.update(_offset_s=offset_s, _near=track)
         return self.__dict__["_near"]
 
     def error(self, camera: Camera, offset_s: float = 0.0) -> float:
@@ -165,8 +165,8 @@ def _explain_one(suspect: SuspectCamera) -> Repair:
     for repair in _repairs(suspect):
         # A moved, a turned and a scaled camera look similar; one that is out of step does not.
         late = repair.kind == "out of step"
-        near = AGREEMENT.alike_gain if late else AGREEMENT.perfect_gain
-        if repair.after_px <= min(near * suspect.level_px, helps_px):
+        gain = AGREEMENT.alike_gain if late else AGREEMENT.perfect_gain
+        if repair.after_px <= min(gain * suspect.level_px, helps_px):
             return repair
         repairs.append(repair)
     best = min(repair.after_px for repair in repairs)

@@ -94,16 +94,16 @@ class Correlogram:
         values = np.nan_to_num(self.values)
         middle = int(np.clip(np.rint((near_s - self.offsets_s[0]) / step), 0, len(values) - 1))
         low = max(middle - NEAR_STEPS, 0)
-        at = low + int(values[low : middle + NEAR_STEPS + 1].argmax())
-        if not 0 < at < len(values) - 1:
+        peak = low + int(values[low : middle + NEAR_STEPS + 1].argmax())
+        if not 0 < peak < len(values) - 1:
             return near_s, 0.0
-        before, here, after = values[at - 1 : at + 2]
+        before, here, after = values[peak - 1 : peak + 2]
         curvature = before - 2 * here + after
         if here <= max(before, after, 0) or curvature >= 0:
             return near_s, 0.0
         shift = 0.5 * (before - after) / curvature
         weight = -curvature / step**2 * here / max(1 - here**2, 1e-6)
-        return float(self.offsets_s[at] + step * shift), float(weight)
+        return float(self.offsets_s[peak] + step * shift), float(weight)
 
 
 @dataclass(frozen=True)
@@ -179,17 +179,16 @@ def offsets_from_signals(
     offsets, variance, residuals = _adjusted(curves, start)
     if settings.lasting:
         variance = np.maximum(variance, _jackknife(even, start, settings))
-    at = {pair: curve.at(offsets[pair[1]] - offsets[pair[0]]) for pair, curve in curves.items()}
+    peaks = {(a, b): curve.at(offsets[b] - offsets[a]) for (a, b), curve in curves.items()}
     order = [signal.camera for signal in ordered]
     periods = [signal.period_s for signal in ordered]
-    best = [
-        max(value for pair, value in at.items() if index in pair) for index in range(len(names))
-    ]
-    rivalled = [_is_rivalled(curves, offsets, index, settings) for index in range(len(names))]
+    cameras = range(len(names))
+    best = [max(value for pair, value in peaks.items() if camera in pair) for camera in cameras]
+    rivalled = [_is_rivalled(curves, offsets, camera, settings) for camera in cameras]
     return SignalOffsets(
         reference,
         offset_table(order, names, offsets, np.sqrt(variance), periods),
-        float(np.mean(list(at.values()))),
+        float(np.mean(list(peaks.values()))),
         float(np.sqrt(np.mean(residuals**2))) if len(names) > 2 else np.nan,
         tuple(name for name, value in zip(order, best, strict=True) if value < SIGNALS.alike),
         tuple(
@@ -209,7 +208,7 @@ def offset_table(
 ) -> tuple[Offset, ...]:
     """Rows in the order of `names`, of offsets, standard errors and periods, s, in another one."""
     columns = zip(order, offsets.tolist(), errors.tolist(), periods, strict=True)
-    rows = {name: Offset(name, own, error, own / period) for name, own, error, period in columns}
+    rows = {name: Offset(name, late, error, late / period) for name, late, error, period in columns}
     return tuple(rows[name] for name in names)
 
 
@@ -221,20 +220,19 @@ def _is_rivalled(
 ) -> bool:
     """Whether a camera correlates with the others nearly as well at another offset."""
     grid = offset_grid(settings.max_offset_s, settings.step_s)
-    total, own = np.zeros(len(grid)), 0.0
+    total, chosen = np.zeros(len(grid)), 0.0
     for (a, b), curve in curves.items():
         if camera in (a, b):
-            sign = 1 if camera == b else -1
-            other = a if camera == b else b
+            sign, other = (1, a) if camera == b else (-1, b)
             values = np.nan_to_num(curve.values)
-            at = sign * (offsets[camera] + grid - offsets[other])
-            total += np.interp(at, curve.offsets_s, values, left=0.0, right=0.0)
-            own += curve.at(sign * (offsets[camera] - offsets[other]))
+            relative = sign * (offsets[camera] + grid - offsets[other])
+            total += np.interp(relative, curve.offsets_s, values, left=0.0, right=0.0)
+            chosen += curve.at(sign * (offsets[camera] - offsets[other]))
     apart = np.abs(grid) > SIGNALS.apart_s
     if not apart.any():
         return False
-    own, rival = own / (len(offsets) - 1), float(total[apart].max()) / (len(offsets) - 1)
-    return rival > SIGNALS.rival * own and 1 - rival**2 < SIGNALS.telling * (1 - own**2)
+    chosen, rival = chosen / (len(offsets) - 1), float(total[apart].max()) / (len(offsets) - 1)
+    return rival > SIGNALS.rival * chosen and 1 - rival**2 < SIGNALS.telling * (1 - chosen**2)
 
 
 def checked_reference(names: Sequence[str], reference: str | None) -> str:
@@ -268,26 +266,23 @@ def consistent_offsets(
         cost = np.zeros(len(grid))
         for other in others:
             tried, values = costs[min(camera, other), max(camera, other)]
-            at = (grid - offsets[other]) * (1 if camera > other else -1)
-            cost += np.interp(at, tried, values, left=values.max(), right=values.max())
+            relative = (grid - offsets[other]) * (1 if camera > other else -1)
+            cost += np.interp(relative, tried, values, left=values.max(), right=values.max())
         best = int(cost.argmin())
         return float(cost[best] - np.median(cost)) / max(1, len(others)), float(grid[best])
 
     known, waiting = [0], list(range(1, count))
     while waiting:
         # The camera with the most distinct minimum comes first.
-        _, camera, offset = min(
-            (*best_offset(camera, known)[:1], camera, best_offset(camera, known)[1])
-            for camera in waiting
-        )
-        offsets[camera] = offset
+        best = {camera: best_offset(camera, known) for camera in waiting}
+        camera = min(waiting, key=lambda camera: best[camera][0])
+        offsets[camera] = best[camera][1]
         known.append(camera)
         waiting.remove(camera)
     for _ in range(_ROUNDS):
         for camera in range(1, count):
-            offsets[camera] = best_offset(
-                camera, [other for other in range(count) if other != camera]
-            )[1]
+            others = [other for other in range(count) if other != camera]
+            offsets[camera] = best_offset(camera, others)[1]
     return offsets
 
 
@@ -370,10 +365,10 @@ def correlogram(first: Signal, second: Signal, settings: SignalSettings) -> Corr
     # Row k of the full correlation belongs to an offset of `lags[k]` steps.
     lags = np.arange(-(len(first.time_s) - 1), len(second.time_s)) + begin
     most = max(round(settings.max_offset_s / step), 1)
-    kept = np.abs(lags) <= most
+    within = np.abs(lags) <= most
     each = np.full((first.values.shape[1], 2 * most + 1), np.nan)
     for row, (a, b) in enumerate(zip(first.values.T, second.values.T, strict=True)):
-        each[row, lags[kept] + most] = masked_correlation(a, b)[kept]
+        each[row, lags[within] + most] = masked_correlation(a, b)[within]
     return Correlogram(np.arange(-most, most + 1, dtype=np.float64) * step, joint_correlation(each))
 
 

@@ -169,7 +169,7 @@ def _costs(
 def _moments(tracks: Sequence[OutlineTrack], offsets: FloatArray) -> FloatArray:
     """Times (M,), s, of the first camera's clock at which two cameras may have recorded."""
     times = [track.time_s - offset for track, offset in zip(tracks, offsets, strict=True)]
-    begin, end = min(float(own[0]) for own in times), max(float(own[-1]) for own in times)
+    begin, end = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     step = max(max(track.period_s for track in tracks), (end - begin) / _MAX_MOMENTS)
     return np.arange(begin, end, step)
 

@@ -79,7 +79,7 @@ class Outline:
         edge = np.concatenate(contours).reshape(-1, 2)
         within_px = np.minimum(edge, np.array(mask.shape[::-1]) - 1 - edge).min(axis=1)
         border = within_px <= _BORDER_PX
-        if unknown is not None and len(hiding := _hiding(body, unknown)):
+        if unknown is not None and len(hiding := _occluding_edge(body, unknown)):
             edge = np.concatenate([edge, hiding])
             border = np.concatenate([border, np.ones(len(hiding), np.bool_)])
         points = ((edge[:, None] + _AROUND).reshape(-1, 2) + 0.5) / scale - 0.5
@@ -98,7 +98,7 @@ class Outline:
         return cls(points[corners], ~np.repeat(border, len(_AROUND))[corners], middle)
 
 
-def _hiding(body: Mask, unknown: Mask) -> NDArray[np.int64]:
+def _occluding_edge(body: Mask, unknown: Mask) -> NDArray[np.int64]:
     """Edge (N, 2), px, of the unknown places (H, W) that touch a silhouette."""
     wide = np.ones((2 * _TOUCHING_PX + 1, 2 * _TOUCHING_PX + 1), np.uint8)
     places = np.asarray(cv2.dilate(unknown.astype(np.uint8), wide), np.uint8).view(np.bool_)
@@ -178,11 +178,11 @@ class OutlineTrack:
         """Rays (N, 3) of all corners in the camera's frame, their frame numbers (N,), and `inside`
         (N,).
         """
-        known = [(at, outline) for at, outline in enumerate(self.outlines) if outline is not None]
+        known = [(k, outline) for k, outline in enumerate(self.outlines) if outline is not None]
         if not known:
             return np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool)
         _, rays = self.camera.rays(np.concatenate([outline.pixels for _, outline in known]))
-        moment = np.repeat([at for at, _ in known], [len(outline.pixels) for _, outline in known])
+        moment = np.repeat([k for k, _ in known], [len(outline.pixels) for _, outline in known])
         inside = np.concatenate([outline.inside for _, outline in known])
         good = np.isfinite(rays).all(axis=1)
         return (rays @ self.camera.rotation.T)[good], moment[good], inside[good]
@@ -192,7 +192,7 @@ class OutlineTrack:
         after = np.searchsorted(self.time_s, at_s + 1e-6 * np.sign(at_s))
         needed = np.unique(np.clip(after[:, None] + [-2, -1, 0, 1], 0, len(self.time_s) - 1))
         return replace(
-            self, time_s=self.time_s[needed], outlines=tuple(self.outlines[at] for at in needed)
+            self, time_s=self.time_s[needed], outlines=tuple(self.outlines[k] for k in needed)
         )
 
     def toward_body(self) -> FloatArray:
@@ -259,11 +259,11 @@ class OutlineTrack:
         low, high = np.minimum.reduceat(unwrapped, starts), np.maximum.reduceat(unwrapped, starts)
         focal = float(np.sqrt(self.camera.matrix[0, 0] * self.camera.matrix[1, 1]))
         for side, extreme in enumerate((low, high)):
-            at = np.flatnonzero(unwrapped == extreme[segment])
-            at = at[np.unique(segment[at], return_index=True)[1]]
-            good = inside[at] & (high - low < np.pi)  # else the baseline meets the body
+            corner = np.flatnonzero(unwrapped == extreme[segment])
+            corner = corner[np.unique(segment[corner], return_index=True)[1]]
+            good = inside[corner] & (high - low < np.pi)  # else the baseline meets the body
             angle[moment[starts][good], side] = extreme[good]
-            speed[moment[starts][good], side] = focal * across[at][good]
+            speed[moment[starts][good], side] = focal * across[corner][good]
         return angle, speed
 
 

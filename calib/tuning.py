@@ -17,7 +17,7 @@ class Agreement:
     standing4 and balancing4 accuses no camera that should not be.
     """
 
-    kept: float = 0.8
+    trimmed: float = 0.8
     """1. Fraction of the errors in the trimmed mean: the rest are shadows and lost limbs."""
     ends: float = 0.04
     """1. Fraction of a recording left out at either end: people come and go."""

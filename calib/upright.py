@@ -181,8 +181,8 @@ def up_candidates(rig: Rig) -> list[FloatArray]:
     for direction in ranked:
         if cameras_worth(rig, direction) < least or len(candidates) == _MOST:
             break
-        up = _axis_near(rig, _fitted(rig, direction))
-        if all(not _same(up, other) for other in candidates):
+        up = _axis_near(rig, _refined_up(rig, direction))
+        if all(not _is_same_direction(up, other) for other in candidates):
             candidates.append(up)
     return candidates
 
@@ -206,7 +206,7 @@ def other_up(rig: Rig) -> FloatArray | None:
     far better; else None.
     """
     best = up_candidates(rig)[0]
-    if _same(best, Z_UP):
+    if _is_same_direction(best, Z_UP):
         return None
     explained = cameras_worth(rig, Z_UP) >= UPRIGHT.ambiguous * cameras_worth(rig, best)
     return None if explained else best
@@ -225,17 +225,17 @@ def _stances(rig: Rig, up: FloatArray) -> tuple[FloatArray, FloatArray]:
     above = np.array([-camera.rotation[1] for camera in rig])
     x, y = right @ up, above @ up
     # A camera that looks along up does not tell: its image has no vertical.
-    told = np.hypot(x, y)
+    certainty = np.hypot(x, y)
     lean = np.arctan2(x, y)[:, None] - np.arange(4) * (np.pi / 2)
     lean = np.abs((lean + np.pi) % (2 * np.pi) - np.pi)
     across = np.stack([right, -above, -right, above], axis=1)
     upright = np.cos(2 * np.minimum(lean, np.pi / 4))  # 0 where the next stance begins
     # Of a camera that stands upright, lies on its side, hangs upside down, lies on the other one.
     worth = np.array([1.0, UPRIGHT.on_its_side, UPRIGHT.upside_down, UPRIGHT.on_its_side])
-    return upright * worth * np.minimum(told[:, None] / 0.3, 1.0), across
+    return upright * worth * np.minimum(certainty[:, None] / 0.3, 1.0), across
 
 
-def _same(first: FloatArray, second: FloatArray) -> bool:
+def _is_same_direction(first: FloatArray, second: FloatArray) -> bool:
     return bool(np.arccos(np.clip(first @ second, -1, 1)) <= np.radians(UPRIGHT.same_deg))
 
 
@@ -245,7 +245,7 @@ def _axis_near(rig: Rig, up: FloatArray) -> FloatArray:
     if is_cameras_own(rig):
         return up
     share = cameras_worth(rig, axis) / max(cameras_worth(rig, up), 1e-9)
-    near = _same(axis, up) and share >= UPRIGHT.ambiguous
+    near = _is_same_direction(axis, up) and share >= UPRIGHT.ambiguous
     return axis if near or share >= UPRIGHT.equal else up
 
 
@@ -259,14 +259,14 @@ def _directions(rig: Rig) -> Iterable[FloatArray]:
         unit_vector(vertical) for vertical in (mean, *above) if np.linalg.norm(vertical) > 0.1
     )
     for first, second in combinations(range(len(rig)), 2):
-        for one, other in product((right[first], above[first]), (right[second], above[second])):
-            across = np.cross(one, other)
+        for a, b in product((right[first], above[first]), (right[second], above[second])):
+            across = np.cross(a, b)
             if np.linalg.norm(across) > 0.1:
                 yield unit_vector(across)
                 yield -unit_vector(across)
 
 
-def _fitted(rig: Rig, up: FloatArray) -> FloatArray:
+def _refined_up(rig: Rig, up: FloatArray) -> FloatArray:
     """The direction near `up` at right angles to the horizontals of the cameras it explains."""
     worth, across = _stances(rig, up)
     stance = worth.argmax(axis=1)

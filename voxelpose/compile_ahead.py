@@ -30,11 +30,11 @@ def kernels(estimators: Iterable[str], last_first: bool = False) -> list[tuple[s
     lines = [
         line for name in estimators for line in tables.get(name, {}).get("kernels", [])[::order]
     ]
-    found = []
+    entries = []
     for line in dict.fromkeys(lines):
         path, bracket, types = line.partition("(")
-        found.append((*path.rsplit(".", 1), bracket + types))
-    return found
+        entries.append((*path.rsplit(".", 1), bracket + types))
+    return entries
 
 
 def compile_kernels(wanted: Sequence[tuple[str, str, str]], reporter: Reporter) -> None:

@@ -33,18 +33,10 @@ from voxelpose.results import Result, is_result, open_people
 _LOST_MM = 300
 _CORRECT_MM = 150
 _FLIP_MM = 30
-_SIDE_BONES = ("hip knee", "knee ankle", "shoulder elbow", "elbow wrist")
-_BONES = np.array(
-    [
-        [LANDMARK_NAMES.index(f"{side}_{joint}") for joint in bone.split()]
-        for bone in _SIDE_BONES
-        for side in ("left", "right")
-    ]
-    + [
-        [LANDMARK_NAMES.index(joint) for joint in bone.split()]
-        for bone in ("pelvis neck", "neck head_top")
-    ]
-)
+_LIMB_BONES = ("{}_hip {}_knee", "{}_knee {}_ankle", "{}_shoulder {}_elbow", "{}_elbow {}_wrist")
+_BONE_ENDS = [bone.format(side, side) for bone in _LIMB_BONES for side in ("left", "right")]
+_BONE_ENDS += ["pelvis neck", "neck head_top"]
+_BONES = np.array([[*map(LANDMARK_NAMES.index, ends.split())] for ends in _BONE_ENDS])
 
 
 @dataclass(frozen=True)
@@ -142,11 +134,12 @@ def evaluate_people(
     known_m = read_people_truth(_truth_of(results[0].folder) if truth is None else Path(truth))
     if len(results) > len(known_m):
         raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
-    found_m = [read_joints(result.folder / JOINTS, len(known_m[0]), offset) for result in results]
-    cost = np.array([[_apart_m(true, found) for true in known_m] for found in found_m])
+    files = [result.folder / JOINTS for result in results]
+    joints_m = [read_joints(file, len(known_m[0]), offset) for file in files]
+    cost = np.array([[_distance_m(true, joints) for true in known_m] for joints in joints_m])
     pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
     scores = {
-        results[k].folder.name: score_motion(known_m[person], found_m[k])
+        results[k].folder.name: score_motion(known_m[person], joints_m[k])
         for k, person in pairs.items()
     }
     missed = sorted({*range(len(known_m))} - {*pairs.values()})
@@ -156,12 +149,12 @@ def evaluate_people(
     }
 
 
-def _apart_m(true_m: NDArray[np.float64], found_m: NDArray[np.float64]) -> float:
+def _distance_m(true_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> float:
     """Mean distance of the joints (T, J, 3) in frames in which both are known; as far as can be
     where there is none.
     """
-    apart = np.linalg.norm(true_m - found_m, axis=2)
-    known = apart[np.isfinite(apart)]
+    distance_m = np.linalg.norm(true_m - estimate_m, axis=2)
+    known = distance_m[np.isfinite(distance_m)]
     return float(known.mean()) if len(known) else FARTHEST_M
 
 
@@ -202,8 +195,8 @@ def _angle_errors(truth: Motion, estimate: Motion, offset: int) -> dict[str, Any
     _, true_rows, rows = np.intersect1d(truth.frames, estimate.frames + offset, return_indices=True)
     if names != estimate.model.tree.dof_names or not len(rows) or not free.any():
         return {}
-    apart = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
-    degrees = np.abs((np.degrees(apart) + 180) % 360 - 180).mean(axis=0)
+    error_rad = estimate.angles_rad[rows] - truth.angles_rad[true_rows]
+    degrees = np.abs((np.degrees(error_rad) + 180) % 360 - 180).mean(axis=0)
     each = {name: float(degrees[k]) for k, name in enumerate(names) if free[k]}
     return {"joint_angle_deg": float(degrees[free].mean()), "each_joint_angle_deg": each}
 
@@ -315,8 +308,8 @@ def _aligned(moving: NDArray[np.float64], fixed: NDArray[np.float64]) -> NDArray
     sign[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     rotation = (u * sign[:, None]) @ vt
     scale = (s * sign).sum(axis=1) / np.maximum((a**2).sum(axis=(1, 2)), 1e-12)
-    apart = scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2) - b
-    return np.where(known & (known.sum(axis=1, keepdims=True) > 3), apart, np.nan)
+    residual_m = scale[:, None, None] * a @ np.swapaxes(rotation, 1, 2) - b
+    return np.where(known & (known.sum(axis=1, keepdims=True) > 3), residual_m, np.nan)
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:

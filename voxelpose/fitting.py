@@ -130,8 +130,7 @@ def fit_people(
         inputs = input_digests(recording, estimator)  # before they can change
         with refusal_drawn(recording, output.folder):
             if isinstance(implementation, PeopleEstimator):
-                given = recording, settings, reporter, people
-                estimates = implementation.estimate_people(*given)
+                estimates = implementation.estimate_people(recording, settings, reporter, people)
             elif people in (None, 1):
                 estimates = [implementation.estimate(recording, settings, reporter)]
             else:
@@ -206,15 +205,15 @@ def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter
     if estimate.hypotheses is not None:
         write_hypotheses(estimate.hypotheses, folder / HYPOTHESES, motion.model.tree)
     write_rig(recording.rig, folder / CALIBRATION)
-    how = estimation.settings, estimation.estimator
-    document = settings_document(recording, Path(output.folder), *how)
+    settings, estimator = estimation.settings, estimation.estimator
+    document = settings_document(recording, Path(output.folder), settings, estimator)
     (folder / SETTINGS).write_text(tomlkit.dumps(document), encoding="utf-8")
     estimated = time.perf_counter()
     if output.pictures:
         draw_pictures(recording, [motion], folder, _title(recording, estimate), reporter)
     finished = time.perf_counter()
     seconds = {"pictures": finished - estimated, "total": finished - estimation.started}
-    summary = summary_document(recording, estimate, estimation.estimator, seconds)
+    summary = summary_document(recording, estimate, estimator, seconds)
     summary["inputs"] = estimation.inputs
     if output.sources:
         start = Path(output.folder).resolve()
@@ -229,10 +228,10 @@ def _write_people(
     """Writes a result for each of several people, and what shows them all."""
     names = person_names(len(estimations))
     for name, estimation in zip(names, estimations, strict=True):
-        own = replace(output, folder=Path(output.folder) / name, pictures=False)
+        person_output = replace(output, folder=Path(output.folder) / name, pictures=False)
         (folder / name).mkdir()
-        _write_files(folder / name, own, estimation, reporter)
-    first, motions = estimations[0], [one.estimate.motion for one in estimations]
+        _write_files(folder / name, person_output, estimation, reporter)
+    first, motions = estimations[0], [person.estimate.motion for person in estimations]
     write_people_joints(motions, folder / JOINTS)
     estimated = time.perf_counter()
     if output.pictures:
@@ -277,6 +276,9 @@ def _with_subject(settings: Settings, recording: Recording, estimator: Estimator
     background = settings.background
     if background == "auto":
         background = getattr(estimator, "usual_background", background)
+    up = settings.up
+    if up is None and recording.up is not None:
+        up = tuple(recording.up.tolist())
     return replace(
         settings,
         options=options,
@@ -284,15 +286,8 @@ def _with_subject(settings: Settings, recording: Recording, estimator: Estimator
         stature_m=settings.stature_m if settings.stature_m is not None else subject.stature_m,
         chest_m=settings.chest_m if settings.chest_m is not None else subject.chest_girth_m,
         sex=settings.sex if settings.sex != "unknown" else subject.sex,
-        up=settings.up if settings.up is not None else _stated_up(recording),
+        up=up,
     )
-
-
-def _stated_up(recording: Recording) -> tuple[float, float, float] | None:
-    if recording.up is None:
-        return None
-    x, y, z = recording.up.tolist()
-    return x, y, z
 
 
 def _title(recording: Recording, estimate: Estimate) -> str:

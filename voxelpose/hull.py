@@ -120,8 +120,8 @@ def carve_recording(
     rig, masks = recording.rig, silhouettes.of(frames)
     unknown = silhouettes.unknown_of(rig.names)
     if settings.volume_m is None:
-        size = settings.voxel_size_m, settings.resolution
-        grid = place_grid(rig, masks, *size, settings.rule, unknown)
+        voxel_size_m, resolution = settings.voxel_size_m, settings.resolution
+        grid = place_grid(rig, masks, voxel_size_m, resolution, settings.rule, unknown)
     else:
         check_tolerance(settings.rule.tolerance, len(rig))
         require_foreground(rig, [masks[name] for name in rig.names], settings.rule.tolerance)

@@ -36,7 +36,7 @@ class HealthCheck:
     name: str
     # State of the subject; `limited` means that fitting works and something else does not.
     state: State
-    found: str
+    finding: str
     remedy: str = ""  # what the user can do; empty where nothing needs to be done
 
 
@@ -69,24 +69,24 @@ def examine() -> list[HealthCheck]:
 
 
 def _python() -> _Finding:
-    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    finding = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     if sys.maxsize < 2**32:
-        return "fails", f"{found}, 32 bit", "use a 64-bit Python"
-    return "works", found, ""
+        return "fails", f"{finding}, 32 bit", "use a 64-bit Python"
+    return "works", finding, ""
 
 
 def _opencv() -> _Finding:
     installed = [wheel for wheel in _OPENCV_WHEELS if _installed(wheel)]
     import cv2
 
-    found = f"OpenCV {cv2.__version__} ({', '.join(installed) or 'not from a wheel'})"
+    finding = f"OpenCV {cv2.__version__} ({', '.join(installed) or 'not from a wheel'})"
     if len(installed) > 1:
         remedy = (
             f"these wheels overwrite each other: pip uninstall {' '.join(installed)}, then pip"
             " install opencv-python-headless"
         )
-        return "limited", found, remedy
-    return "works", found, ""
+        return "limited", finding, remedy
+    return "works", finding, ""
 
 
 def _installed(distribution: str) -> bool:
@@ -97,10 +97,10 @@ def _threads() -> _Finding:
     from silhouette_core import jit
 
     cores, threads = jit.cores(), jit.set_threads()
-    found = f"{cores} cores, {threads} threads"
+    finding = f"{cores} cores, {threads} threads"
     if threads < cores:
-        return "limited", found, "unset NUMBA_NUM_THREADS to use all cores"
-    return "works", found, ""
+        return "limited", finding, "unset NUMBA_NUM_THREADS to use all cores"
+    return "works", finding, ""
 
 
 def _compiled() -> _Finding:
@@ -112,11 +112,11 @@ def _compiled() -> _Finding:
     corners = np.array([[-1.0, -1, 2], [1, -1, 2], [0, 1, 2]])
     matrix = np.array([[20.0, 0, 16], [0, 20, 16], [0, 0, 1]])
     parts, _ = render_parts(corners, np.array([[0, 1, 2]]), np.array([4]), matrix, (32, 32))
-    found = f"numba {numba.__version__}, NumPy {np.__version__}"
+    finding = f"numba {numba.__version__}, NumPy {np.__version__}"
     if parts[14, 16] != 5:
         remedy = "delete __pycache__ folders, or set NUMBA_CACHE_DIR"
-        return "fails", f"{found}: a kernel returns wrong values", remedy
-    return "works", found, ""
+        return "fails", f"{finding}: a kernel returns wrong values", remedy
+    return "works", finding, ""
 
 
 def _cache() -> _Finding:
@@ -128,8 +128,8 @@ def _cache() -> _Finding:
         "set NUMBA_CACHE_DIR to a lasting folder that you may write to; otherwise the program is"
         " compiled again, for about a minute, whenever temporary files were removed"
     )
-    found = f"{jit.CACHE}: neither the installation nor the home folder can be written"
-    return "limited", found, remedy
+    finding = f"{jit.CACHE}: neither the installation nor the home folder can be written"
+    return "limited", finding, remedy
 
 
 def _video() -> _Finding:
@@ -207,8 +207,8 @@ def _open3d() -> _Finding:
     try:
         module = import_open3d()
     except InputError as error:  # states the remedy
-        found, _, remedy = str(error).partition(": ")
-        return "limited", found, f"{needs}: {remedy}"
+        finding, _, remedy = str(error).partition(": ")
+        return "limited", finding, f"{needs}: {remedy}"
     except Exception as error:  # a broken wheel raises anything
         remedy = f"{needs}; on Linux: pip install libusb-package, and apt install libgl1 libgomp1"
         return "limited", f"{type(error).__name__}: {error}", remedy
@@ -219,11 +219,11 @@ def _open3d() -> _Finding:
 def _disk() -> _Finding:
     folder = Path.cwd()
     free = shutil.disk_usage(folder).free / 1e9
-    found = f"{free:.1f} GB free in {folder}"
+    finding = f"{free:.1f} GB free in {folder}"
     if not os.access(folder, os.W_OK):
         remedy = "change to a folder that you may write to"
         return "fails", f"{folder} cannot be written", remedy
     if free < _MIN_FREE_GB:
         remedy = "free some space: overlay videos need about 1 MB per second and camera"
-        return "limited", found, remedy
-    return "works", found, ""
+        return "limited", finding, remedy
+    return "works", finding, ""

@@ -64,10 +64,10 @@ def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
     """The verdict on several people's results, by their names: that of the least reliable one, the
     first of these, who is named; where all are reliable, with the uncertain joints of all.
     """
-    name, worst = min(verdicts.items(), key=lambda one: LEVELS.index(one[1].level))
+    name, worst = min(verdicts.items(), key=lambda item: LEVELS.index(item[1].level))
     if worst.reason:
         return replace(worst, reason=f"{name}: {worst.reason}")
-    uncertain = [f"{name} {joint}" for name, one in verdicts.items() for joint in one.uncertain]
+    uncertain = [f"{who} {joint}" for who, each in verdicts.items() for joint in each.uncertain]
     return replace(worst, uncertain=tuple(uncertain))
 
 
@@ -97,12 +97,12 @@ def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator
             f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet: look at"
             " the frames around it (facts in summary.json), or give longer --pieces"
         )
-    agreement = _known(quality.get("outline_agreement", {}).get("median"), 1.0)
+    agreement = _number_or(quality.get("outline_agreement", {}).get("median"), 1.0)
     right = quality.get("right_probability", {}).get("lower_quarter")
-    apart, turn = agreement < RELIABILITY.agreement, facts.get("half_turn_ratio")
+    disagrees, turn = agreement < RELIABILITY.agreement, facts.get("half_turn_ratio")
     # A quarter of the frames is more likely wrong than right.
-    if apart if right is None else right < 0.5:
-        if not apart and turn is not None and turn < RELIABILITY.half_turn:
+    if disagrees if right is None else right < 0.5:
+        if not disagrees and turn is not None and turn < RELIABILITY.half_turn:
             yield (
                 "turned half round, the body explains the silhouettes nearly as well: look which"
                 " way it faces"
@@ -161,18 +161,18 @@ def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
             " those who were found: look at the contact sheet, and if it is somebody, tell by"
             " --people how many there are"
         )
-    near, uncertain = quality.get("landmark_confidence", {}), _uncertain(quality)
+    confidence, uncertain = quality.get("landmark_confidence", {}), _uncertain(quality)
     # Of 13 right results of random recordings none has more than 3 of 15; wrong ones had 7 and 11.
-    if _error_mm(quality) is None and len(uncertain) > len(near) / 3:
+    if _error_mm(quality) is None and len(uncertain) > len(confidence) / 3:
         yield (
-            f"{len(uncertain)} of {len(near)} joints are likely over 30 mm off: look at the contact"
-            " sheet, and at whether the cameras see the person from different sides"
+            f"{len(uncertain)} of {len(confidence)} joints are likely over 30 mm off: look at the"
+            " contact sheet, and at whether the cameras see the person from different sides"
         )
 
 
 def _uncertain(quality: _Table) -> tuple[str, ...]:
-    near = quality.get("landmark_confidence", {})
-    return tuple(name for name in near if _known(near[name], 1.0) < 0.5)
+    confidence = quality.get("landmark_confidence", {})
+    return tuple(name for name in confidence if _number_or(confidence[name], 1.0) < 0.5)
 
 
 def _error_mm(quality: _Table) -> float | None:
@@ -180,6 +180,6 @@ def _error_mm(quality: _Table) -> float | None:
     return quality.get("pose_error_mm", {}).get("mean")
 
 
-def _known(value: float | None, otherwise: float) -> float:
+def _number_or(value: float | None, otherwise: float) -> float:
     """A number of the summary, where null stands for one that is not known."""
     return otherwise if value is None else value

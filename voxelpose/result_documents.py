@@ -135,7 +135,7 @@ def _range_of(values: NDArray) -> dict[str, float]:
     if not np.isfinite(values).any():
         return {}
     numbers = {"min": np.nanmin, "median": np.nanmedian, "max": np.nanmax, "mean": np.nanmean}
-    return {name: round(float(of(values)), 4) for name, of in numbers.items()}
+    return {name: round(float(statistic(values)), 4) for name, statistic in numbers.items()}
 
 
 def people_document(

@@ -309,16 +309,16 @@ def is_result(folder: Path) -> bool:
 
 def as_json(document: Mapping[str, object]) -> str:
     """Returns mappings, arrays, numbers and text as JSON; what is not finite becomes null."""
-    return json.dumps(_plain(document), indent=1, allow_nan=False) + "\n"
+    return json.dumps(_json_value(document), indent=1, allow_nan=False) + "\n"
 
 
-def _plain(value: object) -> object:
+def _json_value(value: object) -> object:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
+        return {str(key): _json_value(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
+        return [_json_value(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -189,10 +189,10 @@ def _refuse_elsewhere(path: Path, scan: Surface, body: Surface) -> None:
 
 
 def _both_ways(
-    open3d: Any, one: Surface, other: Surface
+    open3d: Any, first: Surface, second: Surface
 ) -> tuple[SurfaceDistance, SurfaceDistance]:
     """Distances of the one surface from the other, and of the other from the one."""
-    return _distance(open3d, one, other), _distance(open3d, other, one)
+    return _distance(open3d, first, second), _distance(open3d, second, first)
 
 
 def _distance(open3d: Any, surface: Surface, other: Surface) -> SurfaceDistance:
@@ -236,8 +236,8 @@ def _aligned_with(open3d: Any, scan: Surface, body: Surface) -> tuple[NDArray[np
         return made
 
     def matched(count: int, start: NDArray[np.float64], method: Any) -> Any:
-        far = 10 * float(np.ptp(body[0]))  # every point has a partner
-        return registration.registration_icp(*clouds[count], far, start, method)
+        limit_m = 10 * float(np.ptp(body[0]))  # every point has a partner
+        return registration.registration_icp(*clouds[count], limit_m, start, method)
 
     clouds = {count: (cloud(scan, count), cloud(body, count)) for count in (_FEW_POINTS, _POINTS)}
     by_points, by_planes = (
@@ -249,8 +249,8 @@ def _aligned_with(open3d: Any, scan: Surface, body: Surface) -> tuple[NDArray[np
     starts = np.tile(np.eye(4), (48, 1, 1))
     starts[:, :3, :3] = (halfway @ to_z).reshape(-1, 3, 3)
     starts[:, :3, 3] = body[0].mean(0) - starts[:, :3, :3] @ scan[0].mean(0)
-    found = [matched(_FEW_POINTS, start, by_points) for start in starts]
-    best = min(found, key=lambda one: one.inlier_rmse)
+    registrations = [matched(_FEW_POINTS, start, by_points) for start in starts]
+    best = min(registrations, key=lambda result: result.inlier_rmse)
     placed = matched(_POINTS, best.transformation, by_planes).transformation
     turned = Rotation.from_matrix(placed[:3, :3]).magnitude()
     return scan[0] @ placed[:3, :3].T + placed[:3, 3], float(np.degrees(turned))

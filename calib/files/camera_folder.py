@@ -27,18 +27,16 @@ def read_camera_folder(source: Source) -> Rig:
     for entry in visible_entries(source.path):
         files = [entry] if entry.is_file() else visible_entries(entry)
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
-        inner = [replace(source, path=file) for file in files]
-        stored = [(one, load_storage(one.path)) for one in inner if _is_storage(one.path)]
-        holding = [
-            (one, reader, content) for one, content in stored if (reader := _reader_of(content))
-        ]
-        if entry.is_dir() and len(holding) > 1:
+        contents = {file: load_storage(file) for file in files if _is_storage(file)}
+        readers = {file: reader for file in contents if (reader := _reader_of(contents[file]))}
+        if entry.is_dir() and len(readers) > 1:
             raise Source(entry).error(
-                f"{len(holding)} calibrations in one camera's folder: keep"
-                f" {holding[0][0].path.name} or the other"
+                f"{len(readers)} calibrations in one camera's folder: keep"
+                f" {next(iter(readers)).name} or the other"
             )
         name = entry.stem if entry.is_file() else entry.name
-        cameras += [reader(one, name, content) for one, reader, content in holding]
+        for file, reader in readers.items():
+            cameras.append(reader(replace(source, path=file), name, contents[file]))
     return source.rig(cameras)
 
 

@@ -53,13 +53,13 @@ def read_easymocap(source: Source) -> Rig:
         whole = isinstance(number_or_name, float) and number_or_name.is_integer()
         name = str(int(number_or_name) if whole else number_or_name)
         suffix = f"_{name}"
-        own = {key.removesuffix(suffix): content[key] for key in content if key.endswith(suffix)}
+        fields = {key.removesuffix(suffix): content[key] for key in content if key.endswith(suffix)}
         values = {
-            "size": [own["W"], own["H"]] if {"W", "H"} <= own.keys() else None,
-            "matrix": own.get("K"),
-            "distortions": own.get("dist"),
-            "rotation": own.get("Rot", own.get("R")),
-            "translation": own.get("T"),
+            "size": [fields["W"], fields["H"]] if {"W", "H"} <= fields.keys() else None,
+            "matrix": fields.get("K"),
+            "distortions": fields.get("dist"),
+            "rotation": fields.get("Rot", fields.get("R")),
+            "translation": fields.get("T"),
         }
         cameras.append(folder_source.camera(name, values, metres))
     return folder_source.rig(cameras)

@@ -117,7 +117,7 @@ class Source:
         """
         if values.get("rotation") is None and values.get("translation") is None:
             if not self.lenses:
-                return self._unposed(name)
+                return self._refuse_unposed(name)
             values = {**values, "rotation": np.eye(3), "translation": np.zeros(3)}
         size = self.image_size(name, values.get("size"))
         matrix = self.numbers(name, "matrix", values.get("matrix"), (3, 3))
@@ -152,7 +152,7 @@ class Source:
         except ValueError as error:
             raise self.error(f"{str(error)[:300]}: {_REMEDY}") from None
 
-    def _unposed(self, name: str) -> None:
+    def _refuse_unposed(self, name: str) -> None:
         """Refuses a camera without a position, unless it is left out."""
         if self.cameras is None or name in self.cameras:
             raise self.error(
@@ -249,10 +249,10 @@ class Source:
             )
         return int(width), int(height)
 
-    def rig(self, found: Sequence[Camera | None], notes: Sequence[str] = ()) -> Rig:
+    def rig(self, entries: Sequence[Camera | None], notes: Sequence[str] = ()) -> Rig:
         """Rig of the cameras; an error if there is none or two share a name."""
-        cameras = [camera for camera in found if camera is not None]
-        if found and not cameras:
+        cameras = [camera for camera in entries if camera is not None]
+        if entries and not cameras:
             raise self.error(
                 f"none of {', '.join(self.cameras or ())} is in it with a position: choose others"
             )

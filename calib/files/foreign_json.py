@@ -57,10 +57,10 @@ def read_nerfstudio(source: Source) -> Rig:
     pictures = [str(frame.get("file_path", number)) for number, frame in enumerate(frames)]
     cameras = []
     for name, frame in zip(names_of_pictures(pictures), frames, strict=True):
-        own = {**content, **frame}
-        values = _frame_lens(source, name, own)
-        if own.get("transform_matrix") is not None:
-            pose = source.numbers(name, "transform_matrix", own["transform_matrix"])
+        fields = {**content, **frame}
+        values = _frame_lens(source, name, fields)
+        if fields.get("transform_matrix") is not None:
+            pose = source.numbers(name, "transform_matrix", fields["transform_matrix"])
             if pose.size not in (12, 16):
                 raise source.error("transform_matrix must be 4x4 numbers", name)
             world_from_camera = pose[:12].reshape(3, 4)
@@ -71,21 +71,21 @@ def read_nerfstudio(source: Source) -> Rig:
     return source.rig(cameras)
 
 
-def _frame_lens(source: Source, name: str, own: dict[str, Any]) -> dict[str, Any]:
+def _frame_lens(source: Source, name: str, fields: dict[str, Any]) -> dict[str, Any]:
     """Size and lens of a frame."""
-    model = own.get("camera_model", "OPENCV_FISHEYE" if own.get("is_fisheye") else "OPENCV")
+    model = fields.get("camera_model", "OPENCV_FISHEYE" if fields.get("is_fisheye") else "OPENCV")
     if model not in list(_NERF_MODELS):
         raise source.error(
             f"lens model {brief(model)} is not read: undistort, or use {', '.join(_NERF_MODELS)}",
             name,
         )
     fisheye = _NERF_MODELS[model]
-    if not fisheye and own.get("k4"):
+    if not fisheye and fields.get("k4"):
         # nerfstudio's k4 is a fourth radial term, OpenCV's the first below the fraction line.
         raise source.error("k4 is no term of OpenCV's: fit the lens with k1, k2, k3 alone", name)
-    size = [own["w"], own["h"]] if {"w", "h"} <= own.keys() else None
-    focal = {"fx": own.get("fl_x"), "fy": own.get("fl_y", own.get("fl_x"))}
-    return source.lens(name, {**own, **focal}, fisheye) | {"size": size}
+    size = [fields["w"], fields["h"]] if {"w", "h"} <= fields.keys() else None
+    focal = {"fx": fields.get("fl_x"), "fy": fields.get("fl_y", fields.get("fl_x"))}
+    return source.lens(name, {**fields, **focal}, fisheye) | {"size": size}
 
 
 def is_opencap(content: dict[str, Any]) -> bool:
@@ -104,26 +104,26 @@ def read_opencap(source: Source) -> Rig:
     named = {source.path.stem: content} if OPENCAP_MATRIX in content else content
     return source.rig(
         [
-            opencap_camera(source, name, own)
-            for name, own in named.items()
-            if isinstance(own, dict) and OPENCAP_MATRIX in own
+            opencap_camera(source, name, fields)
+            for name, fields in named.items()
+            if isinstance(fields, dict) and OPENCAP_MATRIX in fields
         ]
     )
 
 
-def opencap_camera(source: Source, name: str, own: dict[str, Any]) -> Camera | None:
+def opencap_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera | None:
     """Camera from its map.
 
     Raises:
         InputError: It is incomplete or wrong.
     """
-    size = own.get("imageSize")
+    size = fields.get("imageSize")
     values = {
         "size": None if size is None else source.numbers(name, "imageSize", size, (2,))[::-1],
-        "matrix": own.get(OPENCAP_MATRIX),
-        "distortions": own.get("distortion"),
-        "rotation": own.get("rotation"),
-        "translation": own.get("translation"),
+        "matrix": fields.get(OPENCAP_MATRIX),
+        "distortions": fields.get("distortion"),
+        "rotation": fields.get("rotation"),
+        "translation": fields.get("translation"),
     }
     return source.camera(name, values, source.metres_per_unit("mm", "OpenCap writes mm"))
 

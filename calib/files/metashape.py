@@ -37,10 +37,10 @@ def read_metashape(source: Source) -> Rig:
     metres = source.metres_per_unit(
         None, "Metashape's are metres only with scale bars or known positions: check one"
     )
-    found = chunk.findall("cameras//camera")
-    names = names_of_pictures([camera.get("label", "") for camera in found])
+    elements = chunk.findall("cameras//camera")
+    names = names_of_pictures([camera.get("label", "") for camera in elements])
     cameras = []
-    for name, camera in zip(names, found, strict=True):
+    for name, camera in zip(names, elements, strict=True):
         values = _lens(source, name, sensors.get(camera.get("sensor_id")))
         world = components.get(camera.get("component_id"))
         world = chunk.find("transform") if world is None else world
@@ -71,14 +71,14 @@ def _in_world(
 
 def _lens(source: Source, name: str, sensor: ElementTree.Element | None) -> dict[str, Any]:
     """Size and lens of a camera's sensor."""
-    found = [] if sensor is None else sensor.findall("calibration")
-    lens = next((one for one in found if one.get("class") == "adjusted"), next(iter(found), None))
+    lenses = [] if sensor is None else sensor.findall("calibration")
+    lens = next((one for one in lenses if one.get("class") == "adjusted"), next(iter(lenses), None))
     if lens is None:
         raise source.error("its sensor has no calibration: optimise the cameras, then export", name)
     kind = lens.get("type", "frame")
-    own = {child.tag.lower(): child.text for child in lens}
+    texts = {child.tag.lower(): child.text for child in lens}
     term = {
-        key: source.numbers(name, key, own.get(key) or 0, (1,))[0]
+        key: source.numbers(name, key, texts.get(key) or 0, (1,))[0]
         for key in "f cx cy b1 b2 k1 k2 k3 k4 p1 p2 p3 p4".split()
     }
     fisheye = kind in _FISHEYES

@@ -58,7 +58,7 @@ def read_opencv(source: Source) -> Rig:
     maps = {
         key: value
         for key, value in content.items()
-        if isinstance(value, dict) and "matrix" in _named(value)
+        if isinstance(value, dict) and "matrix" in _known_entries(value)
     }
     if not maps and is_opencv_camera(content):
         maps = {source.path.stem: content}
@@ -70,7 +70,7 @@ def read_opencv(source: Source) -> Rig:
 
 def is_opencv_camera(content: dict[str, Any]) -> bool:
     """Whether the content of a file is one camera's."""
-    return "matrix" in _named(content)
+    return "matrix" in _known_entries(content)
 
 
 def opencv_camera(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
@@ -111,7 +111,7 @@ def write_opencv(rig: Rig, path: Path) -> None:
     dump_storage(content, path)
 
 
-def _named(content: dict[str, Any]) -> dict[str, Any]:
+def _known_entries(content: dict[str, Any]) -> dict[str, Any]:
     """A camera's entries under this project's names; the first alias takes precedence."""
     named: dict[str, Any] = {}
     for key, value in content.items():
@@ -123,7 +123,7 @@ def _named(content: dict[str, Any]) -> dict[str, Any]:
 
 def _metres(source: Source, *maps: dict[str, Any]) -> float:
     """Metres per unit, as stated in any of the maps."""
-    units = [unit for values in maps if (unit := _named(values).get("unit")) is not None]
+    units = [unit for values in maps if (unit := _known_entries(values).get("unit")) is not None]
     stated = sorted(set(map(str, units)))
     if len(stated) > 1:
         raise source.error(
@@ -134,7 +134,7 @@ def _metres(source: Source, *maps: dict[str, Any]) -> float:
 
 def _camera(source: Source, name: str, content: dict[str, Any], metres: float) -> Camera | None:
     """Camera from its map."""
-    values = _named(content)
+    values = _known_entries(content)
     if "size" not in values and {"width", "height"} <= values.keys():
         values["size"] = [values["width"], values["height"]]
     fisheye = values.get("fisheye", False)

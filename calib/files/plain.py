@@ -98,10 +98,10 @@ def read_projections(source: Source) -> Rig:
     matrices = content["projections"]
     if not isinstance(matrices, list):
         raise source.error("projections must be a list of 3x4 matrices")
-    names = _listed(source, content, "names", len(matrices)) or [
+    names = _entries(source, content, "names", len(matrices)) or [
         f"cam_{index}" for index in range(len(matrices))
     ]
-    sizes = _listed(source, content, "sizes", len(matrices)) or [content.get("size")] * len(
+    sizes = _entries(source, content, "sizes", len(matrices)) or [content.get("size")] * len(
         matrices
     )
     metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
@@ -146,7 +146,7 @@ def write_projections(rig: Rig, path: Path) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _listed(source: Source, content: dict[str, Any], key: str, count: int) -> list[Any] | None:
+def _entries(source: Source, content: dict[str, Any], key: str, count: int) -> list[Any] | None:
     """Optional list with one entry per matrix."""
     value = content.get(key)
     if value is not None and (not isinstance(value, list) or len(value) != count):

@@ -61,19 +61,19 @@ def read_qualisys(source: Source) -> Rig:
             " neither; they differ in the transform, and this one is of neither kind: export again"
         )
     metres = source.metres_per_unit("mm", "QTM and Theia write mm")
-    found = {
+    elements = {
         element.get("serial") or f"cam_{number}": element
         for number, element in enumerate(root.iter("camera"), start=1)
     }
     kinds = {
         name: element.get("model", "")
-        for name, element in found.items()
+        for name, element in elements.items()
         if element.get("active", "1") != "0" and element.get("calibrated", "true") != "false"
     }
     filming = [name for name, kind in kinds.items() if _FILMING.search(kind) or kind == "none"]
-    names, notes = video_cameras(source, kinds, filming, found.keys() - kinds.keys())
+    names, notes = video_cameras(source, kinds, filming, elements.keys() - kinds.keys())
     camera = _theia_camera if theia else _camera
-    return source.rig([camera(source, name, found[name], metres) for name in names], notes)
+    return source.rig([camera(source, name, elements[name], metres) for name in names], notes)
 
 
 def write_qualisys(rig: Rig, path: Path) -> None:
@@ -173,9 +173,9 @@ class _Fields(NamedTuple):
         child = self.element.find(tag)
         if child is None:
             raise self.source.error(f"<{tag}> is missing: export the calibration again", self.name)
-        found = {re.sub("^t[ae]ngenti?al", "tangental", key): text for key, text in child.items()}
-        texts = ((key, found.get(key, missing)) for key in keys)
-        return np.array([self.source.numbers(self.name, key, text, (1,))[0] for key, text in texts])
+        texts = {re.sub("^t[ae]ngenti?al", "tangental", key): text for key, text in child.items()}
+        values = (self.source.numbers(self.name, k, texts.get(k, missing), (1,))[0] for k in keys)
+        return np.array(list(values))
 
     def matrix(self) -> FloatArray:
         """Lens (3, 3) of the whole sensor, in the file's unit, with 1 in the corner."""

@@ -28,18 +28,18 @@ def read_vicon(source: Source) -> Rig:
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
     metres = source.metres_per_unit("mm", "Vicon writes mm")
-    found = {
+    elements = {
         element.get("DEVICEID") or f"cam_{number}": element
         for number, element in enumerate(root.iter("Camera"), start=1)
     }
     kinds = {
         name: f"{element.get('TYPE', '')} {element.get('DISPLAY_TYPE', '')}".strip()
-        for name, element in found.items()
+        for name, element in elements.items()
         if element.find("KeyFrames/KeyFrame") is not None
     }
     filming = [name for name, kind in kinds.items() if re.search(r"video|vue", kind, re.I)]
-    names, notes = video_cameras(source, kinds, filming, found.keys() - kinds.keys())
-    return source.rig([_camera(source, name, found[name], metres) for name in names], notes)
+    names, notes = video_cameras(source, kinds, filming, elements.keys() - kinds.keys())
+    return source.rig([_camera(source, name, elements[name], metres) for name in names], notes)
 
 
 def _camera(
@@ -100,10 +100,10 @@ def _opencv_terms(
         )
     wanted = target.T.ravel()
     if np.isfinite(terms).all() and np.isfinite(wanted).all():
-        found = np.linalg.lstsq(terms, wanted, rcond=None)[0]
-        off_px = np.abs(terms @ found - wanted).max() * focal_px
+        solution = np.linalg.lstsq(terms, wanted, rcond=None)[0]
+        off_px = np.abs(terms @ solution - wanted).max() * focal_px
         if off_px < 0.5:
-            return found
+            return solution
     raise source.error(
         "its lens bends more than OpenCV's terms can follow: calibrate it with a board (`voxelpose"
         " calibrate intrinsics --model rational`)",

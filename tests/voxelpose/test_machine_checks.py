@@ -20,7 +20,7 @@ def test_what_the_tests_need_works(name):
 def test_broken_encoder_is_a_failure_with_a_remedy(monkeypatch, capsys):
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/bin/true")  # writes nothing
     finding = found("video")
-    assert (finding.state, finding.found) == ("fails", "of 3 frames written, 0 were read")
+    assert (finding.state, finding.finding) == ("fails", "of 3 frames written, 0 were read")
     assert "imageio-ffmpeg" in finding.remedy
     assert run(["doctor"]) == 1
     assert "imageio-ffmpeg" in capsys.readouterr().out
@@ -33,8 +33,8 @@ def test_colliding_opencv_wheels_are_named(monkeypatch):
 
 
 def test_estimators_and_backends_are_listed():
-    assert found("estimators").found == "monocular, multiview, tree"
-    assert found("backends").found == "cpu"
+    assert found("estimators").finding == "monocular, multiview, tree"
+    assert found("backends").finding == "cpu"
 
 
 def test_little_space_is_said(monkeypatch, tmp_path):
@@ -46,4 +46,4 @@ def test_little_space_is_said(monkeypatch, tmp_path):
 
 def test_a_check_that_breaks_is_a_finding(monkeypatch):
     monkeypatch.setattr(doctor, "_threads", lambda: 1 / 0)
-    assert "ZeroDivisionError" in found("threads").found
+    assert "ZeroDivisionError" in found("threads").finding

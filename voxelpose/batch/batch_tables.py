@@ -24,7 +24,7 @@ def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
     """
     rows = sorted(outcomes, key=lambda row: (LEVELS.index(row.verdict.level), row.job.name))
     cells = [_lines(outcome) for outcome in rows]
-    lines = [line for some in cells for line in some]
+    lines = [line for cell in cells for line in cell]
     columns = [name for name in lines[0] if any(line[name] for line in lines)]
     contents = {
         "table.csv": _csv(lines, columns),

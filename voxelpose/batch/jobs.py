@@ -159,14 +159,14 @@ def jobs_of(
     Raises:
         InputError: something is not there or not understood, or nothing is to be done.
     """
-    found: list[Job] = []
+    unchecked: list[Job] = []
     for path in paths:
         if path.suffix.lower() == ".toml" and path.is_file():
-            found += _listed(path, command, common)
+            unchecked += _jobs_of_list(path, command, common)
         elif not path.is_dir():
             raise InputError(f"there is no recording {path}: give folders, or a TOML list of them")
         elif is_recording(path):
-            found.append(Job("", str(path), command, common))
+            unchecked.append(Job("", str(path), command, common))
         else:
             inside = [folder for folder in visible_entries(path) if is_recording(folder)]
             if not inside:
@@ -174,9 +174,9 @@ def jobs_of(
                     f"{path} is no recording and holds none: give folders with a video per camera"
                     " and calibration.toml"
                 )
-            found.extend(Job("", str(folder), command, common) for folder in inside)
+            unchecked.extend(Job("", str(folder), command, common) for folder in inside)
     jobs: list[Job] = []
-    for job in found:
+    for job in unchecked:
         _check(job.settings, job.command, job.recording)
         folder = Path(job.recording).resolve()
         name = _free_name(job.name or folder.name, {other.name.lower() for other in jobs})
@@ -200,7 +200,7 @@ def read_settings(words: Iterable[str]) -> dict[str, bool | int | float | str]:
     return settings
 
 
-def _listed(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job]:
+def _jobs_of_list(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job]:
     """The jobs of a list, without the names of those that it names not."""
     document = parse_toml(load_text(path, _LARGEST_LIST), path)
     tables, unknown = document.get("recording"), sorted(set(document) - {"recording", "settings"})
@@ -216,17 +216,17 @@ def _listed(path: Path, command: Command, common: Mapping[str, Any]) -> list[Job
             raise InputError(f'{path}: recording {number} has no folder = "..."')
         if any(len(part.encode()) > 255 for part in Path(table["folder"]).parts):
             raise InputError(f"{path}: recording {number}: folder is no folder's name: correct it")
-        own = {**common, **shared, **table}
-        folder = path.parent / own.pop("folder")
-        name, what = own.pop("name", ""), own.pop("command", command)
-        if not isinstance(name, str) or what not in ("fit", "track"):
+        settings = {**common, **shared, **table}
+        folder = path.parent / settings.pop("folder")
+        name, kind = settings.pop("name", ""), settings.pop("command", command)
+        if not isinstance(name, str) or kind not in ("fit", "track"):
             raise InputError(
                 f'{path}: recording {number}: name must be text, and command "fit" or "track"'
             )
         if not is_recording(folder):
             raise InputError(f"{path}: recording {number}: {folder} is no recording")
-        _check(own, what, f"{path}: recording {number}")
-        listed.append(Job(name, str(folder), what, own))
+        _check(settings, kind, f"{path}: recording {number}")
+        listed.append(Job(name, str(folder), kind, settings))
     return listed
 
 

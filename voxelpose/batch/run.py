@@ -90,15 +90,15 @@ def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
     There, positions and angles pass from one to the other, linearly; the quality is that of the
     nearer one. A piece overlaps its neighbours at most.
     """
-    whole, seams_mm = _joined([replace(motion, unfiltered=None) for motion in motions])
+    whole, seams_mm = _join_overlapping([replace(motion, unfiltered=None) for motion in motions])
     if all(motion.unfiltered is None for motion in motions):
         return whole, seams_mm
     # A piece that has no others is as it was estimated.
     before = [replace(motion.unfiltered or motion, quality={}) for motion in motions]
-    return replace(whole, unfiltered=_joined(before)[0]), seams_mm
+    return replace(whole, unfiltered=_join_overlapping(before)[0]), seams_mm
 
 
-def _joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
+def _join_overlapping(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
     whole, seams_mm = motions[0], list[float]()
     for after in motions[1:]:
         shared, before_rows, after_rows = np.intersect1d(
@@ -108,16 +108,16 @@ def _joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
         last = after.select(np.flatnonzero(~np.isin(after.frames, shared)))
         if not len(shared):
             seams_mm.append(float("nan"))
-            whole = _chained([first, last])
+            whole = _concatenated([first, last])
             continue
         old, new = whole.select(before_rows), after.select(after_rows)
-        apart = np.linalg.norm(old.landmarks() - new.landmarks(), axis=2)
-        seams_mm.append(1000 * float(apart.mean()))
-        whole = _chained([first, _blended(old, new), last])
+        distance_m = np.linalg.norm(old.landmarks() - new.landmarks(), axis=2)
+        seams_mm.append(1000 * float(distance_m.mean()))
+        whole = _concatenated([first, _cross_faded(old, new), last])
     return whole, seams_mm
 
 
-def _blended(old: Motion, new: Motion) -> Motion:
+def _cross_faded(old: Motion, new: Motion) -> Motion:
     """A motion that passes over into another of the same frames."""
     weight = (np.arange(len(old)) + 1.0) / (len(old) + 1)
     column, late = weight[:, None], weight >= 0.5
@@ -129,7 +129,7 @@ def _blended(old: Motion, new: Motion) -> Motion:
     return replace(
         old,
         root_m=mixed(old.root_m, new.root_m),
-        root_quaternion=_turned(old.root_quaternion, new.root_quaternion, column),
+        root_quaternion=_slerp(old.root_quaternion, new.root_quaternion, column),
         angles_rad=mixed(old.angles_rad, new.angles_rad),
         filled=old.filled & new.filled,
         quality={
@@ -139,14 +139,14 @@ def _blended(old: Motion, new: Motion) -> Motion:
     )
 
 
-def _turned(old: np.ndarray, new: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _slerp(old: np.ndarray, new: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Quaternions (T, 4) a share `weight` (T, 1) of the way from some to others."""
     start, end = (Rotation.from_quat(four, scalar_first=True) for four in (old, new))
     part = Rotation.from_rotvec(weight * (start.inv() * end).as_rotvec())
     return (start * part).as_quat(canonical=True, scalar_first=True)
 
 
-def _chained(motions: Sequence[Motion]) -> Motion:
+def _concatenated(motions: Sequence[Motion]) -> Motion:
     """Motions of different frames as one, in the order of the frames."""
     # Frames that one piece has lost lie between those of another.
     order = np.argsort(np.concatenate([motion.frames for motion in motions]))
@@ -244,30 +244,24 @@ class _Task:
         if seconds is None:
             spent = people_seconds(self.folder) if several else summary["seconds"]
             seconds = float(spent["total"])
-        each = {
-            one.folder.name: Outcome(
-                self.job,
-                status,
-                "",
-                seconds,
-                one.summary,
-                asdict(scores[one.folder.name]) if scores else {},
-            )
-            for one in results
-        }
+        each: dict[str, Outcome] = {}
+        for result in results:
+            name = result.folder.name
+            score = asdict(scores[name]) if scores else {}
+            each[name] = Outcome(self.job, status, "", seconds, result.summary, score)
         if several:
             return Outcome(self.job, status, "", seconds, people=each)
         return each[results[0].folder.name]
 
 
 def run_batch(
-    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
+    jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
-    has other settings now. `told` is told every outcome, and how many there are so far; None for a
-    piece of a long recording.
+    has other settings now. `on_outcome` is called with every outcome, and how many there are so
+    far; None for a piece of a long recording.
 
     Raises:
         InputError: there is no worker, the folder cannot be made, or another batch is writing it.
@@ -277,18 +271,18 @@ def run_batch(
     except OSError as error:
         raise InputError(f"{settings.out} cannot be made: {error.strerror or error}") from error
     with claimed(settings.out.resolve()):
-        return _run_jobs(jobs, settings, told)
+        return _run_jobs(jobs, settings, on_outcome)
 
 
 def _run_jobs(
-    jobs: Sequence[Job], settings: BatchSettings, told: Callable[[Outcome, int | None], None]
+    jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """The outcomes of the jobs, in their order."""
     outcomes: dict[int, Outcome] = {}
 
     def keep(number: int, outcome: Outcome) -> None:
         outcomes[number] = outcome
-        told(outcome, len(outcomes))
+        on_outcome(outcome, len(outcomes))
 
     for number, job in enumerate(jobs):
         task = _Task(job, settings)
@@ -300,7 +294,7 @@ def _run_jobs(
     of_piece = replace(settings, out=settings.out / PIECES, pictures=False, report=False)
 
     def keep_piece(key: tuple[int, int], outcome: Outcome) -> None:
-        told(outcome, None)
+        on_outcome(outcome, None)
         number, place = key
         if outcome.people:
             words = f"{len(outcome.people)} people are seen, and pieces follow one: set people = 1"
@@ -382,8 +376,8 @@ def _run_task(task: _Task) -> Outcome:
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
-            how = job.estimator_settings(threads), job.estimator
-            fit_people(job.open(), output, *how, people=job.people)
+            options = job.estimator_settings(threads)
+            fit_people(job.open(), output, options, job.estimator, people=job.people)
         if settings.report:
             from voxelpose.report.page import write_report  # its charts take seconds to import
 

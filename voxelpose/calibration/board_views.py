@@ -27,7 +27,7 @@ _KEPT_FAILURES = 5  # pictures without the board in which another board is searc
 NOT_NEW = "shows the board much as another frame does"
 
 
-def _examined(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
+def _examined_pictures(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
     """Yields names and pictures: all stills, of any sizes, or every n-th frame of a film."""
     step = stride(pictures.frame_count)
     if pictures.stills:
@@ -106,7 +106,7 @@ def find_views(
     """
     views: dict[str, BoardView | str] = {}
     find = BoardFinder(board, stills=not is_film(pictures))
-    for name, picture in _examined(pictures):
+    for name, picture in _examined_pictures(pictures):
         views[name] = find(picture)
         reporter.advance()
     if not any(isinstance(view, BoardView) for view in views.values()):
@@ -114,9 +114,9 @@ def find_views(
     if not is_film(pictures):
         return views
     seen = {name: view for name, view in views.items() if isinstance(view, BoardView)}
-    kept = select_views(board, seen, max_views)
+    used = select_views(board, seen, max_views)
     return {
-        name: NOT_NEW if name in seen and name not in kept else view for name, view in views.items()
+        name: NOT_NEW if name in seen and name not in used else view for name, view in views.items()
     }
 
 
@@ -248,16 +248,16 @@ def board_moments(
         at_floor = numbers == (-1 if floor is None else floor)
         important = {*before[at_floor].tolist(), *after[at_floor].tolist()}
         reporter.stage(f"looking for the board in {name}", len(needed))
-        found: dict[int, BoardView] = {}
+        detected: dict[int, BoardView] = {}
         pictures = reader.select(needed.tolist())
         for number, picture in zip(needed.tolist(), pictures, strict=True):
             view = finders[name](picture, number in important)
             if isinstance(view, BoardView):
-                found[number] = view
+                detected[number] = view
             reporter.advance()
         for moment, a, b, fraction in zip(views, before, after, part, strict=True):
-            if a in found and b in found:
-                view = view_between(board, found[a], found[b], float(fraction))
+            if a in detected and b in detected:
+                view = view_between(board, detected[a], detected[b], float(fraction))
                 if view is not None:
                     views[moment][name] = view
     seen = {name: sum(name in moment for moment in views.values()) for name in readers}
@@ -267,7 +267,7 @@ def board_moments(
             f"{', '.join(never)} never saw the board in {len(views)} moments ({reasons}): carry it"
             " nearer, and slowly"
         )
-    return _thinned(views, max_moments, f"frame {floor}"), seen
+    return _select_moments(views, max_moments, f"frame {floor}"), seen
 
 
 def frames_around(
@@ -297,15 +297,15 @@ def frames_around(
     return np.where(known, first, -1), np.where(known, second, -1), fraction
 
 
-def _thinned(
+def _select_moments(
     views: dict[str, dict[str, BoardView]], max_moments: int, floor: str
 ) -> dict[str, dict[str, BoardView]]:
     """Moments with most views, evenly over time; boards seen by a single camera are useless."""
     alone = 1 if len({name for seen in views.values() for name in seen}) == 1 else 0
     useful = [moment for moment, seen in views.items() if len(seen) > 1 - alone or moment == floor]
-    kept = {
+    chosen = {
         max(useful[part[0] : part[-1] + 1], key=lambda moment: len(views[moment]))
         for part in np.array_split(np.arange(len(useful)), min(max_moments, len(useful)) or 1)
         if len(part)
     }
-    return {moment: views[moment] for moment in useful if moment in kept or moment == floor}
+    return {moment: views[moment] for moment in useful if moment in chosen or moment == floor}

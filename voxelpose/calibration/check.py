@@ -138,18 +138,18 @@ def _outlines(
     """Outlines of all cameras at the moments, and some of the images."""
     reporter.stage("silhouettes", len(moments))
     outlines: dict[str, list[Outline | None]] = {name: [] for name in recording.rig.names}
-    shown = moments[even_moments(len(moments), _SHOWN, 1 / (_SHOWN + 1))]
+    pictured = moments[even_moments(len(moments), _SHOWN, 1 / (_SHOWN + 1))]
     checked_frames: dict[int, dict[str, CheckedFrame]] = {}
     for moment, frames in zip(moments.tolist(), recording.at(moments.tolist()), strict=True):
         masks = silhouettes.of(frames)
         for name, mask in masks.items():
             unknown = silhouettes.unknown.get(name)
             outlines[name].append(Outline.from_mask(recording.rig[name], mask, unknown))
-        if moment in shown:
-            checked_frames[int(recording.numbers[moment])] = shown_now = {}
+        if moment in pictured:
+            checked_frames[int(recording.numbers[moment])] = pictures = {}
             for name, mask in masks.items():
                 small = cv2.resize(frames[name], mask.shape[::-1], interpolation=cv2.INTER_AREA)
-                shown_now[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
+                pictures[name] = CheckedFrame(np.asarray(small, np.uint8), mask)
         reporter.advance()
     times = recording.times_s[moments]
     return {
@@ -167,13 +167,13 @@ def _dense_outlines(
     reporter: Reporter,
 ) -> OutlineTrack:
     """Outlines of one camera at all frames around the moments."""
-    near = np.unique(
+    steps = np.unique(
         np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, recording.frame_count - 1)
     )
-    reporter.stage(f"{name} frame by frame", len(near))
-    frames = recording.readers[name].select((near + recording.first).tolist())
+    reporter.stage(f"{name} frame by frame", len(steps))
+    frames = recording.readers[name].select((steps + recording.first).tolist())
     camera = recording.rig[name]
-    return outline_track(camera, frames, recording.times_s[near], silhouettes, reporter)
+    return outline_track(camera, frames, recording.times_s[steps], silhouettes, reporter)
 
 
 def outline_track(

@@ -52,8 +52,8 @@ def extrinsics_from_recording(
         InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
     readers, lenses = _readers(folder, lenses, settings.cameras)
-    times, told = recorded_times(folder, readers)
-    for note in told:
+    times, notes = recorded_times(folder, readers)
+    for note in notes:
         reporter.note(note)
     _check_start(folder, readers, times, reporter)
     views, seen = board_moments(
@@ -67,12 +67,12 @@ def extrinsics_from_recording(
         )
     reporter.stage("bundle adjustment")
     floor = None if settings.floor is None else f"frame {settings.floor}"
-    found = calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
+    extrinsics = calibrate_extrinsics(board, lenses, views, floor, settings.refine_lenses)
     if settings.earlier is None:
-        return found
+        return extrinsics
     with suppress(InputError):  # of other cameras, or of another size
-        return replace(found, before_px=board_errors(board, settings.earlier, views))
-    return found
+        return replace(extrinsics, before_px=board_errors(board, settings.earlier, views))
+    return extrinsics
 
 
 def _readers(
@@ -124,18 +124,18 @@ def _check_start(
     )
     rates = {name: reader.fps for name, reader in readers.items() if reader.fps}
     counts = {name: reader.frame_count for name, reader in readers.items()}
-    apart = used = ""
+    doubt = used = ""
     if times is not None:
-        apart = ends_apart(times)
+        doubt = ends_apart(times)
     elif rates_differ(rates.values()):
         listed = ", ".join(f"{name} {rate:.2f}" for name, rate in rates.items())
         raise InputError(f"the videos have different rates ({listed} frames per second): {remedy}")
     elif len(set(counts.values())) > 1:
         listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-        apart = f"the videos differ in length ({listed} frames)"
+        doubt = f"the videos differ in length ({listed} frames)"
         used = f", the first {min(counts.values())} are used"
-    if apart:
-        reporter.note(f"{apart}: taken to start together{used}; if they do not, {remedy}")
+    if doubt:
+        reporter.note(f"{doubt}: taken to start together{used}; if they do not, {remedy}")
 
 
 def extrinsics_notes(result: Extrinsics) -> dict[str, object]:

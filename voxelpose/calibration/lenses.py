@@ -29,11 +29,11 @@ class Lens:
 
     def used(self) -> dict[str, BoardView]:
         """The views that were used."""
-        kept = {line.picture for line in self.intrinsics.pictures if line.left_out is None}
+        pictures = {line.picture for line in self.intrinsics.pictures if line.left_out is None}
         return {
             name: view
             for name, view in self.views.items()
-            if name in kept and isinstance(view, BoardView)
+            if name in pictures and isinstance(view, BoardView)
         }
 
 

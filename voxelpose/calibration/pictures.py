@@ -73,9 +73,9 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
             axes.grid(color=_rgb(FAINT), alpha=0.25)
             if floor:
                 length = 0.08 * longest
-                for name, at in (("x", (length, 0)), ("yz"[up - 1], (0, length))):
-                    axes.plot((0, at[0]), (0, at[1]), color=_rgb(RIGHT), lw=2)
-                    axes.text(*at, name, color=_rgb(RIGHT))
+                for name, end in (("x", (length, 0)), ("yz"[up - 1], (0, length))):
+                    axes.plot((0, end[0]), (0, end[1]), color=_rgb(RIGHT), lw=2)
+                    axes.text(*end, name, color=_rgb(RIGHT))
             if floor and up == 2:
                 axes.axhline(color=_rgb(MIDDLE), lw=2)
                 axes.annotate("floor", (1, 0), xycoords=("axes fraction", "data"), ha="right")
@@ -102,16 +102,16 @@ def coverage_picture(lenses: list[Lens]) -> Image:
         for axes in panels[len(lenses) :]:
             axes.set_axis_off()
         for axes, lens in zip(panels, lenses, strict=False):
-            found, used = lens.intrinsics, lens.used()
-            (width, height), centre = found.camera.size, found.camera.matrix[:2, 2]
-            colours = np.where(found.coverage[..., None] > 0, _rgb(_FILLED), _rgb(_EMPTY))
+            intrinsics, used = lens.intrinsics, lens.used()
+            (width, height), centre = intrinsics.camera.size, intrinsics.camera.matrix[:2, 2]
+            colours = np.where(intrinsics.coverage[..., None] > 0, _rgb(_FILLED), _rgb(_EMPTY))
             axes.imshow(colours, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
             corners = np.concatenate([view.pixels for view in used.values()])
             axes.plot(*corners.T, ".", color=_rgb(LEFT), ms=3)
             axes.plot(*centre, "+", color=_rgb(INK), ms=12)
             axes.set_title(
-                f"{lens.camera}\n{found.rms_px:.2f} px in {len(used)} pictures, focal length"
-                f" {found.camera.matrix[0, 0]:.0f} px"
+                f"{lens.camera}\n{intrinsics.rms_px:.2f} px in {len(used)} pictures, focal length"
+                f" {intrinsics.camera.matrix[0, 0]:.0f} px"
             )
             axes.set_xticks([])
             axes.set_yticks([])
@@ -146,10 +146,10 @@ def _extent(rig: Rig, floor: bool) -> tuple[FloatArray, FloatArray]:
     depth = max(1.0, float(np.ptp(centers, axis=0).max()))
     middle = nearest_point(centers, axes)
     middle = np.clip(middle, centers.min(axis=0) - depth, centers.max(axis=0) + depth)
-    shown = np.vstack(
+    points = np.vstack(
         [centers, middle[None], *([np.zeros((1, 3)), [[0, 0, 2.5]]] if floor else [])]
     )
-    low, high = shown.min(axis=0), shown.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.12 * max(float((high - low).max()), 1.0)
     return low - margin, high + margin
 
@@ -198,22 +198,22 @@ def draw_check(check: Check) -> Image:
     The silhouette is tinted. Lines are the tangent planes of the other cameras' silhouettes: they
     touch this one if the cameras agree. Lines of a camera that does not agree are red.
     """
-    names, moments, found = check.rig.names, sorted(check.checked_frames), check.agreement
+    names, moments, agreement = check.rig.names, sorted(check.checked_frames), check.agreement
     across = 2 if len(names) > 2 else 1
     rows = -(-len(names) // across)
-    title = "; ".join(repair.summary for repair in check.repairs) or found.summary
+    title = "; ".join(repair.summary for repair in check.repairs) or agreement.summary
     with matplotlib.rc_context(_style()):
         figure = Figure((19, 1 + 9.5 / across * rows), layout="constrained")
-        figure.suptitle(found.summary if found.agrees else title, fontsize=18, wrap=True)
+        figure.suptitle(agreement.summary if agreement.agrees else title, fontsize=18, wrap=True)
         groups = figure.subfigures(rows, across, squeeze=False).ravel()
         for group, name in zip(groups, names, strict=False):
-            line = next(line for line in found.table if line.camera == name)
-            apart = name in found.culprits or any(
+            line = next(line for line in agreement.table if line.camera == name)
+            disagrees = name in agreement.culprits or any(
                 name in (repair.camera, repair.with_camera) for repair in check.repairs
             )
             words = f"{name}: {line.error_px:.1f} px from the others"
-            words += ", does not agree" * apart
-            group.suptitle(words, color=_rgb(WARNING if apart else INK), fontsize=14)
+            words += ", does not agree" * disagrees
+            group.suptitle(words, color=_rgb(WARNING if disagrees else INK), fontsize=14)
             panels = group.subplots(1, len(moments), squeeze=False).ravel()
             box = _box([check.checked_frames[moment][name].mask for moment in moments])
             for axes, moment in zip(panels, moments, strict=True):

@@ -199,11 +199,11 @@ class _Films:
         times = {name: np.arange(readers[name].frame_count) / fps[name] for name in names}
         notes = []
         for name in names:
-            found = times_in_files({name: readers[name]}, (settings.rates or {}).get(name))
-            if found is not None:
-                times |= found.times
+            file_times = times_in_files({name: readers[name]}, (settings.rates or {}).get(name))
+            if file_times is not None:
+                times |= file_times.times
                 fps[name] = 1 / even_numbers(times[name])[1]
-                notes.append(found.note)
+                notes.append(file_times.note)
         calibrated = calibration_path(folder) is not None
         return cls(folder, settings, calibrated, readers, times, fps, tuple(notes))
 
@@ -231,12 +231,12 @@ class _Films:
         self,
         by: SyncMethod,
         signals: Sequence[Signal],
-        how: SignalSettings,
+        settings: SignalSettings,
         notes: Sequence[str] = (),
     ) -> Sync:
         """Offsets at which signals correlate."""
-        found = offsets_from_signals(signals, how, self.settings.reference)
-        return Sync(found, by, self.times, self.fps, (*self.notes, *notes))
+        offsets = offsets_from_signals(signals, settings, self.settings.reference)
+        return Sync(offsets, by, self.times, self.fps, (*self.notes, *notes))
 
 
 def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
@@ -357,8 +357,8 @@ def _by_sound(films: _Films, reporter: Reporter) -> Sync:
         "sound travels 0.34 m in a millisecond: offsets are wrong by 2.9 ms for each metre that a"
         " camera is nearer to it, or farther, than the reference; the table allows for one metre"
     )
-    how = SignalSettings(most, STEP_S, sigma_s, lasting=False)
-    sync = films.by_signals("sound", signals, how, [note])
+    settings = SignalSettings(most, STEP_S, sigma_s, lasting=False)
+    sync = films.by_signals("sound", signals, settings, [note])
     metre_s = 0.003  # of sound's way: some cameras are nearer to it than others
     lines = [
         line

@@ -28,26 +28,26 @@ def sync_remedy(sync: Sync) -> str:
 
 def sync_verdict(sync: Sync) -> Iterator[str]:
     """Lines that tell what offsets were found from, and how well the cameras agree."""
-    found = sync.result
-    if not isinstance(found, SignalOffsets):
+    result = sync.result
+    if not isinstance(result, SignalOffsets):
         yield (
-            f"outlines met within {found.before_px:.1f} px as filmed, {found.after_px:.1f} px with"
-            " these offsets"
+            f"outlines met within {result.before_px:.1f} px as filmed, {result.after_px:.1f} px"
+            " with these offsets"
         )
-        if not found.agreed:
+        if not result.agreed:
             yield (
                 "the cameras agree at no offset: the offsets above follow from the motion of the"
                 " outlines only, and are rough; check the calibration first"
             )
         return
-    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {found.correlation:.2f}"
-    if found.disagreement_s == found.disagreement_s:
-        pairs += f", and their offsets agree within {1000 * found.disagreement_s:.1f} ms"
+    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {result.correlation:.2f}"
+    if result.disagreement_s == result.disagreement_s:
+        pairs += f", and their offsets agree within {1000 * result.disagreement_s:.1f} ms"
     yield pairs
-    if found.unlike:
-        yield f"{', '.join(found.unlike)} recorded nothing like the others: not synchronised"
-    if found.ambiguous:
+    if result.unlike:
+        yield f"{', '.join(result.unlike)} recorded nothing like the others: not synchronised"
+    if result.ambiguous:
         yield (
-            f"other offsets are nearly as likely for {', '.join(found.ambiguous)}: motion that"
+            f"other offsets are nearly as likely for {', '.join(result.ambiguous)}: motion that"
             " repeats itself, or too little of it"
         )

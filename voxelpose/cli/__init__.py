@@ -131,18 +131,18 @@ def run(arguments: Sequence[str]) -> int:
             os.environ.setdefault("MPLCONFIGDIR", str(private_folder()))
         return _parse(name, rest).run() or 0
     except InputError as error:
-        _tell(error)
+        _print_line(error)
         return _USER_ERROR
     except OSError as error:
         if error.errno not in _OF_THE_SYSTEM or error.filename is None:
             raise
-        _tell(f"{error.filename}: {error.strerror}")
+        _print_line(f"{error.filename}: {error.strerror}")
         return _USER_ERROR
     except KeyboardInterrupt as interrupt:
         written = [str(path) for path in written_paths()[-_MOST_NAMED:]]
         state = f"written before: {', '.join(written)}" if written else "nothing was written"
         words = "".join(f" {word}" for word in interrupt.args)
-        _tell(f"interrupted{words}; {state}")
+        _print_line(f"interrupted{words}; {state}")
         return _INTERRUPTED
 
 
@@ -161,11 +161,11 @@ def _parse(name: str, words: list[str]):
     command, taken = parse_with_settings(section, words, f"voxelpose {section.replace('.', ' ')}")
     for file in dict.fromkeys(setting.file for setting in taken.values()):
         names = ", ".join(name for name, setting in taken.items() if setting.file == file)
-        _tell(f"from {file} [{section}]: {names}")
+        _print_line(f"from {file} [{section}]: {names}")
     return command
 
 
-def _tell(text: object) -> None:
+def _print_line(text: object) -> None:
     print(f"voxelpose: {message(text)}", file=sys.stderr)
 
 

@@ -14,7 +14,6 @@ from calib.errors import InputError
 if TYPE_CHECKING:
     from calib.board import Board
     from voxelpose.view.serving.gate import Address, GatedServer
-    from voxelpose.view.viewer.browser import Browser
 
 _MAX_SQUARE_M = 2
 GROUPS = {
@@ -163,7 +162,7 @@ class PageArguments:
 
         return Address(self.host, self.port, self.token)
 
-    def serve(self, title: str, page: Browser | GatedServer) -> None:
+    def serve(self, title: str, page: GatedServer) -> None:
         """Prints a page's address, opens it, and runs it until Ctrl-C."""
         try:
             print(f"{title}: {page.url} (Ctrl-C ends it)", flush=True)
@@ -190,8 +189,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
         return None
     from calib.upright import direction_of
 
-    x, y, z = direction_of(text, "--up={}").tolist()
-    return x, y, z
+    return tuple(direction_of(text, "--up={}").tolist())
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:

@@ -81,21 +81,21 @@ class Batch:
         )
         where = f"the cluster {self.cluster}" if self.cluster else f"{processes} at a time"
         print(f"{len(jobs)} recordings, {where}", flush=True)
-        told: list[str] = []
+        finished: list[str] = []
 
         def tell(outcome: Outcome, count: int | None) -> None:
             if count is None:
-                _tell(outcome, " ")
+                _print_outcome(outcome, " ")
                 return
-            told.append(outcome.job.name)
-            _tell(outcome, f"[{count}/{len(jobs)}]")
+            finished.append(outcome.job.name)
+            _print_outcome(outcome, f"[{count}/{len(jobs)}]")
 
         try:
             outcomes = run_batch(jobs, settings, tell)
         except KeyboardInterrupt:
             print(
-                f"voxelpose: interrupted after {len(told)} of {len(jobs)}; results are kept, and"
-                " the same command goes on from there",
+                f"voxelpose: interrupted after {len(finished)} of {len(jobs)}; results are kept,"
+                " and the same command goes on from there",
                 file=sys.stderr,
             )
             return 130
@@ -108,8 +108,8 @@ def _with_folder_settings(job: Job) -> Job:
     """The job with what voxelpose.toml of its recording and the folders above it say."""
     from voxelpose.cli.options import folder_settings
 
-    found = folder_settings(job.command, Path(job.recording))
-    named = {name.replace("-", "_"): setting for name, setting in found.items()}
+    settings = folder_settings(job.command, Path(job.recording))
+    named = {name.replace("-", "_"): setting for name, setting in settings.items()}
     values = {
         name: str(setting.value) if isinstance(setting.value, Path) else setting.value
         for name, setting in named.items()
@@ -117,7 +117,7 @@ def _with_folder_settings(job: Job) -> Job:
     return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
 
 
-def _tell(outcome: Outcome, place: str) -> None:
+def _print_outcome(outcome: Outcome, place: str) -> None:
     """Prints one line about a job."""
     words = f"{len(outcome.people)} people, " if outcome.people else ""
     words += str(outcome.verdict)

@@ -85,8 +85,9 @@ class ShowBody:
         preset = body_preset(self.body)
         _print_measurements(body)
         if preset is not None:
-            told = ", ".join(f"{_NAMES[name]} {source}" for name, source in preset.sources.items())
-            print(f"{preset.standard} {preset.name}: {told}; not compared with the standard itself")
+            name, sources = f"{preset.standard} {preset.name}", preset.sources.items()
+            listed = ", ".join(f"{_NAMES[measure]} {source}" for measure, source in sources)
+            print(f"{name}: {listed}; not compared with the standard itself")
         if self.png is not None:
             from voxelpose.view.images.canvas import png
             from voxelpose.view.images.hull_picture import body_picture

@@ -51,11 +51,11 @@ class CalibrateIntrinsics(arguments.BoardArguments):
         """Calibrates the lenses."""
         arguments.refuse_existing(self._written(), self.overwrite)
         with Progress() as progress:
-            found = self.calibrate(progress)
-        print_lenses(found[0])
-        self.write(found)
+            calibrated = self.calibrate(progress)
+        print_lenses(calibrated[0])
+        self.write(calibrated)
         print(
-            f"{self.out}: lenses of {len(found[0])} cameras, without their positions (next:"
+            f"{self.out}: lenses of {len(calibrated[0])} cameras, without their positions (next:"
             " voxelpose calibrate extrinsics)"
         )
         print(f"{self._written()[1]}: where boards were seen")
@@ -77,21 +77,21 @@ class CalibrateIntrinsics(arguments.BoardArguments):
         earlier = earlier_rig(self.out)
         return calibrate_lenses(board, cameras, self.model, self.frames, reporter, earlier)
 
-    def write(self, found: tuple[list[Lens], dict[str, str]]) -> None:
+    def write(self, calibrated: tuple[list[Lens], dict[str, str]]) -> None:
         """Writes what `calibrate` found: the lenses, where boards were seen, and a report.
         InputError where a camera has failed.
         """
         from voxelpose.calibration.lenses import lens_notes, lens_report, lens_rig
         from voxelpose.calibration.pictures import coverage_picture, write_calibration
 
-        lenses, failures = found
+        lenses, failures = calibrated
         if failures:
             advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
             raise InputError("; ".join(failures.values()) + advice * bool(lenses))
         out, picture, report = self._written()
-        notes, shown = {"intrinsics": lens_notes(lenses)}, coverage_picture(lenses)
-        said = lens_report(lenses)
-        write_calibration(lens_rig(lenses), out, notes, (picture, shown), (report, said))
+        notes, image = {"intrinsics": lens_notes(lenses)}, coverage_picture(lenses)
+        text = lens_report(lenses)
+        write_calibration(lens_rig(lenses), out, notes, (picture, image), (report, text))
 
     def _written(self) -> tuple[Path, Path, Path]:
         """Files: the lenses, a picture, a report."""
@@ -212,10 +212,10 @@ class CalibrateExtrinsics:
 
         up = other_up(extrinsics.rig)
         if not self._grounded:
-            found = "z" if up is None else axis_name(up)
+            direction = "z" if up is None else axis_name(up)
             print(
                 "note: without --floor the world is the first camera's frame, in which up is"
-                f" {found} by how the cameras stand: `fit` and `track` turn it by themselves"
+                f" {direction} by how the cameras stand: `fit` and `track` turn it by themselves"
             )
         elif up is not None:
             print(
@@ -244,10 +244,10 @@ class CalibrateExtrinsics:
             names = arguments.camera_names(self.cameras) or [
                 name for name in lenses.names if name in points.cameras()
             ]
-            found = calibrate_from_points(lenses.select(names), points)
+            extrinsics = calibrate_from_points(lenses.select(names), points)
             earlier = earlier_rig(self.out)
             before = {} if earlier is None else measured_errors(earlier, points)
-            return replace(found, before_px=before)
+            return replace(extrinsics, before_px=before)
         from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
 
         if self.board is None or self.square is None or self.recording is None:
@@ -267,16 +267,16 @@ class CalibrateExtrinsics:
         )
         return extrinsics_from_recording(board, lenses, self.recording, settings, reporter)
 
-    def write(self, found: Extrinsics) -> None:
+    def write(self, extrinsics: Extrinsics) -> None:
         """Writes what `calibrate` found: the calibration, a picture of the rig, and a report."""
         from calib.files.anipose import read_notes
         from voxelpose.calibration.extrinsics import extrinsics_notes, extrinsics_report
         from voxelpose.calibration.pictures import rig_picture, write_calibration
 
         out, picture, report = self._written()
-        notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(found)}
-        shown, said = rig_picture(found.rig, self._grounded), extrinsics_report(found)
-        write_calibration(found.rig, out, notes, (picture, shown), (report, said))
+        notes = read_notes(self.intrinsics) | {"extrinsics": extrinsics_notes(extrinsics)}
+        image, text = rig_picture(extrinsics.rig, self._grounded), extrinsics_report(extrinsics)
+        write_calibration(extrinsics.rig, out, notes, (picture, image), (report, text))
 
     @property
     def _grounded(self) -> bool:

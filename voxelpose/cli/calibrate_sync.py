@@ -107,14 +107,14 @@ class CalibrateSync:
         cameras = arguments.camera_names(self.cameras)
         return sync_recording(self.recording, settings, cameras, reporter)
 
-    def write(self, found: Sync) -> None:
+    def write(self, sync: Sync) -> None:
         """Writes the time of every frame. InputError where the offsets are not sure."""
         from voxelpose.calibration.sync_verdict import sync_remedy
 
         if self.out is not None:
-            if not found.result.agreed:
-                raise InputError(f"{self.out} was not written: {sync_remedy(found)}")
-            found.write(self.out)
+            if not sync.result.agreed:
+                raise InputError(f"{self.out} was not written: {sync_remedy(sync)}")
+            sync.write(self.out)
 
 
 def camera_rates(text: str | None) -> dict[str, float] | None:
@@ -140,13 +140,11 @@ def print_sync(sync: Sync) -> None:
 
     rows = []
     for line in sync.result.offsets:
-        named = plain(line.camera), f"{sync.fps[line.camera]:g}"
-        if line.camera == sync.result.reference:
-            rows.append((*named, "its clock counts", "", ""))
-        else:
+        cells = "its clock counts", "", ""
+        if line.camera != sync.result.reference:
             interval = f"{2000 * line.error_s:.1f}" if line.error_s == line.error_s else "?"
-            found = f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}"
-            rows.append((*named, *found, interval))
+            cells = f"{line.frames:+.2f}", f"{1000 * line.offset_s:+.1f}", interval
+        rows.append((plain(line.camera), f"{sync.fps[line.camera]:g}", *cells))
     print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
     console = rich_console(soft_wrap=True)
     for line in (*sync_verdict(sync), *(f"note: {note}" for note in sync.notes)):

@@ -49,7 +49,7 @@ class CalibrationCommand(Protocol):
         """What is found. InputError where something is missing."""
         ...
 
-    def write(self, found: Any, /) -> None:
+    def write(self, result: Any, /) -> None:
         """Writes what was found. InputError where it is not good enough."""
         ...
 
@@ -117,8 +117,8 @@ class CommandForms:
         """
         kind = load_command(command)
         options = options_of(kind)
-        found = folder_settings(command, project)
-        values = {options[name].field: setting.value for name, setting in found.items()}
+        in_files = folder_settings(command, project)
+        values = {options[name].field: setting.value for name, setting in in_files.items()}
         for name, value in given.items():
             if name not in options or options[name].field in _NOT_IN_FORMS:
                 raise InputError(f"{command} has no setting {name[:40]!r} on this page")
@@ -130,10 +130,10 @@ class CommandForms:
             if isinstance(values[field], str | Path) and not _is_name(field, str(values[field])):
                 path = inside(str(given.get(field, values[field])))
                 values[field] = path if field == "library" else str(path)
-        taken = {name: setting.file for name, setting in found.items() if name not in given}
+        taken = {name: setting.file for name, setting in in_files.items() if name not in given}
         known = {"overwrite": True, "sources": taken, **fixed}
-        there = {field.name for field in fields(kind)}
-        values |= {name: value for name, value in known.items() if name in there}
+        names = {field.name for field in fields(kind)}
+        values |= {name: value for name, value in known.items() if name in names}
         missing = [
             option.name
             for option in options.values()
@@ -163,9 +163,9 @@ class CommandForms:
         """The board that the files of a project describe; None where they do not. InputError where
         there is no such board.
         """
-        found = folder_settings("calibrate.intrinsics", project)
+        settings = folder_settings("calibrate.intrinsics", project)
         like = {field.name for field in fields(BoardArguments)}
-        known = {name: found[name].value for name in like & found.keys()}
+        known = {name: settings[name].value for name in like & settings.keys()}
         return BoardArguments(**known).to_board() if {"board", "square"} <= known.keys() else None
 
     def formats(self) -> dict[str, str]:
@@ -191,9 +191,9 @@ def run_estimation(reporter: Reporter, command: EstimationArguments) -> Sequence
 
 def run_calibration(reporter: Reporter, command: CalibrationCommand) -> Any:
     """Runs a command, without a word on the terminal; returns what it found, which is written."""
-    found = command.calibrate(reporter)
-    command.write(found)
-    return found
+    result = command.calibrate(reporter)
+    command.write(result)
+    return result
 
 
 def prepare_session(reporter: Reporter, command: Live) -> LiveSession:

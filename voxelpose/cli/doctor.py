@@ -38,7 +38,7 @@ class Doctor:
         rows = []
         for check in checks:
             state = f"[{colours[check.state]}]{check.state}[/]"
-            rows.append((state, check.name, plain(check.found)))
+            rows.append((state, check.name, plain(check.finding)))
             if check.remedy:
                 rows.append(("", "", f"[bold]-> {plain(check.remedy)}[/bold]"))
         console.print(f"voxelpose {__version__}")

@@ -88,8 +88,8 @@ class Evaluate:
         results, truths = _results_and_truths(self.results, self.truth)
         markers = _markers(self.markers)
         scores: dict[str, Score] = {}
-        given = zip(_names(results), results, truths or [None] * len(results), strict=True)
-        for name, result, truth in given:
+        names, each_truth = _names(results), truths or [None] * len(results)
+        for name, result, truth in zip(names, results, each_truth, strict=True):
             if holds_people(result):
                 people = evaluate_people(result, truth, self.offset)
                 scores |= {f"{name}/{person}": score for person, score in people.items()}
@@ -120,8 +120,9 @@ class Evaluate:
             raise InputError(f"--scan compares one result, not {len(self.results)}: name one")
         from voxelpose.scan_distance import evaluate_scan
 
-        how = self.frame, self.unit, self.align, self.recording
-        score = evaluate_scan(self.results[0], self.scan, *how)
+        score = evaluate_scan(
+            self.results[0], self.scan, self.frame, self.unit, self.align, self.recording
+        )
         if not self.json:
             from voxelpose.cli.summary import print_scan_score
 

@@ -77,8 +77,8 @@ class Build:
                 else load_body(self.body)
             )
             clips = read_clips(self.motion, model, self.names, self.leave_out, progress)
-            learning = LearningSettings.of_begun(), shipped_proposal()
-            library = make_library(clips, model, self.out, settings, progress, *learning)
+            learning, proposal = LearningSettings.of_begun(), shipped_proposal()
+            library = make_library(clips, model, self.out, settings, progress, learning, proposal)
         from silhouette_core.monocular.tree.summary import summary
 
         print(summary(library, self.out))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _STATUS_EVERY_S = 1
 
 
-def show_state(state: SessionState, line: Status, said: tuple[str, ...]) -> tuple[str, ...]:
+def show_state(state: SessionState, line: Status, printed: tuple[str, ...]) -> tuple[str, ...]:
     """Shows a session's state: in one changing line on a terminal, elsewhere, where it is not what
     was said before, in a new one; returns what has been said.
     """
@@ -38,10 +38,10 @@ def show_state(state: SessionState, line: Status, said: tuple[str, ...]) -> tupl
         if math.isfinite(state.latency_s):
             numbers += f", {1000 * state.latency_s:.0f} ms from picture to pose"
         line.update(plain("; ".join([state.message, numbers, *wrong])))
-        return said
+        return printed
     # Seconds that count down are no news.
     message = state.message.partition(":")[0] if state.phase == "countdown" else state.message
-    if (message, *wrong) != said:
+    if (message, *wrong) != printed:
         print("; ".join((message, *wrong)), file=sys.stderr, flush=True)
     return message, *wrong
 
@@ -240,13 +240,13 @@ class Live(arguments.PageArguments):
 
     def _wait(self, session: LiveSession) -> None:
         """Runs the session until its end."""
-        said: tuple[str, ...] = ()
+        printed: tuple[str, ...] = ()
         with rich_console(stderr=True).status("") as line:
             session.start_cameras(self.record is not None and self.record_now)
             if session.state.phase == "no background":
                 session.learn_background()
             end_s = None if self.duration is None else time.monotonic() + self.duration
             while not session.wait(_STATUS_EVERY_S):
-                said = show_state(session.state, line, said)
+                printed = show_state(session.state, line, printed)
                 if end_s is not None and time.monotonic() >= end_s:
                     break

@@ -51,17 +51,17 @@ class Option:
         try:
             value = msgspec.convert(given, self.kind, dec_hook=path_from)
         except (msgspec.ValidationError, NotImplementedError, OverflowError):
-            near = nearest(str(given), choices_of(self.kind))
+            expected = f"{_type_words(self.kind)}{nearest(str(given), choices_of(self.kind))}"
             raise InputError(
-                f"{where}: {self.name} = {str(given)[:60]!r} must be {_wanted(self.kind)}{near}"
+                f"{where}: {self.name} = {str(given)[:60]!r} must be {expected}"
             ) from None
         check_name(value)
         if self.name not in _LOCATED:
             return value
         return (
-            tuple(_located(text, folder) for text in value)
+            tuple(_path_below(text, folder) for text in value)
             if isinstance(value, tuple)
-            else _located(value, folder)
+            else _path_below(value, folder)
         )
 
 
@@ -100,7 +100,7 @@ def nearest(word: str, names: Iterable[str]) -> str:
     return f": did you mean {close[0]}?" if close else ""
 
 
-def _inner(kind: Any) -> Any:
+def _type_if_given(kind: Any) -> Any:
     """The type of a value that may be None, or the same type."""
     if get_origin(kind) in (Union, types.UnionType):
         return next(part for part in get_args(kind) if part is not types.NoneType)
@@ -109,27 +109,27 @@ def _inner(kind: Any) -> Any:
 
 def choices_of(kind: Any) -> tuple[str, ...]:
     """The words of which a value is one; none where it is any."""
-    return get_args(_inner(kind)) if get_origin(_inner(kind)) is Literal else ()
+    return get_args(_type_if_given(kind)) if get_origin(_type_if_given(kind)) is Literal else ()
 
 
-def _wanted(kind: Any) -> str:
-    kind = _inner(kind)
+def _type_words(kind: Any) -> str:
+    kind = _type_if_given(kind)
     if choices := choices_of(kind):
         return f"one of {', '.join(choices)}"
     if get_origin(kind) is tuple:
         first, *others = get_args(kind)
         if others == [...]:
-            return f"a list in brackets, of which each is {_wanted(first)}"
+            return f"a list in brackets, of which each is {_type_words(first)}"
         return f"a list of {len(others) + 1} numbers in brackets"
     return _WORDS[kind]
 
 
-def _located(text: str, folder: Path) -> str:
+def _path_below(text: str, folder: Path) -> str:
     """A path that is relative to a folder, also after NAME=; what is no path stays."""
     name, equals, last = text.rpartition("=")
     path = folder / os.path.expanduser(last)  # noqa: PTH111
-    there = last and not last.isdigit() and os.path.exists(path)  # noqa: PTH110
-    return f"{name}{equals}{path}" if there else text
+    exists = last and not last.isdigit() and os.path.exists(path)  # noqa: PTH110
+    return f"{name}{equals}{path}" if exists else text
 
 
 class FolderSetting(NamedTuple):
@@ -163,17 +163,17 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     from voxelpose.recording.subject import settings_files
 
     options = options_of(load_command(section))
-    found: dict[str, FolderSetting] = {}
+    settings: dict[str, FolderSetting] = {}
     for file in reversed(settings_files(folder)):
         where = f"{file}: [{section}]"
         for key, given in _sections(file).get(section, {}).items():
             name = key.replace("_", "-")
             if name not in options:
-                near = nearest(name, options) or f": there are {', '.join(options)}"
-                raise InputError(f"{where} has no setting {key[:40]!r}{near}")
+                suggestion = nearest(name, options) or f": there are {', '.join(options)}"
+                raise InputError(f"{where} has no setting {key[:40]!r}{suggestion}")
             value = options[name].value_from(given, file.parent, where)
-            found[name] = FolderSetting(value, str(file))
-    return found
+            settings[name] = FolderSetting(value, str(file))
+    return settings
 
 
 def sections_in(folder: Path) -> list[str]:
@@ -207,22 +207,22 @@ def parse_with_settings(
         )
 
     if not {"-h", "--help"}.isdisjoint(words):
-        command = _grouped(command)
+        command = _with_groups(command)
         return parsed(None), {}
     options = options_of(command)
     # First for the folder alone: what is missing may be in its files.
     blanks = {o.field: o.kind() for o in options.values() if o.default is MISSING}
     typed = parsed(blanks)
-    found = folder_settings(section, folder_of(typed))
+    settings = folder_settings(section, folder_of(typed))
     for option in options.values():
         if option.appended and getattr(typed, option.field):
-            found.pop(option.name, None)  # the values would be added to the file's
-    if not found:
+            settings.pop(option.name, None)  # the values would be added to the file's
+    if not settings:
         return parsed(None), {}
-    done = parsed({options[name].field: setting.value for name, setting in found.items()})
+    done = parsed({options[name].field: setting.value for name, setting in settings.items()})
     taken = {
         name: setting
-        for name, setting in found.items()
+        for name, setting in settings.items()
         if getattr(done, options[name].field) == setting.value
     }
     if "sources" in {field.name for field in fields(command)}:
@@ -230,7 +230,7 @@ def parse_with_settings(
     return done, taken
 
 
-def _grouped(command: Any) -> Any:
+def _with_groups(command: Any) -> Any:
     """A class of a command's groups of options, which help shows in a box each, or the command."""
     if not hasattr(command, "groups"):
         return command
@@ -238,8 +238,8 @@ def _grouped(command: Any) -> Any:
     groups = []
     for name, listed in {**command.groups, "expert": " ".join(rest)}.items():
         # A subclass of fewer fields, since tyro finds their docstrings in its parents.
-        own = {word: rest.pop(word) for word in listed.split() if word in rest}
-        group = type(name, (command,), {"__dataclass_fields__": own})
+        members = {word: rest.pop(word) for word in listed.split() if word in rest}
+        group = type(name, (command,), {"__dataclass_fields__": members})
         groups.append((name, group))
     return make_dataclass(command.__name__, groups)
 
@@ -281,8 +281,8 @@ def _check_sections(
     for name, table in content.items():
         section = f"[{before}{name[:40]}]"
         if name not in known:
-            near = nearest(name, known) or f": the sections are {', '.join(known)}"
-            raise InputError(f"{file}: there is no section {section}{near}")
+            suggestion = nearest(name, known) or f": the sections are {', '.join(known)}"
+            raise InputError(f"{file}: there is no section {section}{suggestion}")
         if not isinstance(table, dict):
             raise InputError(
                 f"{file}: {before}{name} must be a section: write {section}, and each setting on a"

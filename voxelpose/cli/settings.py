@@ -66,8 +66,8 @@ def _section(command: str) -> str:
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:
-        near = options.nearest(section, sections) or f": there are {', '.join(sections)}"
-        raise InputError(f"--command {command}: there is no such command{near}")
+        suggestion = options.nearest(section, sections) or f": there are {', '.join(sections)}"
+        raise InputError(f"--command {command}: there is no such command{suggestion}")
     return section
 
 
@@ -82,12 +82,12 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     """Value and source of every option, by name."""
     import msgspec
 
-    found = options.folder_settings(section, folder)
-    known = _of_the_subject(folder) if section in _WITH_SUBJECT else {}
+    in_files = options.folder_settings(section, folder)
+    known = _subject_values(folder) if section in _WITH_SUBJECT else {}
     values = {}
     for name, option in options.options_of(options.load_command(section)).items():
-        if name in found:
-            value, source = found[name]
+        if name in in_files:
+            value, source = in_files[name]
         elif name in known:
             value, source = known[name], str(folder / "subject.toml")
         elif option.default is MISSING:
@@ -98,7 +98,7 @@ def _values(section: str, folder: Path) -> dict[str, dict[str, Any]]:
     return values
 
 
-def _of_the_subject(folder: Path) -> dict[str, Any]:
+def _subject_values(folder: Path) -> dict[str, Any]:
     """What subject.toml of a recording says, by the names of the options."""
     from voxelpose.recording.subject import Subject, read_subject
 
@@ -115,9 +115,9 @@ def _print_tables(tables: dict[str, dict[str, dict[str, Any]]]) -> None:
         rows = []
         for name, entry in values.items():
             value = entry["value"]
-            shown = "-" if value is None else json.dumps(value, ensure_ascii=False)
-            rows.append((name, shown, entry["from"]))
+            text = "-" if value is None else json.dumps(value, ensure_ascii=False)
+            rows.append((name, text, entry["from"]))
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
         print(f"[{section}]")
-        for name, shown, source in rows:
-            print(f"  {name:<{wide[0]}}  {shown:<{wide[1]}}  {source}")
+        for name, text, source in rows:
+            print(f"  {name:<{wide[0]}}  {text:<{wide[1]}}  {source}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +35,7 @@ def print_result(result: Result, verbose: bool = False) -> None:
     """Prints verdict, number of poses and files of a result; if verbose, timings and quality."""
     console = rich_console()
     summary: Any = result.summary
-    folder = plain(result.folder)
-    verdict = verdict_of(summary)
-    colour = "green" if verdict.level == "reliable" else "yellow"
-    words = plain(str(verdict).removeprefix(verdict.level))
-    console.print(f"[bold {colour}]{verdict.level}[/]{words}", soft_wrap=True)
+    console.print(_verdict_markup(summary), soft_wrap=True)
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
     missed = len(frames.get("not_filmed", ()))
@@ -53,18 +50,25 @@ def print_result(result: Result, verbose: bool = False) -> None:
         _print_stages(seconds["stages"])
     if verbose:
         _print_quality(summary["quality"])
-    console.print(f"[bold]{folder}[/bold]", soft_wrap=True)
-    for pattern, meaning in _FILES:
-        if any(result.folder.glob(pattern)):
-            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    _print_ways(result.folder)
+    _print_files(result.folder, _FILES)
 
 
-def _print_ways(folder: Path) -> None:
-    """Prints how to look further at a result."""
-    console, folder_text = rich_console(), plain(folder)
-    console.print(f"to see it in three dimensions: voxelpose view {folder_text}", soft_wrap=True)
-    console.print(f"to assess its quality: voxelpose report {folder_text}", soft_wrap=True)
+def _verdict_markup(summary: Any) -> str:
+    """The verdict in words, its level coloured."""
+    verdict = verdict_of(summary)
+    colour = "green" if verdict.level == "reliable" else "yellow"
+    return f"[bold {colour}]{verdict.level}[/]{plain(str(verdict).removeprefix(verdict.level))}"
+
+
+def _print_files(folder: Path, files: Sequence[tuple[str, str]]) -> None:
+    """Prints which files a result has, and how to look further at it."""
+    console, folder_text = rich_console(soft_wrap=True), plain(folder)
+    console.print(f"[bold]{folder_text}[/bold]")
+    for pattern, meaning in files:
+        if any(folder.glob(pattern.replace("N/", "*"))):
+            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]")
+    console.print(f"to see it in three dimensions: voxelpose view {folder_text}")
+    console.print(f"to assess its quality: voxelpose report {folder_text}")
 
 
 def print_people(folder: Path, results: Sequence[Result]) -> None:
@@ -72,21 +76,15 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
     console = rich_console()
     for result in results:
         summary: Any = result.summary
-        verdict, frames = verdict_of(summary), summary["frames"]
-        colour = "green" if verdict.level == "reliable" else "yellow"
-        words = plain(str(verdict).removeprefix(verdict.level))
-        away = len(frames.get("away", ()))
+        frames = summary["frames"]
+        absent = len(frames.get("away", ()))
         console.print(
             f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames"
-            + (f", away in {away}:" if away else ":")
-            + f" [bold {colour}]{verdict.level}[/]{words}",
+            + (f", away in {absent}: " if absent else ": ")
+            + _verdict_markup(summary),
             soft_wrap=True,
         )
-    console.print(f"[bold]{plain(folder)}[/bold]", soft_wrap=True)
-    for pattern, meaning in (*_OF_ALL, ("person_N/", "joints.csv, motion.bvh, … of each")):
-        if any(folder.glob(pattern.replace("N/", "*"))):
-            console.print(f"  {pattern:<20}[dim]{meaning}[/dim]", soft_wrap=True)
-    _print_ways(folder)
+    _print_files(folder, (*_OF_ALL, ("person_N/", "joints.csv, motion.bvh, … of each")))
 
 
 def _print_stages(stages: Mapping[str, Any]) -> None:
@@ -158,9 +156,9 @@ def print_scan_score(score: ScanScore) -> None:
     }
     print_table(
         (
-            (name, *(f"{mm:.1f}" for mm in (one.mean_mm, one.rms_mm, one.p95_mm, one.worst_mm)))
-            for name, one in rows.items()
-            if one is not None
+            (name, *(f"{value_mm:.1f}" for value_mm in astuple(distance)))
+            for name, distance in rows.items()
+            if distance is not None
         ),
         f"frame {score.frame}, mm",
         "mean, + outside",

@@ -138,12 +138,12 @@ class Progress:
             self._bar.reset(self._task, total=total)
         if self._bar is not None:
             self._bar.update(self._task, description=name)
-            self._move()
+            self._draw_progress()
 
     def advance(self, steps: int = 1) -> None:
         """Counts completed steps of the stage."""
         self._done += steps
-        self._move()
+        self._draw_progress()
 
     def note(self, text: str) -> None:
         """Writes a line above the progress bars."""
@@ -167,7 +167,7 @@ class Progress:
         steps = f", after {self._done}{total} steps" if self._total or self._done else ""
         return f"during {self._name}{steps}"
 
-    def _move(self) -> None:
+    def _draw_progress(self) -> None:
         """Draws how far the work is."""
         if self._bar is None:
             return

@@ -112,7 +112,7 @@ class View(arguments.PageArguments):
             from voxelpose.view.viewer.browser import Browser
             from voxelpose.view.viewer.result_scenes import OtherResult
 
-            others = [OtherResult.open(one, scenes.fps) for one in self.folders[1:]]
+            others = [OtherResult.open(folder, scenes.fps) for folder in self.folders[1:]]
             if others and not scenes.motions:
                 raise InputError(f"{self.folders[0]} is no result: only results stand side by side")
             title = ", ".join(map(str, self.folders))

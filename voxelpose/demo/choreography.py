@@ -64,13 +64,13 @@ class Performance:
 def performances() -> dict[str, Performance]:
     """Performances by name: those of performances.toml and "walk"."""
     text = (files("voxelpose.demo") / "performances.toml").read_text(encoding="utf-8")
-    found: dict[str, Performance] = {}
+    by_name: dict[str, Performance] = {}
     for name, table in tomllib.loads(text).items():
         before = table.pop("after", None)
         keys = np.array(table.pop("keys"), float)
-        keys = keys if before is None else np.vstack([found[before].keys, keys])
-        found[name] = Performance(keys=keys, **table)
-    return found | {"walk": _walk()}
+        keys = keys if before is None else np.vstack([by_name[before].keys, keys])
+        by_name[name] = Performance(keys=keys, **table)
+    return by_name | {"walk": _walk()}
 
 
 def _walk() -> Performance:
@@ -110,14 +110,14 @@ def _rotations(values: Mapping[str, float]) -> dict[str, Rotation]:
         "head": _rotation(-0.3 * have("lean"), yaw=0.5 * have("look")),
     }
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        own = lambda name, key=side[0]: have(f"{key}_{name}")  # noqa: E731
-        hip, knee, straddle = own("hip"), own("knee"), have("straddle")
+        limb = lambda name, key=side[0]: have(f"{key}_{name}")  # noqa: E731
+        hip, knee, straddle = limb("hip"), limb("knee"), have("straddle")
         rotations[f"{side}_thigh"] = _rotation(-hip, -sign * straddle)
         rotations[f"{side}_shin"] = _rotation(knee)
         rotations[f"{side}_foot"] = _rotation(0.75 * (hip - knee), 0.8 * sign * straddle)
-        arm = _rotation(-own("arm"), -sign * own("out"), -sign * own("across"))
-        rotations[f"{side}_upper_arm"] = arm * _rotation(yaw=own("turn"))
-        rotations[f"{side}_forearm"] = _rotation(-own("elbow"))
+        arm = _rotation(-limb("arm"), -sign * limb("out"), -sign * limb("across"))
+        rotations[f"{side}_upper_arm"] = arm * _rotation(yaw=limb("turn"))
+        rotations[f"{side}_forearm"] = _rotation(-limb("elbow"))
     return rotations
 
 

@@ -108,8 +108,8 @@ class Mannequin:
             pieces.append((ball["bone"], _COLOUR_NAMES.index(ball["colour"]), mesh))
         pieces.append(("left_foot", SHOES, _shoe(metres(tables["shoe"]["rows"]))))
         pieces += [
-            (bone.replace("left", "right"), colour, _mirrored(*mesh))
-            for bone, colour, mesh in pieces
+            (bone.replace("left", "right"), colour, (vertices * _MIRROR, faces[:, ::-1]))
+            for bone, colour, (vertices, faces) in pieces
             if bone.startswith("left")
         ]
         joints = {bone: metres(joint) for bone, joint in tables["joints"].items()}
@@ -148,8 +148,8 @@ class Mannequin:
         """
         world_from_bone, rest, origins = [], self.joints_m, np.zeros_like(self.joints_m)
         for k, (name, parent) in enumerate(zip(BONE_NAMES, _PARENTS, strict=True)):
-            own = rotations.get(name, Rotation.identity())
-            world_from_bone.append(own if parent < 0 else world_from_bone[parent] * own)
+            turn = rotations.get(name, Rotation.identity())
+            world_from_bone.append(turn if parent < 0 else world_from_bone[parent] * turn)
             origins[k] = (
                 (*(self.stride * pelvis_m), 0)
                 if parent < 0
@@ -227,12 +227,6 @@ def _shoe(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.in
     across = 0.107 + width * flat * cosine
     up = 0.5 * height + 0.5 * height * flat * sine
     return _loft(np.stack([across, np.broadcast_to(y, across.shape), up], -1))
-
-
-def _mirrored(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    return vertices * _MIRROR, faces[:, ::-1]
 
 
 @dataclass(frozen=True)
@@ -320,7 +314,7 @@ class _Shape:
         share = np.array(tables["trunk_growth"]) / 100
         self._width, self._depth = np.array(
             [
-                _growth(standard, bone, height, (girth + 2 * np.pi * person.cloth_m) / self._scale)
+                _scales(standard, bone, height, (girth + 2 * np.pi * person.cloth_m) / self._scale)
                 for bone, height, girth in zip(_TRUNK, self._trunk_m, girths, strict=False)
             ]
         ).T[:, [0, 1, 2, 2, 2]] * share + (1 - share)
@@ -360,7 +354,7 @@ class _Shape:
         shoulder = self._joints["left_upper_arm"]
         axis = self._axis(points[:, 2], ("hand", "forearm", "upper_arm"))
         growth = 1 + np.interp(points[:, 2], *self._growths["arm"]) * (self._width[2] - 1)
-        flesh = self._flesh(points[:, :2] - axis, growth, clothed)
+        flesh = self._offsets(points[:, :2] - axis, growth, clothed)
         across = self._scale * (axis - shoulder[:2]) + flesh
         down = self._scale * self._person.arms * (points[:, 2] - shoulder[2])
         hanging = np.column_stack([across, down])
@@ -371,7 +365,7 @@ class _Shape:
         axis = self._axis(points[:, 2], ("foot", "shin", "thigh"))
         growth = 1 + np.interp(points[:, 2], *self._growths["leg"]) * (self._width[0] - 1)
         apart = np.array([1 + 0.2 * (self._width[0] - 1), 1.0])
-        flat = self._scale * apart * axis + self._flesh(points[:, :2] - axis, growth, clothed)
+        flat = self._scale * apart * axis + self._offsets(points[:, :2] - axis, growth, clothed)
         return np.column_stack([flat, np.interp(points[:, 2], self._standard_m, self.heights_m)])
 
     def _axis(self, z: NDArray[np.float64], bones: tuple[str, ...]) -> NDArray[np.float64]:
@@ -379,7 +373,7 @@ class _Shape:
         joints = np.array([self._joints[f"left_{bone}"] for bone in bones])
         return np.column_stack([np.interp(z, joints[:, 2], joints[:, k]) for k in (0, 1)])
 
-    def _flesh(
+    def _offsets(
         self, offset: NDArray[np.float64], growth: NDArray[np.float64], clothed: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """Offsets (n, 2) from a limb's axis, thickened, with this person's cloth over it."""
@@ -390,7 +384,7 @@ class _Shape:
         return offset * (target / np.maximum(radius, 1e-9))[:, None]
 
 
-def _growth(standard: Mannequin, bone: str, height_m: float, girth_m: float) -> tuple[float, float]:
+def _scales(standard: Mannequin, bone: str, height_m: float, girth_m: float) -> tuple[float, float]:
     """Factors of width and depth that give the trunk a girth at a height of one of its bones."""
     tube = standard.vertices_m[standard.vertex_bone == BONE_NAMES.index(bone)][:-2]
     rings = tube.reshape(-1, RING, 3)

@@ -75,7 +75,7 @@ class FilmCamera:
             colours_bgr: (5, 3) of skin, hair, shirt, trousers, shoes.
             shadow: share of the light that the actor keeps from the floor.
         """
-        self._wide = _widened(camera)
+        self._wide = _with_margin(camera)
         self._maps = _distortion_maps(camera)
         # The same seed for all cameras: it is one room.
         self._room, self._floor = _paint_room(self._wide, np.random.default_rng(11))
@@ -170,7 +170,7 @@ class FilmCamera:
         return picture.clip(0, 255).astype(np.uint8)
 
 
-def _widened(camera: Camera) -> Camera:
+def _with_margin(camera: Camera) -> Camera:
     """Pinhole camera with a margin around the picture."""
     wide = camera.pinhole()
     shift = np.array([[1, 0, _MARGIN[0]], [0, 1, _MARGIN[1]], [0, 0, 1.0]])

@@ -130,8 +130,8 @@ def export_motion(
         raise InputError("no frame of this result has a pose: there is nothing to export")
     plan = _planned(motions, folder, files)
     if not overwrite:
-        for place, (_, own) in plan.items():
-            for name in own:
+        for place, (_, writers) in plan.items():
+            for name in writers:
                 if (place / name).exists():
                     raise InputError(
                         f"{place / name} exists: give --out another folder, or add --overwrite"
@@ -140,22 +140,23 @@ def export_motion(
     made = [place for place in dict.fromkeys((folder, *plan)) if not place.exists()]
     try:
         with ExitStack() as complete:
-            for place, (whom, own) in plan.items():
+            for place, (people, writers) in plan.items():
+                whose = people if len(people) > 1 else people[0]
                 place.mkdir(parents=True, exist_ok=True)
-                for name, (module, function) in own.items():
+                for name, (module, function) in writers.items():
                     module = importlib.import_module(f"voxelpose.export.{module}")
                     path = complete.enter_context(replacing(place / name))
                     more = {"stage": stage} if name == _PAGE else {}
-                    getattr(module, function)(whom if len(whom) > 1 else whom[0], path, **more)
+                    getattr(module, function)(whose, path, **more)
                 record = complete.enter_context(replacing(place / EXPORT_RECORD))
-                write_export_record(whom, own, earlier[place], record)
+                write_export_record(people, writers, earlier[place], record)
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
         for place in reversed(made):
             with suppress(OSError):  # it holds something
                 place.rmdir()
-    return [place / name for place, (_, own) in plan.items() for name in (*own, EXPORT_RECORD)]
+    return [place / name for place, (_, files) in plan.items() for name in (*files, EXPORT_RECORD)]
 
 
 def _planned(

@@ -44,25 +44,25 @@ def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
     """
     motions = [motion] if isinstance(motion, Motion) else motion
     document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator=f"voxelpose {__version__}"))
-    first_frame = min(int(one.frames[0]) for one in motions)
+    first_frame = min(int(motion.frames[0]) for motion in motions)
     document.extras = {"fps": motions[0].fps, "first_frame": first_frame}
     packer, animation = _Packer(document), gltf.Animation(name="motion")
     alone, top = len(motions) == 1, list[int]()
-    for k, (name, one) in enumerate(zip(person_names(len(motions)), motions, strict=True)):
-        upright, body = one.upright(), len(document.nodes)
-        how = {
-            "conditioning": conditioning_words(one),
-            "filled_frames": one.frames[one.filled].tolist(),
+    for k, (name, motion) in enumerate(zip(person_names(len(motions)), motions, strict=True)):
+        upright, body = motion.upright(), len(document.nodes)
+        extras = {
+            "conditioning": conditioning_words(motion),
+            "filled_frames": motion.frames[motion.filled].tolist(),
         }
         _add_skeleton(document, packer, upright.model)
         _add_body(document, packer, upright.model, None if alone else COLOURS[k % len(COLOURS)])
         _add_animation(animation, packer, upright, body + 1, first_frame)
         if alone:
-            document.extras |= how
+            document.extras |= extras
             top = [body, body + 1]
         else:
             top.append(len(document.nodes))
-            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=how))
+            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=extras))
     document.animations = [animation]
     document.scenes = [gltf.Scene(nodes=top)]
     document.scene = 0

@@ -125,18 +125,18 @@ def _names(count: int, results: Sequence[tuple[str, int]]) -> tuple[list[str], l
     if not results:
         return (person_names(count) if count > 1 else [""]), [0] * count
     names, numbers = list[str](), list[int]()
-    for k, (result, own) in enumerate(results):
-        people = person_names(own) if own > 1 else [""]
+    for k, (result, total) in enumerate(results):
+        people = person_names(total) if total > 1 else [""]
         names += [f"{result} {person}".strip() for person in people]
-        numbers += [k] * own
+        numbers += [k] * total
     return names, numbers
 
 
 def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
     model, quality = motion.model, motion.quality
     row = np.searchsorted(motion.frames, rows)
-    there = row < len(motion)
-    there[there] = motion.frames[row[there]] == rows[there]
+    posed = row < len(motion)
+    posed[posed] = motion.frames[row[posed]] == rows[posed]
     measure = next((key for key in CONFIDENCE if key in quality), None)
     parts, local, bones = skeleton_lines(model)
     weights = np.rint(model.skin_weights * 255)
@@ -153,15 +153,15 @@ def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
         "owner": numbers(owner),
         "skin_parts": numbers(np.where(weights > 0, model.skin_parts, 0)),
         "skin_weights": packed(weights.astype(np.uint8)),
-        "rows": packed(np.where(there, row, -1).astype(np.int32)),
+        "rows": packed(np.where(posed, row, -1).astype(np.int32)),
         "filled": packed(motion.filled.astype(np.uint8)),
         "root": packed(motion.root_m.astype(np.float32)),
         "turn": packed(np.rint(quaternions(motion.parts()[0]) * _ONE).astype(np.int16)),
         "points_part": numbers(parts),
         "points": packed(local.astype(np.float32)),
         "bones": numbers(bones),
-        "overlap": _shares(quality.get("part_overlap")),
-        "confidence": None if measure is None else _shares(quality[measure]),
+        "overlap": _fraction_bytes(quality.get("part_overlap")),
+        "confidence": None if measure is None else _fraction_bytes(quality[measure]),
         "measure": CONFIDENCE.get(measure or "", ""),
     }
 
@@ -171,7 +171,7 @@ def numbers(values: NDArray[np.integer[Any]]) -> dict[str, str]:
     return packed(values.astype(np.min_scalar_type(int(values.max(initial=0)))))
 
 
-def _shares(values: NDArray[np.float64] | None) -> dict[str, str] | None:
+def _fraction_bytes(values: NDArray[np.float64] | None) -> dict[str, str] | None:
     """Fractions as bytes."""
     if values is None:
         return None
@@ -201,7 +201,7 @@ def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str,
     else:
         roots = np.concatenate([motion.root_m for motion in motions])
         middle, motion = np.median(roots, axis=0), motions[0]
-        lowest = min(map(_lowest, motions))
+        lowest = min(map(_lowest_point_m, motions))
         # Of a calibration without a floor it is anywhere: then people stand on it.
         floor = motion.floor_m if -0.1 < lowest - motion.floor_m < 0.5 else lowest
         # A person of 1.75 m is seen from 3.2 m, other bodies from as many times their extent.
@@ -218,7 +218,7 @@ def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str,
     return {"floor_m": float(floor)} | {name: place.tolist() for name, place in places.items()}
 
 
-def _lowest(motion: Motion) -> float:
+def _lowest_point_m(motion: Motion) -> float:
     """Height of the lowest point of the body, m, the median over some frames."""
     rotation, origin = motion.parts()
     rows = np.unique(np.linspace(0, len(motion) - 1, 9).round().astype(int))

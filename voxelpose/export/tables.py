@@ -160,9 +160,9 @@ def write_angles(motion: Motion, path: Path) -> None:
     if is_person_tree(model.tree):
         known = anatomical_angles(motion)
     person = HUMAN.dof_names if known.names else ()
-    own = [k for k, name in enumerate(model.tree.dof_names) if name not in person]
-    names = [*known.names, *(model.tree.dof_names[k] for k in own)]
-    degrees = np.hstack([known.degrees, np.degrees(motion.angles_rad[:, own])])
+    others = [k for k, name in enumerate(model.tree.dof_names) if name not in person]
+    names = [*known.names, *(model.tree.dof_names[k] for k in others)]
+    degrees = np.hstack([known.degrees, np.degrees(motion.angles_rad[:, others])])
     _write(motion, [f"{name}_deg" for name in names], degrees, 3, path)
 
 

@@ -111,7 +111,7 @@ def read_trc(
     if missing:
         raise InputError(
             f"{path} has no marker for {', '.join(missing)}: say which with --markers"
-            f" {missing[0]}=NAME; it has {_listed(names)}"
+            f" {missing[0]}=NAME; it has {_listing(names)}"
         )
     joints_m = np.full((frames[-1] + 1, len(LANDMARK_NAMES), 3), np.nan)
     selected = points[:, [columns[joint] for joint in LANDMARK_NAMES]]
@@ -164,7 +164,7 @@ def _marker_column(
     """Returns the index of the marker of a joint; None where no name is recognised."""
     if joint in markers:
         if markers[joint] not in names:
-            raise InputError(f"{path} has no marker {markers[joint]!r}: it has {_listed(names)}")
+            raise InputError(f"{path} has no marker {markers[joint]!r}: it has {_listing(names)}")
         return names.index(markers[joint])
     plain = {
         re.sub(r"[^a-z0-9]", "", name.lower()): number
@@ -179,7 +179,7 @@ def _marker_column(
     return None
 
 
-def _listed(names: Sequence[str]) -> str:
+def _listing(names: Sequence[str]) -> str:
     """Names for a message, as many as a line can hold."""
     more = ", ..." if len(names) > 40 else ""
     return ", ".join(name[:20] for name in names[:40]) + more

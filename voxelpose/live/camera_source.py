@@ -76,14 +76,14 @@ def list_webcams() -> dict[int, str]:
     """Names of this machine's webcams by their numbers, where the system tells (Linux); elsewhere
     none.
     """
-    found = {}
+    names = {}
     for folder in Path("/sys/class/video4linux").glob("video*"):
         number = folder.name.removeprefix("video")
         with suppress(OSError, UnicodeError):
             # A camera has further devices, without pictures.
             if number.isdecimal() and (folder / "index").read_text("utf-8").strip() == "0":
-                found[int(number)] = (folder / "name").read_text("utf-8").strip()
-    return dict(sorted(found.items()))
+                names[int(number)] = (folder / "name").read_text("utf-8").strip()
+    return dict(sorted(names.items()))
 
 
 def retry_waits_s() -> Iterator[float]:
@@ -277,7 +277,7 @@ class _Stream:
         self.pictures.append((time_s, picture))
 
     def nearest(self, time_s: float) -> tuple[float, NDArray[np.uint8]]:
-        return min(self.pictures, key=lambda one: abs(one[0] - time_s))
+        return min(self.pictures, key=lambda picture: abs(picture[0] - time_s))
 
 
 class ShotMatcher:
@@ -318,15 +318,15 @@ class ShotMatcher:
             if now_s - stream.newest_s <= max(LIVE.silent_s, 3 * stream.interval_s)
         }
         begins = now_s < _BEGINNING_S
-        if begins and not all(one.pictures for one in self._streams.values()):
+        if begins and not all(stream.pictures for stream in self._streams.values()):
             return None
         if len(delivering) < min(2, len(self._streams)):
             return None
         moment = min(stream.newest_s for stream in delivering.values())
         shortest = min(stream.interval_s for stream in delivering.values())
         chosen = {name: stream.nearest(moment) for name, stream in delivering.items()}
-        apart = max(abs(time_s - moment) for time_s, _ in chosen.values())
-        if shortest > 0 and apart > LIVE.apart * shortest:
+        apart_s = max(abs(time_s - moment) for time_s, _ in chosen.values())
+        if shortest > 0 and apart_s > LIVE.apart * shortest:
             return None
         if any(time_s <= delivering[name].used_s for name, (time_s, _) in chosen.items()):
             return None

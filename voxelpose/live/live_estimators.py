@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class LiveMoment:
     pictures: Pictures
 
 
-class _Sparing:
+class _ChangedModels:
     """What finds poses, whose large body models are sent only when they have changed."""
 
     def __init__(self, make: Callable[..., Any], arguments: tuple[object, ...]):
@@ -71,10 +72,10 @@ class _Sparing:
 
     def step(self, given: object) -> People:
         people = list(self._finder.step(given))
-        for k, found in enumerate(people):
-            if found is not None:
-                known, self._sent[k] = found.model is self._sent.get(k), found.model
-                people[k] = replace(found, model=None) if known else found  # type: ignore[arg-type]
+        for k, body in enumerate(people):
+            if body is not None:
+                known, self._sent[k] = body.model is self._sent.get(k), body.model
+                people[k] = replace(body, model=None) if known else body  # type: ignore[arg-type]
         return tuple(people)
 
     def close(self) -> None:
@@ -92,7 +93,7 @@ class LiveEstimator(RemoteObject, ABC):
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
         """Begins the process, and waits until it is ready."""
-        super().__init__(_Sparing, make, arguments)
+        super().__init__(_ChangedModels, make, arguments)
         self._models: dict[int, BodyModel] = {}  # by person
         self.wait()
 
@@ -103,11 +104,11 @@ class LiveEstimator(RemoteObject, ABC):
     def step(self, given: Any) -> People:
         """Everybody by number, None where there is none, from what `prepare` made."""
         people: list[PosedBody | None] = []
-        for k, found in enumerate(self.call("step", given)):
-            if found is not None:
-                self._models[k] = found.model or self._models[k]
-                found = replace(found, model=self._models[k])
-            people.append(found)
+        for k, body in enumerate(self.call("step", given)):
+            if body is not None:
+                self._models[k] = body.model or self._models[k]
+                body = replace(body, model=self._models[k])
+            people.append(body)
         return tuple(people)
 
 
@@ -139,20 +140,20 @@ class FollowedPeople:
     def step(self, moment: Moment) -> People:
         """Everybody in silhouettes as recorded; None where there is none."""
         masks = {name: self._lenses[name].undistort(mask) for name, mask in moment.masks().items()}
-        found = self._follower.step(Moment.of(moment.time_s, masks))
-        return tuple(self._posed(k, own) for k, own in enumerate(found))
+        people = self._follower.step(Moment.of(moment.time_s, masks))
+        return tuple(self._posed_person(k, person) for k, person in enumerate(people))
 
-    def _posed(self, person: int, found: FoundPerson | None) -> PosedBody | None:
+    def _posed_person(self, number: int, person: FoundPerson | None) -> PosedBody | None:
         """Somebody who was found, with the hull, which is carved now and then."""
-        if found is None:
-            self._hulls[person] = None
+        if person is None:
+            self._hulls[number] = None
             return None
-        hull, time_s = self._hulls[person], found.moment.time_s
+        hull, time_s, pose = self._hulls[number], person.moment.time_s, person.fit.pose
         if hull is None or time_s - hull[0] > 0.15:  # it is only shown
-            hull = self._hulls[person] = time_s, self._carved(found.moment, found.fit.pose)
-        confidence = float(np.clip(1 - found.fit.error, 0, 1))
-        body = posed_body(found.model, found.fit.pose, confidence, found.shown, hull_m=hull[1])
-        return replace(body, confidence=confidence * float(found.shown.mean()))
+            hull = self._hulls[number] = time_s, self._carved(person.moment, pose)
+        confidence = float(np.clip(1 - person.fit.error, 0, 1))
+        body = posed_body(person.model, pose, confidence, person.shown, hull_m=hull[1])
+        return replace(body, confidence=confidence * float(person.shown.mean()))
 
     def close(self) -> None:
         """Ends the searching process."""
@@ -161,15 +162,15 @@ class FollowedPeople:
     def _warm_up(self, settings: Settings) -> None:
         """Follows a drawn body, so that all kernels are loaded before the first frame."""
         body = BodyModel.from_sizes(BodySizes(settings.stature_m or MEASURING.usual_m))
-        silhouettes = _drawn(self._pinholes, body, load_backend(settings.backend))
+        silhouettes = _upright_masks(self._pinholes, body, load_backend(settings.backend))
         if sum(mask.any() for mask in silhouettes.values()) < 2:
             return
         moment = Moment.of(0.0, silhouettes)
-        given = self._pinholes, settings, moment
-        beside = [self._executor.submit(_load_kernels, *given) for _ in self._hulls]
-        _load_kernels(*given)
-        for loaded in beside:
-            loaded.result()
+        load = partial(_load_kernels, self._pinholes, settings, moment)
+        loading = [self._executor.submit(load) for _ in self._hulls]
+        load()
+        for future in loading:
+            future.result()
 
     def _carved(self, moment: Moment, pose: Pose) -> NDArray[np.float32]:
         low, high = pose.root_m - 1.2, pose.root_m + 1.2  # as far as a body reaches
@@ -225,12 +226,12 @@ class MonocularPoses:
 
     def step(self, seen: SeenPerson) -> People:
         """The likeliest pose and others."""
-        (found,) = self._stages.trajectory.add(self._stages.noted(*seen))
-        model, confidence = self._stages.trajectory.model, float(np.clip(1 - found.error, 0, 1))
-        shown = np.where(found.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
-        likeliest = zip(found.probability[:_HYPOTHESES], found.joints[:_HYPOTHESES], strict=True)
-        hypotheses = tuple((float(probability), joints) for probability, joints in likeliest)
-        return (posed_body(model, found.pose, confidence, shown, hypotheses),)
+        (estimate,) = self._stages.trajectory.add(self._stages.noted(*seen))
+        model, confidence = self._stages.trajectory.model, float(np.clip(1 - estimate.error, 0, 1))
+        visibility = np.where(estimate.occluded[model.tree.landmark_part], LIVE.occluded, 1.0)
+        probabilities = estimate.probability[:_HYPOTHESES].tolist()
+        hypotheses = tuple(zip(probabilities, estimate.joints[:_HYPOTHESES], strict=True))
+        return (posed_body(model, estimate.pose, confidence, visibility, hypotheses),)
 
     def close(self) -> None:
         """Nothing was begun."""
@@ -283,16 +284,16 @@ def posed_body(
     model: BodyModel,
     pose: Pose,
     confidence: float,
-    shown: NDArray[np.float64],
+    visibility: NDArray[np.float64],
     hypotheses: Hypotheses = (),
     hull_m: NDArray[np.float32] | None = None,
 ) -> PosedBody:
-    """Body with its parts and joints in the world; `shown`, (15,), is each joint's confidence
+    """Body with its parts and joints in the world; `visibility`, (15,), is each joint's confidence
     relative to the pose's, 0 to 1, the rest as of `PosedBody`.
     """
     (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
     joints_m = landmarks(model, rotation[None], origin[None])[0]
-    each = confidence * shown
+    each = confidence * visibility
     return PosedBody(model, pose, rotation, origin, joints_m, each, confidence, hypotheses, hull_m)
 
 
@@ -305,7 +306,7 @@ def _load_kernels(rig: Rig, settings: Settings, moment: Moment) -> None:
         adapt_body(rig, settings, track, [(moment, track.fit.pose)])
 
 
-def _drawn(rig: Rig, body: BodyModel, backend: Backend) -> dict[str, NDArray[np.bool_]]:
+def _upright_masks(rig: Rig, body: BodyModel, backend: Backend) -> dict[str, NDArray[np.bool_]]:
     """Silhouettes (h, w) bool of an upright body at the point nearest to all optical axes."""
     axes = np.stack([camera.rotation[2] for camera in rig])
     middle = nearest_point(np.stack([camera.center_m for camera in rig]), axes)

@@ -104,7 +104,7 @@ def open_input(
             for name, reader in recording.readers.items()
         }
         return LiveInput(recording, played, recording.fps)
-    named = _named(sources, folder, unit)
+    named = _sources_by_camera(sources, folder, unit)
     if cameras is not None:
         named = {name: source for name, source in named.items() if name in cameras}
     if folder is None:
@@ -141,7 +141,7 @@ def make_estimator(
     return LiveMonocular(recording.rig.cameras[0], settings, options, coloured, reporter)
 
 
-def _named(
+def _sources_by_camera(
     sources: Sequence[CameraSource], folder: Path | None, unit: str | None
 ) -> dict[str, CameraSource]:
     """Sources by camera name; a single one may be without."""

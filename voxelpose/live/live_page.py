@@ -86,12 +86,12 @@ def timings_html(state: SessionState, frame: LiveFrame | None) -> str:
 
 def links_html(cameras: Mapping[str, str], receivers: Sequence[ReceiverState]) -> str:
     """State of each camera and receiver."""
-    rows = [_light(name, text, text == "ok") for name, text in cameras.items()]
+    rows = [_state_line(name, text, text == "ok") for name, text in cameras.items()]
     for state in receivers:
         counts = f"{state.sent} sent, {state.dropped} dropped"
         if math.isfinite(state.send_s):
             counts += f", {1000 * state.send_s:.1f} ms"
-        rows.append(_light(state.address, f"{state.message} ({counts})", state.working))
+        rows.append(_state_line(state.address, f"{state.message} ({counts})", state.working))
     return _BLOCK.format("".join(rows) or "none")
 
 
@@ -104,7 +104,7 @@ def _bars(stage_s: Mapping[str, float]) -> str:
     )
 
 
-def _light(name: str, text: str, good: bool) -> str:
+def _state_line(name: str, text: str, good: bool) -> str:
     return (
         f'<div><span style="color:{_GOOD if good else _BAD}">●</span> <b>{escape(name)}</b>'
         f" {escape(text)}</div>"
@@ -112,7 +112,7 @@ def _light(name: str, text: str, good: bool) -> str:
 
 
 class PagePanel:
-    """Buttons that ask the session, texts about it, and the layers chosen to be `shown`."""
+    """Buttons that ask the session, texts about it, and the `layers` chosen to be shown."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class PagePanel:
         session: LiveSession,
         receivers: Callable[[], Sequence[ReceiverState]],
     ) -> None:
-        self.shown = frozenset(LAYERS)
+        self.layers = frozenset(LAYERS)
         self._session, self._receivers = session, receivers
         self._status = gui.add_html("")
         for label, icon, hint, ask in (
@@ -164,7 +164,7 @@ class PagePanel:
         box = gui.add_checkbox(label, True)
 
         def choose(_: object) -> None:
-            self.shown = self.shown | {name} if box.value else self.shown - {name}
+            self.layers = self.layers | {name} if box.value else self.layers - {name}
 
         box.on_update(choose)
 
@@ -217,7 +217,7 @@ class Page:
             begun_s = time.monotonic()
             frame = self._frame
             if self._served.watched:
-                chosen = frame, self._panel.shown
+                chosen = frame, self._panel.layers
                 with self._served.viser.atomic():
                     if frame is not None and chosen != drawn:
                         self._scene.draw(frame, chosen[1])

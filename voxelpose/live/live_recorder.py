@@ -68,10 +68,10 @@ class LiveRecorder:
         """Hands over a moment of which every camera has a picture, and the silhouettes, which a
         private recording keeps instead; returns at once, leaving it out where the disk is too slow.
         """
-        kept = masks if self.private else shot.pictures
-        if kept is not None and not self.failure and set(shot.pictures) == set(self._sizes):
+        images = masks if self.private else shot.pictures
+        if images is not None and not self.failure and set(shot.pictures) == set(self._sizes):
             with suppress(Full):
-                self._queue.put_nowait((shot.time_s, kept))
+                self._queue.put_nowait((shot.time_s, images))
 
     def close(self) -> None:
         """Writes what still waits, and completes the recording."""

@@ -137,12 +137,12 @@ class SkinnedFigure:
         self._places[moved] = places[moved]
 
     def _is_other(self, model: BodyModel) -> bool:
-        shown = self._model
-        if shown is None:
+        current = self._model
+        if current is None:
             return True
-        if model is shown or time.monotonic() - self._built_s < _REBUILD_S:
+        if model is current or time.monotonic() - self._built_s < _REBUILD_S:
             return False
-        same = model.sizes == shown.sizes and np.array_equal(model.shape, shown.shape)
+        same = model.sizes == current.sizes and np.array_equal(model.shape, current.shape)
         if same:
             self._model = model
         return not same
@@ -216,22 +216,22 @@ class LiveScene:
         self._count = 0
         _place_viewpoint(server, centers, middle)
 
-    def draw(self, frame: LiveFrame, shown: frozenset[str]) -> None:
+    def draw(self, frame: LiveFrame, layers: frozenset[str]) -> None:
         """Shows the chosen `LAYERS` of one moment."""
-        pictures = {"cameras", "pictures"} <= shown
-        if shown != self._drawn:
-            self._cameras.show("cameras" in shown)
+        pictures = {"cameras", "pictures"} <= layers
+        if layers != self._drawn:
+            self._cameras.show("cameras" in layers)
             if not pictures:
                 self._cameras.clear()
-            self._drawn = shown
+            self._drawn = layers
         for figure, body in zip(self._figures, frame.people, strict=True):
-            figure.draw(body if "figure" in shown else None)
-        self._draw_hypotheses(frame.body if "hypotheses" in shown else None)
+            figure.draw(body if "figure" in layers else None)
+        self._draw_hypotheses(frame.body if "hypotheses" in layers else None)
         self._count += 1
         if self._count % 2:  # hull and pictures cost the most, and may lag a little
-            self._draw_hull(frame.people if "hull" in shown else ())
+            self._draw_hull(frame.people if "hull" in layers else ())
         elif pictures:
-            self._cameras.draw(frame, "outlines" in shown)
+            self._cameras.draw(frame, "outlines" in layers)
 
     def _draw_hull(self, people: People) -> None:
         hulls = [body.hull_m for body in people if body is not None and body.hull_m is not None]

@@ -120,7 +120,7 @@ class LiveSilhouettes:
     def __init__(self, silhouettes: Silhouettes):
         self.others: frozenset[str] = frozenset()
         self._silhouettes, self._ended_s = silhouettes, time.perf_counter()
-        self._near: dict[str, tuple[slice, slice]] = {}
+        self._windows: dict[str, tuple[slice, slice]] = {}
         self._frame = 0
 
     def of(self, pictures: Mapping[str, Picture]) -> dict[str, Mask]:
@@ -128,14 +128,14 @@ class LiveSilhouettes:
         whole = {
             name
             for k, name in enumerate(pictures)
-            if (self._frame + k) % _WHOLE_EVERY == 0 or name not in self._near
+            if (self._frame + k) % _WHOLE_EVERY == 0 or name not in self._windows
         }
         self._frame += 1
-        near = {name: window for name, window in self._near.items() if name not in whole}
+        windows = {name: window for name, window in self._windows.items() if name not in whole}
         if isinstance(people := self._silhouettes.people, PeopleInTurn):
             people.idle_s += time.perf_counter() - self._ended_s
-        masks = self._silhouettes.of(pictures, near, self._frame)
-        self._near = {name: w for name, mask in masks.items() if (w := _around(mask)) is not None}
+        masks = self._silhouettes.of(pictures, windows, self._frame)
+        self._windows = {name: w for name, mask in masks.items() if (w := _box(mask)) is not None}
         for name in whole:
             several = _shows_several(masks[name])
             self.others = self.others | {name} if several else self.others - {name}
@@ -143,7 +143,7 @@ class LiveSilhouettes:
         return masks
 
 
-def _around(mask: Mask) -> tuple[slice, slice] | None:
+def _box(mask: Mask) -> tuple[slice, slice] | None:
     """Rows and columns around a silhouette; None where it is empty."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):

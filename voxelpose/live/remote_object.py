@@ -24,11 +24,11 @@ class RemoteObject:
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
         """Begins the process, and returns at once."""
-        self._pipe, there = SPAWN.Pipe()
-        self._process = SPAWN.Process(target=_serve, args=(there, make, arguments))
+        self._pipe, child_pipe = SPAWN.Pipe()
+        self._process = SPAWN.Process(target=_serve, args=(child_pipe, make, arguments))
         with interrupts_put_off():
             self._process.start()
-        there.close()
+        child_pipe.close()
         # At the program's end, before it waits for its processes.
         Finalize(self, self._pipe.close, exitpriority=0)
         self._made = False

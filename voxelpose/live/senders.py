@@ -54,13 +54,13 @@ class ReceiverAddress:
         """Family and number of the host. InputError where the host's name is not known here."""
         kind = socket.SOCK_DGRAM if self.protocol == "vmc" else socket.SOCK_STREAM
         try:
-            found = socket.getaddrinfo(self.host, self.port, type=kind)
+            addresses = socket.getaddrinfo(self.host, self.port, type=kind)
         except (OSError, UnicodeError):
             raise InputError(
                 f"--send {self.shown}: this machine knows no host {self.host!r}: check the name, or"
                 " give its number, such as 192.168.0.20"
             ) from None
-        family, _, _, _, address = found[0]
+        family, _, _, _, address = addresses[0]
         return family, str(address[0])
 
 
@@ -183,14 +183,14 @@ class DatagramSender(Sender):
 
     async def connection(self) -> None:
         """See `Sender.connection`."""
-        with ExitStack() as kept:
-            outlets = [kept.enter_context(self._outlet(0))]
+        with ExitStack() as outlet_stack:
+            outlets = [outlet_stack.enter_context(self._outlet(0))]
             while True:
                 frame, offered_s = await self.newest()
                 for person in range(len(outlets), len(frame.people)):
-                    outlets.append(kept.enter_context(self._outlet(person)))
+                    outlets.append(outlet_stack.enter_context(self._outlet(person)))
                 refused = [
-                    _refused(outlet, datagram)
+                    _send_datagram(outlet, datagram)
                     for person, outlet in enumerate(outlets)
                     for datagram in vmc_datagrams(frame, person)
                 ]
@@ -207,7 +207,7 @@ class DatagramSender(Sender):
         return outlet
 
 
-def _refused(outlet: socket.socket, datagram: bytes) -> bool:
+def _send_datagram(outlet: socket.socket, datagram: bytes) -> bool:
     """Sends a datagram; returns whether an earlier one was reported as refused. OSError where the
     network cannot be reached.
     """
@@ -243,7 +243,7 @@ class WebSocketSender(Sender):
                 proxy=None,
             ) as link:
                 self.note_state("connected, waiting for a frame", True)
-                await until_one_ends(self._feed(link), self._read(link))
+                await until_one_ends(self._send_frames(link), self._read(link))
         except TimeoutError:
             raise ConnectionError("no answer") from None
         except ConnectionRefusedError:
@@ -258,7 +258,7 @@ class WebSocketSender(Sender):
         except (InvalidHandshake, EOFError):
             raise ConnectionError("it does not speak WebSocket") from None
 
-    async def _feed(self, link: ClientConnection) -> None:
+    async def _send_frames(self, link: ClientConnection) -> None:
         while True:
             frame, offered_s = await self.newest()
             for person in range(len(frame.people)):

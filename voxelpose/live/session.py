@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,8 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import set_threads
 from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Shot, ShotMatcher
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
-from voxelpose.live.live_frame import LiveFrame, Phase, SessionState, hidden_note
-from voxelpose.live.live_recorder import LiveRecorder
+from voxelpose.live.live_frame import LiveFrame, People, Phase, SessionState, hidden_note
+from voxelpose.live.live_recorder import LiveRecorder, Masks
 from voxelpose.live.live_silhouettes import (
     EmptyView,
     PeopleInTurn,
@@ -74,7 +73,7 @@ class StageTimes:
 
     def medians(self) -> dict[str, float]:
         """Median seconds of every stage in the last frames."""
-        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._spent().items()}
+        return {name: float(np.median(spent[-_RECENT:])) for name, spent in self._seconds().items()}
 
     def summary(self) -> dict[str, list[float]]:
         """Shortest, longest, mean, median, 95 and 99 % quantile of every stage, s, since the start;
@@ -82,10 +81,10 @@ class StageTimes:
         """
         return {
             name: [s.min(), s.max(), s.mean(), *np.quantile(s, (0.5, 0.95, 0.99))]
-            for name, s in self._spent().items()
+            for name, s in self._seconds().items()
         }
 
-    def _spent(self) -> dict[str, NDArray[np.float64]]:
+    def _seconds(self) -> dict[str, NDArray[np.float64]]:
         with self._lock:
             return {name: np.array(seconds) for name, seconds in self._stages.items()}
 
@@ -165,7 +164,7 @@ class LiveSession:
             for camera in settings.rig
         ]
         self._threads = [
-            threading.Thread(target=self._guarded, args=(work,), daemon=True)
+            threading.Thread(target=self._run_stage, args=(work,), daemon=True)
             for work in (self._observe, self._estimate)
         ]
         self._failure: BaseException | None = None
@@ -311,7 +310,7 @@ class LiveSession:
     def _now(self) -> float:
         return time.monotonic() - self._started_s
 
-    def _guarded(self, work: Callable[[], None]) -> None:
+    def _run_stage(self, work: Callable[[], None]) -> None:
         """Runs a stage; what it raises ends the session."""
         try:
             set_threads(1)
@@ -374,11 +373,11 @@ class LiveSession:
         search for a person begins.
         """
         settings = self.settings
-        given, people = (settings.regions, settings.silhouettes_given, moments), None
+        rig, regions, people = settings.rig, settings.regions, None
         if settings.network is not None and settings.asked:
             people = SeenPeople(settings.asked, settings.network)
-        view, side = EmptyView(settings.rig, self._empty, *given), long_side_px(settings.rig)
-        silhouettes = Silhouettes(view, "auto", side, ahead=False, people=people)
+        view = EmptyView(rig, self._empty, regions, settings.silhouettes_given, moments)
+        silhouettes = Silhouettes(view, "auto", long_side_px(rig), ahead=False, people=people)
         silhouettes.people = None if people is None else PeopleInTurn(people.windows)
         self._silhouettes.learn(silhouettes)
         # Loads the kernels before the first frame is there.
@@ -411,10 +410,10 @@ class LiveSession:
             sent_s = self._now()
             self.times.add({**stage_s, "send": sent_s - done_s, "total": sent_s - shot.time_s})
 
-    def _show(self, shot: Shot, *found: Any) -> None:
+    def _show(self, shot: Shot, masks: Masks, people: People, note: str = "") -> None:
         """Hands a moment, with what was found in it, to all receivers."""
-        taken_s = self._started_unix_s + shot.time_s
-        frame = LiveFrame(shot.number, shot.time_s, shot.pictures, *found, captured_unix_s=taken_s)
+        number, time_s, taken_s = shot.number, shot.time_s, self._started_unix_s + shot.time_s
+        frame = LiveFrame(number, time_s, shot.pictures, masks, people, note, taken_s)
         for receive in self.receivers:
             receive(frame)
 

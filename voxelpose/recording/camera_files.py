@@ -72,21 +72,21 @@ def not_read(folder: Path, frame: str = "; {}") -> str:
     """Words on what lies in a recording folder and is not read, each with its remedy, put into a
     frame; "" where there is no such thing.
     """
-    found = []
+    unread = []
     for path in visible_entries(folder):
         suffix = path.suffix.lower()
         if path.is_dir() and path.name not in SUBFOLDERS:
             if inside := [*map(str, pictures_by_camera(path))]:
-                found.append(f"{path.name}/ holds {_few(inside)}: move that up here")
+                unread.append(f"{path.name}/ holds {_first_ones(inside)}: move that up here")
             elif path.name != "calibration" and not visible_entries(path):
-                found.append(f"{path.name}/ is empty")
+                unread.append(f"{path.name}/ is empty")
             elif not is_image_folder(path):
-                found.append(f"{path.name}/ holds no images")
+                unread.append(f"{path.name}/ holds no images")
         elif suffix in _UNREAD:
-            found.append(
+            unread.append(
                 f"{path.name} is no video that is read: ffmpeg -i {path.name} {path.stem}.mp4"
             )
-    words = [*found[:_MOST], *_calibrations(folder)[:1]]
+    words = [*unread[:_MOST], *_calibrations(folder)[:1]]
     return frame.format("; ".join(words)) if words else ""
 
 
@@ -126,7 +126,7 @@ def renaming(paths: Mapping[str, Path], names: Sequence[str]) -> str:
         f"{paths[old].name} to {new}{'' if paths[old].is_dir() else paths[old].suffix}"
         for old, new in sorted(pairs.items())
     ]
-    return f"rename {_few(words)}" if words else ""
+    return f"rename {_first_ones(words)}" if words else ""
 
 
 def _by_key(names: Iterable[str], key: Callable[[str], str]) -> dict[str, str]:
@@ -145,5 +145,5 @@ def _number(name: str) -> str:
     return str(int(numbers[-1])) if numbers else ""
 
 
-def _few(words: Sequence[str]) -> str:
+def _first_ones(words: Sequence[str]) -> str:
     return ", ".join(words[:_MOST]) + (" and so on" if len(words) > _MOST else "")

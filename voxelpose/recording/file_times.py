@@ -47,11 +47,11 @@ def recorded_times(
         checked_rate(fps, "--fps", "correct it")
     elif (folder / TIMESTAMPS).exists():
         return read_timestamps(folder / TIMESTAMPS, readers)
-    found = times_in_files(readers, fps)
-    if found is not None:
+    file_times = times_in_files(readers, fps)
+    if file_times is not None:
         if together:
-            _check_ends(folder, found.times)
-        return found.times, (found.note,)
+            _check_ends(folder, file_times.times)
+        return file_times.times, (file_times.note,)
     aside = None if fps is None else times_in_files(readers)
     return None, () if aside is None else (f"{aside.faults}: --fps sets them aside",)
 
@@ -90,7 +90,7 @@ def times_in_files(
         return None
     stills = {name: image_numbers(reader.stills) for name, reader in readers.items()}
     images = {name: numbers for name, numbers in stills.items() if numbers is not None}
-    counted, times = _common(images), dict[str, Times]()
+    counted, times = _common_numbers(images), dict[str, Times]()
     for name, reader in readers.items():
         times[name] = np.arange(reader.frame_count) / (fps or reader.fps or rate)
         if name in counted:
@@ -98,12 +98,12 @@ def times_in_files(
         elif fps is None and reader.shown_s is not None:
             times[name] = reader.shown_s
     faults = [(_fault(taken, images.get(name)), name) for name, taken in times.items()]
-    faults += _late(times, images)
-    named = {words: [name for said, name in faults if said == words] for words, _ in faults}
-    said = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
-    said += _rates_apart(times)
+    faults += _late_starts(times, images)
+    named = {words: [name for fault, name in faults if fault == words] for words, _ in faults}
+    listed = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
+    listed += _rates_apart(times)
     source = "numbers of the images" if images else "times in the files"
-    return FileTimes(times, f"by the {source}, {'; '.join(said)}") if said else None
+    return FileTimes(times, f"by the {source}, {'; '.join(listed)}") if listed else None
 
 
 def ends_apart(times: Mapping[str, Times]) -> str:
@@ -118,13 +118,13 @@ def ends_apart(times: Mapping[str, Times]) -> str:
 
 
 def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
-    apart = ends_apart(times)
-    if apart:
+    doubt = ends_apart(times)
+    if doubt:
         instants, _ = match_frames(times, folder)
         numbers, period = even_numbers(instants)
         numbers += round((instants[0] - min(float(taken[0]) for taken in times.values())) / period)
         raise InputError(
-            f"{folder}: {apart}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
+            f"{folder}: {doubt}: if their clocks agree, give --frames 0:{numbers[-1] + 1}, which"
             f" pairs frames by time; if not, `voxelpose calibrate sync` finds by how much, and"
             f" writes {TIMESTAMPS}"
         )
@@ -147,7 +147,7 @@ def image_numbers(stills: Sequence[Path]) -> NDArray[np.int64] | None:
     return numbers if (np.diff(numbers) > 0).all() else None
 
 
-def _common(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
+def _common_numbers(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
     """Numbers of the cameras' images, counted in steps from a common begin.
 
     Where all cover the same, each begins with its first: some count from 0, others from 1.
@@ -187,7 +187,7 @@ def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:
     return ", ".join(listed) + (" and more" if len(ends) > _LISTED else "")
 
 
-def _late(
+def _late_starts(
     times: Mapping[str, Times], images: Mapping[str, NDArray[np.int64]]
 ) -> list[tuple[str, str]]:
     """By how much cameras began later than the first, in words, and their names."""

@@ -116,7 +116,7 @@ class Recording:
             InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
-        readers, silhouettes_given, told = open_readers(folder, cameras, label)
+        readers, silhouettes_given, mask_notes = open_readers(folder, cameras, label)
         calibration = calibration_path(folder)
         sizes = {reader.size for reader in readers.values()}
         if calibration is None and cameras is not None and len(cameras) == 1 and len(readers) == 1:
@@ -131,21 +131,21 @@ class Recording:
             notes = rig.notes
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes += told + tuple(
+        notes += mask_notes + tuple(
             f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
             + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
         whole = frames is None or frames[1] is None
-        timed, said = recorded_times(folder, readers, fps, together=whole)
+        timed, time_notes = recorded_times(folder, readers, fps, together=whole)
         if timed is None:
             start, stop = _frame_range(readers, frames)
             rate, times_s = times_by_rate(folder, readers, fps)
             numbers = np.arange(stop)
         else:
-            table, of = fps is None and (folder / TIMESTAMPS).exists(), (folder, readers, timed)
-            readers, numbers, rate, times_s = matched_by_time(*of, earliest=not table)
+            earliest = fps is not None or not (folder / TIMESTAMPS).exists()
+            readers, numbers, rate, times_s = matched_by_time(folder, readers, timed, earliest)
             first, last = _frame_range(readers, frames, int(numbers[-1]) + 1)
             start, stop = np.searchsorted(numbers, (first, last)).tolist()
             if start == stop:
@@ -163,7 +163,7 @@ class Recording:
             silhouettes_given,
             None if calibration is None else read_up(calibration),
             names,
-            notes + said,
+            notes + time_notes,
             numbers[start:stop],
             label,
         )

@@ -52,10 +52,10 @@ def changes_since(noted: Mapping[str, str], recording: Recording, estimator: str
 
 
 def _digest(parts: Iterable[bytes]) -> str:
-    found = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=16)
     for part in parts:
-        found.update(len(part).to_bytes(8, "big") + part)
-    return found.hexdigest()
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
 
 
 def _of_masks(masks: Mapping[str, NDArray[np.bool_]]) -> str:

@@ -65,9 +65,9 @@ class _Look:
         value = self.value(name)
         if value is None:
             return None
-        apart = np.abs(self.levels.values - value).max(axis=1)
+        distance = np.abs(self.levels.values - value).max(axis=1)
         least = 0.5 if self.levels.exact else self.levels.top / _NEAR
-        return self.names[int(apart.argmin())] if apart.min() <= least else None
+        return self.names[int(distance.argmin())] if distance.min() <= least else None
 
     @property
     def cut_out(self) -> bool:
@@ -200,14 +200,14 @@ def _asked_for(looks: Mapping[str, _Look], label: str) -> dict[str, list[str]]:
         InputError: no camera has one of them.
     """
     wanted = [word.strip().lower() for word in label.split(",")]
-    found = {
+    matches = {
         word: {name: near for name, look in looks.items() if (near := look.near(word)) is not None}
         for word in wanted
     }
     for word in wanted:
-        if not found[word]:
-            there = dict.fromkeys(name for look in looks.values() for name in look.names)
+        if not matches[word]:
+            names = dict.fromkeys(name for look in looks.values() for name in look.names)
             raise InputError(
-                f"the masks have no label {word[:40]!r}: give --label {' or '.join(there)}"
+                f"the masks have no label {word[:40]!r}: give --label {' or '.join(names)}"
             )
-    return {name: [found[word].get(name, word) for word in wanted] for name in looks}
+    return {name: [matches[word].get(name, word) for word in wanted] for name in looks}

@@ -66,9 +66,9 @@ class MaskForm:
         alpha = bool(alphas) and min(a.min() for a in alphas) < max(a.max() for a in alphas)
         coloured = labels and any(map(_is_coloured, layers))
         if alpha and coloured:
-            coloured = _few(map(_opaque, layers))
-        shown = alphas if alpha and not coloured else [one.values for one in layers]
-        return cls(alpha, coloured, _scale(shown))
+            coloured = _has_few_values(map(_opaque, layers))
+        arrays = alphas if alpha and not coloured else [one.values for one in layers]
+        return cls(alpha, coloured, _scale(arrays))
 
     def plane(self, layers: Layers) -> Plane:
         """Values that count; where colours count within what is opaque, black without."""
@@ -107,10 +107,10 @@ def _opaque(layers: Layers) -> NDArray:
 
 
 @np.errstate(invalid="ignore")  # of infinite values, which are no whole numbers
-def _scale(shown: Sequence[NDArray]) -> float | None:
+def _scale(arrays: Sequence[NDArray]) -> float | None:
     """Factor of values: none where they are whole numbers already."""
-    top = max((float(np.nanmax(one, initial=0)) for one in shown), default=0.0)
-    whole = all(one.dtype.kind in "bui" or not np.any(one % 1) for one in shown)
+    top = max((float(np.nanmax(one, initial=0)) for one in arrays), default=0.0)
+    whole = all(one.dtype.kind in "bui" or not np.any(one % 1) for one in arrays)
     if (whole and top <= _LARGEST) or not 0 < top < np.inf:
         return None
     return _LARGEST / top
@@ -125,15 +125,15 @@ def codes_of(plane: Plane) -> NDArray[np.int64]:
     return code
 
 
-def _few(pictures: Iterable[NDArray]) -> bool:
+def _has_few_values(pictures: Iterable[NDArray]) -> bool:
     """Whether pictures hold no more values than labels do."""
-    found: set[int] = set()
+    codes: set[int] = set()
     for picture in pictures:
-        found |= set(np.unique(codes_of(np.atleast_3d(_thinned(picture)))).tolist())
-    return len(found) <= _MOST_VALUES
+        codes |= set(np.unique(codes_of(np.atleast_3d(_subsampled(picture)))).tolist())
+    return len(codes) <= _MOST_VALUES
 
 
-def _thinned(picture: NDArray) -> NDArray:
+def _subsampled(picture: NDArray) -> NDArray:
     """Every so many pixels, as many as are looked at."""
     step = max(1, int(np.ceil((picture.shape[0] * picture.shape[1] / _LOOKED_AT) ** 0.5)))
     return picture[::step, ::step]
@@ -170,27 +170,27 @@ class MaskLevels:
             labels: whether several values may be labels; opacity has two, and what is between.
         """
         top = max(float(plane.max()) for plane in planes)
-        exact = labels and _few(planes)
-        apart = 0.0 if exact else top / (_SHADES if labels else 4)
-        flat = [_flat(plane, apart / 2) for plane in planes]
-        found = _found(flat, apart, planes[0].shape[2])
-        thin = [_thinned(plane) for plane in planes]
-        indices = [nearest_value(plane, found) for plane in thin]
+        exact = labels and _has_few_values(planes)
+        tolerance = 0.0 if exact else top / (_SHADES if labels else 4)
+        flat = [_plain_areas(plane, tolerance / 2) for plane in planes]
+        unordered = _area_values(flat, tolerance, planes[0].shape[2])
+        thin = [_subsampled(plane) for plane in planes]
+        indices = [nearest_value(plane, unordered) for plane in thin]
         border = np.concatenate([_border(one) for one in indices])
-        background = int(np.bincount(border, minlength=len(found)).argmax())
-        order = sorted(range(len(found)), key=lambda k: (k != background, *found[k]))
-        values = found[order]
+        background = int(np.bincount(border, minlength=len(unordered)).argmax())
+        order = sorted(range(len(unordered)), key=lambda k: (k != background, *unordered[k]))
+        values = unordered[order]
         indices = [np.argsort(order).astype(np.int16)[one] for one in indices]
         distance = [np.abs(plane - values[0]).max(axis=2) for plane in thin]
-        near = np.concatenate([one[one <= apart] for one in distance])
+        near = np.concatenate([one[one <= tolerance] for one in distance])
         same = exact or np.count_nonzero(near >= 1) * _LEAST < near.size
-        noise = 0.0 if same else apart
+        noise = 0.0 if same else tolerance
         edges = np.concatenate([_border(one) for one in distance])
-        plain = 2 * int(np.count_nonzero(near <= apart / 4)) > near.size
+        plain = 2 * int(np.count_nonzero(near <= tolerance / 4)) > near.size
         return cls(
             values,
             exact,
-            plain and 2 * int(np.count_nonzero(edges <= apart)) > edges.size,
+            plain and 2 * int(np.count_nonzero(edges <= tolerance)) > edges.size,
             exact or _is_compact(thin, indices, values, top / _SHADES),
             top,
             noise,
@@ -202,30 +202,30 @@ def _is_compact(
     planes: Sequence[Plane],
     indices: Sequence[NDArray[np.int16]],
     values: NDArray[np.float64],
-    apart: float,
+    tolerance: float,
 ) -> bool:
     """Whether most of what is far from the background is near another value."""
     far = near = 0
     for plane, index in zip(planes, indices, strict=True):
-        before = np.abs(plane - values[0]).max(axis=2) > 2 * apart
+        before = np.abs(plane - values[0]).max(axis=2) > 2 * tolerance
         far += int(np.count_nonzero(before))
-        off = np.abs(plane - values[index]).max(axis=2) <= 2 * apart
+        off = np.abs(plane - values[index]).max(axis=2) <= 2 * tolerance
         near += int(np.count_nonzero(before & off & (index > 0)))
     return 2 * near > far
 
 
-def _flat(plane: Plane, noise: float) -> Plane:
+def _plain_areas(plane: Plane, noise: float) -> Plane:
     """Values (N, C) of the pixels whose neighbours are alike."""
     kernel = np.ones((3, 3), np.uint8)
     spread = cv2.dilate(plane, kernel) - cv2.erode(plane, kernel)
     spread = spread.reshape(plane.shape).max(axis=2)
-    values = _thinned(plane)
-    return values[_thinned(spread) <= noise]
+    values = _subsampled(plane)
+    return values[_subsampled(spread) <= noise]
 
 
-def _found(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.float64]:
-    """Values (L, C) that fill areas; closer ones than twice `apart` are the commonest of them."""
-    cell = max(apart / 2, 1.0)
+def _area_values(flat: Sequence[Plane], tolerance: float, channels: int) -> NDArray[np.float64]:
+    """Values (L, C) that fill areas; of those closer than twice `tolerance` the commonest."""
+    cell = max(tolerance / 2, 1.0)
     sums: defaultdict[int, NDArray[np.float64]] = defaultdict(lambda: np.zeros(channels + 1))
     large: set[int] = set()
     for values in flat:
@@ -235,12 +235,12 @@ def _found(flat: Sequence[Plane], apart: float, channels: int) -> NDArray[np.flo
         for code, *row in zip(codes.tolist(), counts, *columns, strict=True):
             sums[code] += row
         large |= set(codes[counts * _LEAST >= len(values)].tolist())
-    found: list[NDArray[np.float64]] = []
+    chosen: list[NDArray[np.float64]] = []
     for code, (count, *total) in sorted(sums.items(), key=lambda one: -one[1][0]):
         value = np.rint(np.array(total) / count)
-        if code in large and all(np.abs(value - other).max() > 2 * apart for other in found):
-            found.append(value)
-    return np.array(found or [np.zeros(channels)])
+        if code in large and all(np.abs(value - other).max() > 2 * tolerance for other in chosen):
+            chosen.append(value)
+    return np.array(chosen or [np.zeros(channels)])
 
 
 def nearest_value(plane: Plane, values: NDArray[np.float64]) -> NDArray[np.int16]:

@@ -98,11 +98,11 @@ class MaskReader(FrameReader):
     def samples(self) -> list[Layers]:
         """Some pictures of the sequence; all that are not empty count where these are."""
         numbers = even_moments(self.frame_count, _SAMPLES, margin=0).tolist()
-        found = list(self.layers(numbers))
-        if not any(map(_holds_something, found)):
+        samples = list(self.layers(numbers))
+        if not any(map(_holds_something, samples)):
             others = filter(_holds_something, self.layers(range(self.frame_count)))
-            found += [layers for layers, _ in zip(others, range(_SAMPLES), strict=False)]
-        return found
+            samples += [layers for layers, _ in zip(others, range(_SAMPLES), strict=False)]
+        return samples
 
     @staticmethod
     def _size_of(still: Path) -> tuple[int, int]:

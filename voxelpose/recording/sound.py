@@ -23,8 +23,9 @@ _LOWEST_HZ = 300  # hum, wind and steps are below
 
 def has_sound(path: Path) -> bool:
     """Whether a file is a video with sound."""
-    words = ("-hide_banner", "-nostdin", "-i", str(path.absolute()))
-    return path.is_file() and "Audio:" in finished(*words).stderr
+    if not path.is_file():
+        return False
+    return "Audio:" in finished("-hide_banner", "-nostdin", "-i", str(path.absolute())).stderr
 
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:

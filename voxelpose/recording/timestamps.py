@@ -59,8 +59,8 @@ def read_timestamps(
             listed.setdefault(camera, array("d")).append(time)
     times: dict[str, Times] = {}
     for name, reader in readers.items():
-        own = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
-        times[name] = _checked(path, name, reader, np.concatenate([np.zeros(0), *own]))
+        columns = [taken for camera, taken in listed.items() if name in (camera, f"cam_{camera}")]
+        times[name] = _checked_times(path, name, reader, np.concatenate([np.zeros(0), *columns]))
     unit, notes = _COLUMNS.get(column, ""), ()
     if not unit:
         unit, notes = _unit_by_rate(path, readers, times)
@@ -76,7 +76,7 @@ def read_timestamps(
     return times, notes
 
 
-def _checked(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
+def _checked_times(path: Path, name: str, reader: FrameReader, times: Times) -> Times:
     """The times of a camera's frames, in the table's unit."""
     if len(times) == reader.promised:
         times = times[: reader.frame_count]  # it lacks the last ones
@@ -169,13 +169,13 @@ def match_frames(
             continue
         numbers = {name: _nearest(taken, instants) for name, taken in times.items()}
         offset = np.stack([np.abs(times[name][numbers[name]] - instants) for name in times])
-        kept = (offset <= tolerance[:, None]).all(axis=0)
-        if not kept.any():
+        matched = (offset <= tolerance[:, None]).all(axis=0)
+        if not matched.any():
             continue
         # Of equally near references, that with the most matches is taken.
-        cost = float(offset[:, kept].mean()) - 1e-9 * kept.sum()
+        cost = float(offset[:, matched].mean()) - 1e-9 * matched.sum()
         if best is None or cost < best[0]:
-            best = cost, instants[kept], {name: rows[kept] for name, rows in numbers.items()}
+            best = cost, instants[matched], {name: rows[matched] for name, rows in numbers.items()}
     if best is None:
         raise InputError(
             f"{path}: at no moment all cameras filmed ({spans_text(times)}): correct their times"
@@ -231,7 +231,6 @@ def matched_by_time(
     path: Path,
     readers: Mapping[str, FrameReader],
     times: Mapping[str, Times],
-    *,
     earliest: bool,
 ) -> tuple[dict[str, FrameReader], NDArray[np.int64], float, Times]:
     """Readers of the frames that match in time, their numbers on an even grid (M,) int64, frames

@@ -88,11 +88,11 @@ def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray
     listed = table.get("unknown", {})
     if not isinstance(listed, dict):
         raise InputError(f"{path}: unknown is no table: write [unknown] and {_EXAMPLE}")
-    found = {}
+    by_camera = {}
     for name, polygons in listed.items():
         _check_camera(name, str(path), names)
-        found[name] = _corners(polygons, f"{path}: unknown places of {name[:40]}")
-    return found
+        by_camera[name] = _corners(polygons, f"{path}: unknown places of {name[:40]}")
+    return by_camera
 
 
 def _check_camera(name: str, where: str, names: Sequence[str]) -> None:
@@ -104,15 +104,15 @@ def _check_camera(name: str, where: str, names: Sequence[str]) -> None:
 
 def _corners(polygons: object, where: str) -> list[NDArray[np.float64]]:
     """Polygons (N, 2) of a parsed list, px."""
-    found = []
+    corners = []
     for polygon in polygons if isinstance(polygons, list) else [None]:
         points = polygon if isinstance(polygon, list) and len(polygon) >= 3 else [None]
         if not all(map(_is_pixel, points)):
             raise InputError(
                 f"{where} are no list of polygons of three or more corners, px: write {_EXAMPLE}"
             )
-        found.append(np.array(points, float))
-    return found
+        corners.append(np.array(points, float))
+    return corners
 
 
 def _is_pixel(point: object) -> bool:

@@ -63,10 +63,10 @@ class CycleChart:
     curves: Mapping[str, CycleCurve]  # by label
 
 
-def cycle_chart(chart: CycleChart, name: str, size_in: tuple[float, float] = (3.7, 2.1)) -> str:
+def cycle_chart(chart: CycleChart, name: str) -> str:
     """Chart, an svg element, of curves over the stride; arguments as of `time_chart`."""
     with matplotlib.rc_context(_curve_style(name)):
-        figure = Figure(figsize=size_in, layout="constrained")
+        figure = Figure(figsize=(3.7, 2.1), layout="constrained")
         axes = figure.add_subplot()
         for label, curve in chart.curves.items():
             share = np.linspace(0, 100, len(curve.mean))
@@ -85,20 +85,15 @@ def cycle_chart(chart: CycleChart, name: str, size_in: tuple[float, float] = (3.
         return _element(figure, name, f"{chart.title} over the stride: {ranges}")
 
 
-def time_chart(
-    chart: TimeChart,
-    time_s: NDArray[np.float64],
-    name: str,
-    size_in: tuple[float, float] = (3.7, 2.1),
-) -> str:
-    """Chart, an svg element, of curves over time, of a size in inches of 72 px.
+def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str) -> str:
+    """Chart, an svg element, of curves over time.
 
     Args:
         time_s: (T,) seconds; gaps interrupt the curves.
         name: unique in the page.
     """
     with matplotlib.rc_context(_curve_style(name)):
-        figure = Figure(figsize=size_in, layout="constrained")
+        figure = Figure(figsize=(3.7, 2.1), layout="constrained")
         axes = figure.add_subplot()
         times, gaps = _with_gaps(time_s)
         for label, (values, colour) in chart.curves.items():

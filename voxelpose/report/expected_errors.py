@@ -54,6 +54,6 @@ def error_rows(motion: Motion) -> list[ErrorRow]:
 def _words(name: str, errors: Mapping[str, NDArray[np.float64]], digits: int) -> str:
     names = [name.format(side) for side in SIDES] if "{}" in name else [name]
     return " / ".join(
-        f"{np.nanmedian(errors[one]):.{digits}f}" if np.isfinite(errors[one]).any() else "–"
-        for one in names
+        f"{np.nanmedian(errors[joint]):.{digits}f}" if np.isfinite(errors[joint]).any() else "–"
+        for joint in names
     )

@@ -56,14 +56,14 @@ def _camera(middle: NDArray[np.float64], ahead: NDArray[np.float64], reach_m: fl
     turn, rise = np.radians([30, 20])
     toward = np.sin(turn) * forward + np.cos(turn) * aside + np.array([0, 0, np.tan(rise)])
     centre = middle + np.array([0, 0, reach_m / 2])
-    away = 4 * reach_m
-    eye = centre + away * toward / np.linalg.norm(toward)
-    look = (centre - eye) / away
+    distance = 4 * reach_m
+    eye = centre + distance * toward / np.linalg.norm(toward)
+    look = (centre - eye) / distance
     right = np.cross(look, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(look, right), look])
     width, tall = SIZE
     # The reach and a tenth more fill the picture's height.
-    focal = 0.9 * tall * away / reach_m
+    focal = 0.9 * tall * distance / reach_m
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (tall - 1) / 2], [0, 0, 1.0]])
     return Camera("view", SIZE, matrix, np.zeros(5), rotation, -rotation @ eye)

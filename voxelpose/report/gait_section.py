@@ -27,7 +27,7 @@ class GaitSection:
     """Contents of the section."""
 
     values: tuple[tuple[str, str], ...]  # of both feet: value and name
-    rows: tuple[tuple[str, str, str], ...]  # name, left and right
+    rows: tuple[tuple[str, ...], ...]  # name, left and right
     events: tuple[tuple[str, str, str], ...]  # side, times of contacts and of offs, s
     counts: dict[Side, int]  # strides by side
     charts: tuple[tuple[str, str], ...]  # svg elements and notes
@@ -62,39 +62,25 @@ def gait_section(
     if (width := gait.step_width_m()) is not None:
         values.append((f"{_spread_words(width, 1, 2)} m", f"step width (n = {width.count})"))
     events = [(side, _times(gait.contacts_s[side]), _times(gait.offs_s[side])) for side in SIDES]
-    return GaitSection(
-        tuple(values),
-        tuple(
-            (
-                name,
-                _words(spread("left"), scale, digits),
-                _words(spread("right"), scale, digits),
-            )
-            for name, spread, scale, digits in rows
-        ),
-        tuple(events),
-        {side: len(gait.strides_of(side)) for side in SIDES},
-        tuple(_charts(gait, angles, time_s, titles, prefix)),
-    )
-
-
-def _charts(
-    gait: Gait,
-    angles: AnatomicalAngles,
-    time_s: NDArray[np.float64],
-    titles: Sequence[tuple[str, str, str]],
-    prefix: str,
-) -> list[tuple[str, str]]:
     strides = {side: gait.strides_of(side) for side in SIDES}
     enough: list[Side] = [side for side in SIDES if len(strides[side]) >= _LEAST_STRIDES]
     charts = []
     for k, (title, note, name) in enumerate(titles if enough else ()):
-        curves: dict[str, CycleCurve] = {
+        curves = {
             side: _curve(side, angles[name.format(side)], time_s, strides[side]) for side in enough
         }
         chart = CycleChart(title, "degrees", curves)
         charts.append((cycle_chart(chart, f"{prefix}cycle{k}"), note))
-    return charts
+    return GaitSection(
+        tuple(values),
+        tuple(
+            (name, *(_words(spread(side), scale, digits) for side in SIDES))
+            for name, spread, scale, digits in rows
+        ),
+        tuple(events),
+        {side: len(strides[side]) for side in SIDES},
+        tuple(charts),
+    )
 
 
 def _curve(

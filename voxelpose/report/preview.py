@@ -44,9 +44,9 @@ def make_preview(folder: Path, scenes: ResultScenes) -> Preview | None:
     names = scenes.rig.names[:: -(-len(scenes.rig) // _MOST_CAMERAS)]
     videos = [folder.absolute() / f"overlay_{name}.webm" for name in names]
     if all(video.exists() for video in videos):
-        tiled = _from_overlays(videos, first, set(chosen))
+        tiled = _overlay_tiles(videos, first, set(chosen))
     elif scenes.recording is not None:
-        tiled = _drawn(scenes, names, chosen)
+        tiled = _painted_tiles(scenes, names, chosen)
     else:
         return None
     pictures, frames, size = [], [], (0, 0)
@@ -73,7 +73,7 @@ def data_uri(image: NDArray[np.uint8], width: int, suffix: str, quality: int) ->
     return f"data:image/{media};base64,{base64.b64encode(data).decode()}"
 
 
-def _from_overlays(
+def _overlay_tiles(
     videos: list[Path], first: int, chosen: set[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
     captures = [cv2.VideoCapture(str(video)) for video in videos]
@@ -89,7 +89,7 @@ def _from_overlays(
             capture.release()
 
 
-def _drawn(
+def _painted_tiles(
     scenes: ResultScenes, names: tuple[str, ...], chosen: list[int]
 ) -> Iterator[tuple[int, list[NDArray[np.uint8]]]]:
     models = [motion.model for motion in scenes.motions]

@@ -4,7 +4,6 @@ fitted body and of their outlines with one another.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -61,7 +60,7 @@ def check_cameras(scenes: ResultScenes) -> CameraCheck:
     # Where somebody has no pose, that part of the silhouettes says nothing of the cameras.
     frames = [set(motion.frames.tolist()) for motion in scenes.motions] or [set()]
     together = set.intersection(*frames)
-    moments = [at for at in scenes.time_s.items() if at[0] in together or not together]
+    moments = [moment for moment in scenes.time_s.items() if moment[0] in together or not together]
     times = np.array(moments).reshape(-1, 2)
     if not len(times) or scenes.recording is None:
         return CameraCheck()
@@ -151,8 +150,8 @@ def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Fi
     """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
     recording since, worst first.
     """
-    seen = (_outlines(result), _parts(result), _joints(result), _cameras(cameras))
-    return _worst_first([*_changes(changed), _lost(result), *chain(*seen)])
+    of_result = [_lost(result), *_outlines(result), *_parts(result), *_joints(result)]
+    return _worst_first([*_changes(changed), *of_result, *_cameras(cameras)])
 
 
 def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
@@ -197,20 +196,20 @@ def _lost(result: Result) -> Finding:
     summary: Any = result.summary
     lost = np.array(summary["frames"]["lost"], np.int64)
     count = summary["frames"]["with_pose"] + len(lost)
-    away = np.array(summary["frames"].get("away", ()), np.int64)
-    absent = f" Away in {ranges_text(away)}." if len(away) else ""
+    absent = np.array(summary["frames"].get("away", ()), np.int64)
+    absence = f" Away in {ranges_text(absent)}." if len(absent) else ""
     first, last = result.motion.frames[[0, -1]]
-    if ((away > first) & (away < last)).any():
-        absent += " That who came back is who left is a guess by the colours."
+    if ((absent > first) & (absent < last)).any():
+        absence += " That who came back is who left is a guess by the colours."
     if not len(lost):
-        return Finding("good", "Frames", f"All {count} frames have a pose.{absent}")
+        return Finding("good", "Frames", f"All {count} frames have a pose.{absence}")
     noun = noun_of(result)
     count_filled = int(result.motion.filled.sum())
     filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
     return Finding(
         "bad" if len(lost) > RELIABILITY.lost * count else "look",
         "Frames",
-        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}{absent}",
+        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}{absence}",
         f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
         " silhouettes: voxelpose view shows them frame by frame.",
     )

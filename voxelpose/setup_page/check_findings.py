@@ -50,13 +50,13 @@ def repair_folder(folder: Path, repaired: Mapping[str, str]) -> list[Path]:
     `REPLACED`: of several repairs, the files before the first. InputError where the system refuses.
     """
     for name in repaired:
-        old, kept = folder / name, folder / REPLACED / name
-        if old.is_file() and not kept.exists():
+        old, backup = folder / name, folder / REPLACED / name
+        if old.is_file() and not backup.exists():
             try:
-                kept.parent.mkdir(exist_ok=True)
+                backup.parent.mkdir(exist_ok=True)
             except OSError as error:
-                raise unwritable(kept, error) from error
-            write_whole(kept, old.read_bytes())
+                raise unwritable(backup, error) from error
+            write_whole(backup, old.read_bytes())
     for name, text in repaired.items():
         write_whole(folder / name, text)
     return [folder / name for name in repaired]

@@ -35,7 +35,7 @@ def read_clicked(path: Path) -> list[PointClicked]:
         PointClicked(
             name,
             {camera: (float(x), float(y)) for camera, (x, y) in pixels.items()},
-            _triple(points.known_m.get(name)),
+            tuple(points.known_m[name].tolist()) if name in points.known_m else None,
         )
         for name, pixels in points.pixels.items()
     ]
@@ -54,13 +54,13 @@ def save_clicked(path: Path, points: Sequence[PointClicked]) -> list[str]:
     not shown, are kept; returns the names that are clicked nowhere and so were not written.
     InputError where the file cannot be written.
     """
-    others, kept = _further_columns(path)
+    others, earlier = _further_columns(path)
     text = io.StringIO()
     writer = csv.DictWriter(text, (*_COLUMNS, *others), restval="", lineterminator="\n")
     writer.writeheader()
     for point in points:
         for camera, pixel in point.pixels.items():
-            row: dict[str, Any] = kept.get((camera, point.name), {}) | {
+            row: dict[str, Any] = earlier.get((camera, point.name), {}) | {
                 "camera": camera,
                 "point": point.name,
                 "x_px": f"{pixel[0]:.2f}".rstrip("0").rstrip("."),
@@ -80,7 +80,7 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
     By point: `pixels`, the expected (x, y) px and the distance `error_px` by camera; `position_m`,
     world coordinates; `measured`, whether they were typed in.
     """
-    found: dict[str, dict[str, Any]] = {}
+    errors: dict[str, dict[str, Any]] = {}
     for point in points:
         seen = [rig[name] for name in point.pixels if name in rig]
         pixels = np.array([point.pixels[camera.name] for camera in seen]).reshape(-1, 2)
@@ -92,26 +92,19 @@ def point_errors(points: Sequence[PointClicked], rig: Rig) -> dict[str, dict[str
             continue
         expected: dict[str, Any] = {}
         for camera in rig:
-            (at,), _ = camera.project(place[None])
-            if not np.isfinite(at).all() or np.abs(at).max() > 1e5:
+            (pixel,), _ = camera.project(place[None])
+            if not np.isfinite(pixel).all() or np.abs(pixel).max() > 1e5:
                 continue
-            entry: dict[str, Any] = {"expected": at.tolist()}
+            entry: dict[str, Any] = {"expected": pixel.tolist()}
             if camera.name in point.pixels:
-                entry["error_px"] = float(np.linalg.norm(at - point.pixels[camera.name]))
+                entry["error_px"] = float(np.linalg.norm(pixel - point.pixels[camera.name]))
             expected[camera.name] = entry
-        found[point.name] = {
+        errors[point.name] = {
             "pixels": expected,
             "position_m": place.tolist(),
             "measured": point.position_m is not None,
         }
-    return found
-
-
-def _triple(position: np.ndarray | None) -> tuple[float, float, float] | None:
-    if position is None:
-        return None
-    x, y, z = position.tolist()
-    return x, y, z
+    return errors
 
 
 def _further_columns(path: Path) -> tuple[list[str], dict[tuple[str, str], dict[str, str]]]:
@@ -144,7 +137,7 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
     y], ...].
     """
     upright = frame.rig(rig)
-    x, y = _middle(upright)
+    x, y = _floor_centre(upright)
     lines: list[tuple[str, NDArray[np.float64]]] = []
     for offset in np.linspace(-3, 3, 13).tolist():  # metres, a line every half
         kind = "grid" if offset else "middle"
@@ -155,14 +148,14 @@ def ground_lines(rig: Rig, frame: UprightFrame) -> dict[str, list[dict[str, Any]
     drawn: dict[str, list[dict[str, Any]]] = {camera.name: [] for camera in rig}
     for camera in upright:
         for kind, ends in lines:
-            drawn[camera.name] += _seen(camera, kind, ends)
+            drawn[camera.name] += _visible_pieces(camera, kind, ends)
     for camera in rig:
         for kind, axis in zip("xyz", np.eye(3), strict=True):
-            drawn[camera.name] += _seen(camera, kind, np.array([np.zeros(3), axis]))
+            drawn[camera.name] += _visible_pieces(camera, kind, np.array([np.zeros(3), axis]))
     return drawn
 
 
-def _middle(rig: Rig) -> tuple[float, float]:
+def _floor_centre(rig: Rig) -> tuple[float, float]:
     """Point of the floor, to whole metres, below what all cameras look at."""
     place = triangulate(list(rig), np.array([camera.matrix[:2, 2] for camera in rig]))
     if len(rig) == 1:  # where its optical axis meets the floor, if near
@@ -170,20 +163,19 @@ def _middle(rig: Rig) -> tuple[float, float]:
         down = -camera.rotation[2][2]
         reach = camera.center_m[2] / down if down > 0.05 else 4.0
         place = camera.center_m + camera.rotation[2] * float(np.clip(reach, 1.0, 20.0))
-    x, y = np.rint(place[:2]).tolist()
-    return x, y
+    return tuple(np.rint(place[:2]).tolist())
 
 
-def _seen(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str, Any]]:
+def _visible_pieces(camera: Camera, kind: str, ends: NDArray[np.float64]) -> list[dict[str, Any]]:
     """The pieces of a line that a camera sees."""
     count = int(np.linalg.norm(ends[1] - ends[0]) / 0.1) + 1  # pieces of 10 cm: lenses bend lines
     share = np.linspace(0, 1, count)[:, None]
     pixels, _ = camera.project(ends[0] + share * (ends[1] - ends[0]))
     most = 4.0 * max(camera.size)
-    near = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
-    cuts = np.flatnonzero(np.diff(near)) + 1
+    visible = np.abs(np.nan_to_num(pixels, nan=np.inf)).max(axis=1) < most
+    cuts = np.flatnonzero(np.diff(visible)) + 1
     return [
         {"kind": kind, "pixels": [[round(x, 2), round(y, 2)] for x, y in piece.tolist()]}
-        for piece, inside in zip(np.split(pixels, cuts), np.split(near, cuts), strict=True)
+        for piece, inside in zip(np.split(pixels, cuts), np.split(visible, cuts), strict=True)
         if inside[0] and len(piece) > 1
     ]

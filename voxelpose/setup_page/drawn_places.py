@@ -189,7 +189,7 @@ class PlaceFiles:
             written += new
             removed += old
         corners = {
-            name: [[[_short(x), _short(y)] for x, y in polygon] for polygon in listed] or None
+            name: [[[_rounded(x), _rounded(y)] for x, y in polygon] for polygon in listed] or None
             for name, listed in drawn.unknown.items()
         }
         if change_section(folder / RECORDING_FILE, "unknown", corners):
@@ -250,7 +250,7 @@ def _open_toml(path: Path) -> tomlkit.TOMLDocument:
         raise InputError(f"{path}: no valid TOML: {str(error)[:200]}; mend it") from None
 
 
-def _short(pixel: float) -> int | float:
+def _rounded(pixel: float) -> int | float:
     """A coordinate to tenths of a pixel, whole ones without a point."""
     rounded = round(pixel, 1)
     return int(rounded) if rounded == int(rounded) else rounded

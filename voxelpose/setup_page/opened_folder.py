@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,8 @@ class OpenedFolder:
     recording: Recording  # its pictures; cameras that are not calibrated stand anywhere
     calibrated: bool  # whether the cameras are where the calibration says
     fault: str  # why `fit` would refuse the folder; "" where it would not
-    given: tuple[str | None, float | None, str | None] = (None, None, None)  # see `open`
+    fps: float | None = None  # where its files do not state it, as `label`
+    label: str | None = None
 
     @classmethod
     def open(
@@ -44,9 +46,9 @@ class OpenedFolder:
         do not state them; InputError where it is none, or there are no pictures, or some that
         cannot be read.
         """
-        given = unit, fps, label
+        open_recording = partial(Recording.open, folder, unit=unit, fps=fps, label=label)
         try:
-            return cls(Recording.open(folder, None, None, *given), True, "", given)
+            return cls(open_recording(), True, "", fps, label)
         except InputError as error:
             fault = str(error)
         readers, masks_only, _ = open_readers(folder, None, label)
@@ -54,8 +56,8 @@ class OpenedFolder:
         rig = _calibrated(calibration, readers, unit)
         if rig is not None and len(rig) == len(readers):
             try:  # cameras without pictures are no hindrance
-                found = Recording.open(folder, None, rig.names, *given)
-                return cls(found, found.calibration_path is not None, "", given)
+                recording = open_recording(cameras=rig.names)
+                return cls(recording, recording.calibration_path is not None, "", fps, label)
             except InputError as error:
                 fault = str(error)
         cameras = rig or Rig(tuple(default_camera(name, r.size) for name, r in readers.items()))
@@ -76,7 +78,7 @@ class OpenedFolder:
             cameras.names,
             numbers=np.arange(count),
         )
-        return cls(recording, rig is not None, fault, given)
+        return cls(recording, rig is not None, fault, fps, label)
 
 
 def _calibrated(

@@ -27,9 +27,9 @@ class SetupPage:
     def __init__(self, session: SetupSession) -> None:
         """Reads the page's files."""
         self.session = session
-        self.answers = PageAnswers("voxelpose.setup_page", self._got, self._posted)
+        self.answers = PageAnswers("voxelpose.setup_page", self._get, self._post)
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         """What is asked for; None where it can only be a file."""
         session = self.session
         match path:
@@ -43,7 +43,7 @@ class SetupPage:
                 return session.painted(camera, kind), "image/png"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+    def _post(self, path: Sequence[str], body: bytes) -> Content | None:
         """The answer to JSON that the page has sent; None where nobody takes it."""
         session = self.session
         match path:

@@ -91,7 +91,7 @@ class SetupSession:
         self._recording = opened.recording
         self._places = PlaceFiles.read(self._recording)
         self._moments = previews.MomentFrames(self._recording)
-        self._backgrounds = previews.BackgroundModels(self._learned)
+        self._backgrounds = previews.BackgroundModels(self._learn_silhouettes)
         self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
         self._notes = _Notes()
 
@@ -109,7 +109,7 @@ class SetupSession:
             places = self._places
         empty, many = self._moments.empty(), recording.frame_count > 20_000
         return {
-            "seen": self._seen(),
+            "seen": self._files_digest(),
             "folder": str(self.folder),
             "name": self.folder.resolve().name,
             "studio": self._studio,
@@ -227,7 +227,7 @@ class SetupSession:
         )
         return model.with_places(source)
 
-    def _learned(self, kind: BackgroundKind) -> Silhouettes:
+    def _learn_silhouettes(self, kind: BackgroundKind) -> Silhouettes:
         source = DrawnRecording(**vars(self._recording))
         use, _ = self._settings().get("network", ("auto", ""))
         settings = Settings(background=kind, network=use)
@@ -238,7 +238,7 @@ class SetupSession:
         """How far the clicks are from where the calibration puts the points. InputError where there
         is no calibration, or two points have the same name.
         """
-        self._need("points")
+        self._require("points")
         check_points(asked.points)
         return point_errors(asked.points, self._recording.rig)
 
@@ -246,7 +246,7 @@ class SetupSession:
         """Lines of the floor by camera. InputError where there is no calibration, or up is no
         direction.
         """
-        self._need("floor")
+        self._require("floor")
         up = None if asked.up is None else direction_of(asked.up)
         frame = self._recording.upright_frame(up)
         frame = UprightFrame(frame.rotation, asked.height_m)
@@ -254,7 +254,7 @@ class SetupSession:
 
     def start_check(self) -> dict[str, Any]:
         """Begins the check of the cameras. InputError where it is not possible."""
-        self._need("check")
+        self._require("check")
         self._job.start("check", self.folder.name, find_disagreement, self._recording)
         return self.check_status()
 
@@ -273,17 +273,17 @@ class SetupSession:
         again; returns the files. InputError where nothing can be repaired, files have changed since
         the check, or the system refuses.
         """
-        found = self.check_status()
-        repaired = found.get("repaired")
+        status = self.check_status()
+        repaired = status.get("repaired")
         if not repaired:
             raise InputError("there is nothing to repair: check the cameras first")
-        if found["inputs"] != replaced_inputs(self._recording):
+        if status["inputs"] != replaced_inputs(self._recording):
             raise InputError("calibration or time stamps have changed since: check again")
         with self._saving, self._staging:
             written = repair_folder(self.folder, repaired)
             change_section(self.folder / SETTINGS_FILE, "fit", {"unit": None})  # stated now
-            _, fps, label = self._opened.given
-            self._open(OpenedFolder.open(self.folder, None, fps, label))
+            opened = self._opened
+            self._open(OpenedFolder.open(self.folder, None, opened.fps, opened.label))
         self._job.forget()
         return {"written": [path.name for path in written]}
 
@@ -300,7 +300,7 @@ class SetupSession:
             check_points(asked.points)
         left_out: list[str] = []
         with self._saving:
-            if asked.seen and asked.seen != self._seen():
+            if asked.seen and asked.seen != self._files_digest():
                 return {"meanwhile": _MEANWHILE}
             written, removed = self._places.save(folder, asked.places)
             if asked.points is not UNSET and (asked.points or (folder / POINTS_FILE).exists()):
@@ -316,22 +316,22 @@ class SetupSession:
             "state": self.state(),
         }
 
-    def _seen(self) -> str:
+    def _files_digest(self) -> str:
         """Digest of the files that a page shows and saves."""
         names = POINTS_FILE, SETTINGS_FILE, RECORDING_FILE
         files = [self.folder / name for name in names]
         files += visible_entries(self.folder / "regions")
-        found = hashlib.sha256()
+        digest = hashlib.sha256()
         for file in files:
             if file.is_file():
-                found.update(f"{file.name}\0{file.stat().st_size}\0".encode())
-                found.update(file.read_bytes())
-        return found.hexdigest()
+                digest.update(f"{file.name}\0{file.stat().st_size}\0".encode())
+                digest.update(file.read_bytes())
+        return digest.hexdigest()
 
     def _check_places(self, places: page_requests.PlacesDrawn) -> None:
         check_camera_names((*places.regions, *places.unknown), self._recording.rig.names)
 
-    def _need(self, part: str) -> None:
+    def _require(self, part: str) -> None:
         refusal = self._refusals().get(part)
         if refusal is not None:
             raise InputError(refusal)

@@ -135,8 +135,8 @@ class CalibrationStep:
         command = self._command(name, project, fixed, given)
         work = self._commands.work(f"calibrate.{name}")
         self._job.start(kind, asked.project, calibrate, work, command)
-        own = {key: value for key, value in asked.settings.items() if key not in _OF_BOARD}
-        change_section(project / SETTINGS_FILE, f"calibrate.{name}", own)
+        settings = {key: value for key, value in asked.settings.items() if key not in _OF_BOARD}
+        change_section(project / SETTINGS_FILE, f"calibrate.{name}", settings)
         if name != "sync":
             board = {key: asked.settings[key] for key in _OF_BOARD if key in asked.settings}
             self._keep_board(project, board)
@@ -173,9 +173,9 @@ class CalibrationStep:
             folder = project if of == "take" else walk
             known = None if of == "take" else lenses
             return {"recording": folder, "out": folder / TIMESTAMPS, "intrinsics": known}
-        there = calibration_path(project)
-        if there is not None and there.name != _CALIBRATION:
-            raise InputError(f"{there.name} is there: remove it in Import first")
+        present = calibration_path(project)
+        if present is not None and present.name != _CALIBRATION:
+            raise InputError(f"{present.name} is there: remove it in Import first")
         if lenses is None:
             raise InputError("the lenses are not known: calibrate them first, or import them")
         points = project / POINTS_FILE
@@ -198,7 +198,7 @@ def _report(path: Path) -> dict[str, Any] | None:
     """What a command wrote about its calibration; None where that is gone."""
     if not path.is_file():
         return None
-    found = parse_json(load_text(path, LARGEST_CALIBRATION), path)
-    if not isinstance(found, dict):
+    report = parse_json(load_text(path, LARGEST_CALIBRATION), path)
+    if not isinstance(report, dict):
         raise InputError(f"{path} is damaged: remove it, or calibrate again")
-    return found
+    return report

@@ -42,8 +42,8 @@ def follow(
             parts.callback(receivers.close)
             session.receivers.append(receivers.send)
             address = Address("127.0.0.1", 0, token)
-            shown = session.settings
-            page = Page(session, shown.rig.cameras, address, receivers.states, title, shown.people)
+            cameras, people = session.settings.rig.cameras, session.settings.people
+            page = Page(session, cameras, address, receivers.states, title, people)
             parts.callback(page.close)
             session.receivers.append(page.show)
             reporter.tell(port=page.port)
@@ -106,10 +106,10 @@ def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> 
             actions[asked]()
         if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
             told_s = time.monotonic()
-            reporter.tell(**_known(session, receivers), trouble=trouble)
+            reporter.tell(**_session_state(session, receivers), trouble=trouble)
 
 
-def _known(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
+def _session_state(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
     state = session.state
     return {
         "phase": state.phase,
@@ -123,12 +123,12 @@ def _known(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
         "cameras": [{"name": name, "state": words} for name, words in state.cameras.items()],
         "receivers": [
             {
-                "address": one.address,
-                "message": one.message,
-                "working": one.working,
-                "sent": one.sent,
-                "dropped": one.dropped,
+                "address": receiver.address,
+                "message": receiver.message,
+                "working": receiver.working,
+                "sent": receiver.sent,
+                "dropped": receiver.dropped,
             }
-            for one in receivers.states()
+            for receiver in receivers.states()
         ],
     }

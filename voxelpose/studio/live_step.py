@@ -20,13 +20,12 @@ from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
 from voxelpose.studio.studio_commands import Commands, Typed
-from voxelpose.view.serving.gate import GateRequest, until_one_ends
+from voxelpose.view.serving.gate import GateRequest, pass_on, until_one_ends
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
 LIVE = "live session"
 """Kind of the job."""
-_PIECE = 2**16
 _Receivers = Annotated[
     list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=20)
 ]
@@ -89,8 +88,8 @@ class LiveStep:
         command = self._commands.command("live", project, fixed, asked.settings, inside)
         command.check()
         self._token = secrets.token_urlsafe(32)
-        given = self._commands.work("live"), command, f"{asked.project} – live", self._token
-        self._job.start(LIVE, asked.project, follow, *given)
+        work, name = self._commands.work("live"), f"{asked.project} – live"
+        self._job.start(LIVE, asked.project, follow, work, command, name, self._token)
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:
@@ -117,9 +116,9 @@ class LiveStep:
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
         try:
             inner_writer.write("\r\n".join([*lines, "", ""]).encode("latin-1"))
-            ways = [_copy(inner_reader, writer)]
+            ways = [pass_on(inner_reader, writer)]
             if request.upgrade:
-                ways.append(_copy(reader, inner_writer))
+                ways.append(pass_on(reader, inner_writer))
             await until_one_ends(*ways)
         finally:
             inner_writer.close()
@@ -144,9 +143,3 @@ async def _cookie(port: int, token: str) -> str:
         if name.lower() == "set-cookie":
             return value.partition(";")[0].strip()
     raise InputError("the live page does not answer: load this page again")
-
-
-async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
-    while piece := await reader.read(_PIECE):
-        writer.write(piece)
-        await writer.drain()

@@ -70,7 +70,7 @@ class StudioFolder:
     def project(self, name: str) -> Path:
         """Folder of a project; InputError where there is none of this name."""
         check_plain_name(name)
-        folder = self._inside(self.root / name)
+        folder = self._checked_inside(self.root / name)
         if not folder.is_dir() or is_result(folder):
             raise InputError(f"there is no project {name!r}: choose another, or make it")
         return folder
@@ -93,24 +93,24 @@ class StudioFolder:
         parts = name.split("/")
         for part in parts:
             check_plain_name(part)
-        folder = self._inside(self.root.joinpath(*parts))
+        folder = self._checked_inside(self.root.joinpath(*parts))
         if len(parts) > 2 or not is_result(folder):
             raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
-        self._inside(self._recording_of(people_folders(folder)[0]))
+        self._checked_inside(self._recording_of(people_folders(folder)[0]))
         return folder
 
     def out(self, name: str, overwrite: bool) -> Path:
         """Where a result of this name is to be written. InputError where it must not."""
         check_plain_name(name)
         out = self.root / name
-        self._inside(out)
+        self._checked_inside(out)
         if out.exists() and not overwrite:
             raise InputError(f"there is a {name!r} already: choose another name, or replace it")
         return out
 
     def projects(self) -> list[dict[str, Any]]:
         """All projects: `name`, number of `cameras`, whether `calibrated`."""
-        found = []
+        projects = []
         for folder in visible_entries(self.root):
             if not folder.is_dir() or is_result(folder) or not self.holds(folder):
                 continue
@@ -118,16 +118,16 @@ class StudioFolder:
             cameras = _camera_count(folder)
             if new or cameras or is_recording(folder):
                 calibrated = calibration_path(folder) is not None
-                found.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
-        return found
+                projects.append({"name": folder.name, "cameras": cameras, "calibrated": calibrated})
+        return projects
 
     def results(self) -> list[dict[str, Any]]:
         """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
         here), `level` and `words` of its verdict, `frames`, time it was `made`, whether it has a
         contact `sheet`.
         """
-        found = [self._described(folder) for folder in self._result_folders()]
-        return sorted(found, key=lambda result: -result["made"])
+        results = [self._describe_result(folder) for folder in self._result_folders()]
+        return sorted(results, key=lambda result: -result["made"])
 
     def holds(self, path: Path) -> bool:
         """Whether a path, its links followed, lies within."""
@@ -141,10 +141,10 @@ class StudioFolder:
         if "\0" not in text:
             for path in (project / text, self.root / text):
                 if path.exists():
-                    return self._inside(path)
+                    return self._checked_inside(path)
         raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
 
-    def _inside(self, path: Path) -> Path:
+    def _checked_inside(self, path: Path) -> Path:
         if not self.holds(path):
             raise InputError(
                 f"{path.name[:80]!r} lies outside of {self.root}: start the studio in a folder that"
@@ -163,7 +163,7 @@ class StudioFolder:
                     if inner.is_dir() and self.holds(inner) and is_result(inner):
                         yield inner
 
-    def _described(self, folder: Path) -> dict[str, Any]:
+    def _describe_result(self, folder: Path) -> dict[str, Any]:
         known: dict[str, Any] = {
             "name": folder.relative_to(self.root).as_posix(),
             "project": None,
@@ -175,13 +175,14 @@ class StudioFolder:
             recording = self._recording_of(people[0])
             if recording.parent == self.root:
                 known["project"] = recording.name
-            summaries = {one.name: load_summary(one / SUMMARY) for one in people}
+            summaries = {person.name: load_summary(person / SUMMARY) for person in people}
         except InputError as error:
             return known | {"level": "failed", "words": str(error)}
         verdicts = {name: verdict_of(summary) for name, summary in summaries.items()}
         verdict = verdict_of_people(verdicts) if len(people) > 1 else verdicts[people[0].name]
-        counts = [(one["frames"]["with_pose"], one["frames"]["lost"]) for one in summaries.values()]
-        frames = ", ".join(f"{posed} of {posed + len(lost)}" for posed, lost in counts)
+        counts = [summary["frames"] for summary in summaries.values()]
+        posed = [(frames["with_pose"], len(frames["lost"])) for frames in counts]
+        frames = ", ".join(f"{count} of {count + lost}" for count, lost in posed)
         whom = f"{len(people)} people, " if len(people) > 1 else ""
         return known | {
             "level": verdict.level,

@@ -77,14 +77,14 @@ class RecordStep:
         """
         project = self._folder.project(name)
         texts, _ = self._commands.values("live", project).get("source", ((), ""))
-        sources = list(self._known(texts))
+        sources = list(self._known_sources(texts))
         return {
             "webcams": [
                 {"number": number, "name": what} for number, what in list_webcams().items()
             ],
             "videos": list(self._videos()),
             "sources": [
-                {"name": source.name, "address": self._shown(source)} for source in sources
+                {"name": source.name, "address": self._address_text(source)} for source in sources
             ],
             "cameras": [camera.name for camera in _calibrated(project)],
             "board": self._commands.board(project) is not None,
@@ -101,11 +101,11 @@ class RecordStep:
         project = self._folder.project(asked.project)
         sources = self.sources(asked.sources)
         target = project / _TARGETS[asked.what]
-        there = pictures_by_camera(target)
-        if there and not asked.replace:
+        recorded = pictures_by_camera(target)
+        if recorded and not asked.replace:
             raise InputError(
-                f"{', '.join(there)} {'is' if len(there) == 1 else 'are'} there already: make a new"
-                " project for another take, or replace what is there"
+                f"{', '.join(recorded)} {'is' if len(recorded) == 1 else 'are'} there already: make"
+                " a new project for another take, or replace what is there"
             )
         if not self._folder.holds(target):
             raise InputError(f"{target.name} leads out of {self._folder.root}: remove that link")
@@ -129,20 +129,20 @@ class RecordStep:
         """Cameras by name and address. InputError where one has none, or a file outside of the
         studio's folder.
         """
-        for one in named:
-            check_plain_name(one.name)
-            if one.name.casefold() in SUBFOLDERS or "=" in one.name:
-                raise InputError(f"no camera can be called {one.name}: rename it")
-        if len({one.name.casefold() for one in named}) < len(named):
+        for source in named:
+            check_plain_name(source.name)
+            if source.name.casefold() in SUBFOLDERS or "=" in source.name:
+                raise InputError(f"no camera can be called {source.name}: rename it")
+        if len({source.name.casefold() for source in named}) < len(named):
             raise InputError("two cameras have one name: give every camera its own")
-        found = tuple(CameraSource(one.name, self._address(one)) for one in named)
-        if len({source.address for source in found}) < len(found):
+        sources = tuple(CameraSource(source.name, self._address(source)) for source in named)
+        if len({source.address for source in sources}) < len(sources):
             raise InputError("two cameras have one address: give every camera its own")
-        return found
+        return sources
 
     def keep(self, project: Path, sources: tuple[CameraSource, ...], loop: bool) -> None:
         """Keeps cameras for the next time, and for the command `live`."""
-        listed = [f"{source.name}={self._shown(source, project)}" for source in sources]
+        listed = [f"{source.name}={self._address_text(source, project)}" for source in sources]
         change_section(project / SETTINGS_FILE, "live", {"source": listed, "loop": loop})
 
     def _address(self, named: SourceNamed) -> str:
@@ -166,14 +166,14 @@ class RecordStep:
             raise InputError(f"{named.name}: {path.name} is no video: choose another")
         return str(path)
 
-    def _shown(self, source: CameraSource, base: Path | None = None) -> str:
+    def _address_text(self, source: CameraSource, base: Path | None = None) -> str:
         """An address as it is typed: videos relative to a folder, of the studio unless another."""
         if source.kind != "file":
             return source.address
         path = os.path.relpath(Path(source.address).resolve(), base or self._folder.root)
         return Path(path).as_posix()
 
-    def _known(self, texts: Sequence[str]) -> Iterator[CameraSource]:
+    def _known_sources(self, texts: Sequence[str]) -> Iterator[CameraSource]:
         """Cameras that settings name, but for videos that are gone, or lie elsewhere."""
         for text in texts:
             with suppress(InputError):

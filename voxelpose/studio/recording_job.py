@@ -80,7 +80,7 @@ class _Filming:
         self._reporter, self._plan = reporter, plan
         self._started_s = time.monotonic()
         names = [source.name for source in plan.sources]
-        self._matcher = ShotMatcher(names, self._now, self._take)
+        self._matcher = ShotMatcher(names, self._now, self._record_moment)
         self._readers = [
             CameraReader(
                 source, plan.sizes.get(source.name), self._deliver, self._now, None, plan.loop
@@ -142,7 +142,7 @@ class _Filming:
         self._counts[name] += 1
         self._matcher.deliver(name, time_s, picture)
 
-    def _take(self, shot: Shot) -> None:
+    def _record_moment(self, shot: Shot) -> None:
         """Keeps a moment, if it is wanted."""
         if (empty := self._empty) is not None:
             for name, picture in shot.pictures.items():
@@ -162,8 +162,8 @@ class _Filming:
         begun_s, asked = time.monotonic(), None
         while asked != word or not word:
             passed_s = time.monotonic() - begun_s
-            shown = self._empty is None or len(self._empty) == len(self._readers)
-            if seconds is not None and passed_s >= seconds and shown:
+            has_empty = self._empty is None or len(self._empty) == len(self._readers)
+            if seconds is not None and passed_s >= seconds and has_empty:
                 return
             self._show(phase, None if seconds is None else max(seconds - passed_s, 0.0))
             if self._recorder is not None:
@@ -223,7 +223,7 @@ class _Filming:
         if recorder.failure:
             raise InputError(recorder.failure)
         if recorder.written < 2:
-            states = "; ".join(f"{one.source.name}: {one.state}" for one in self._readers)
+            states = "; ".join(f"{reader.source.name}: {reader.state}" for reader in self._readers)
             raise InputError(
                 "at no moment did all cameras send a picture, so nothing is kept: cameras of one"
                 f" rate are needed ({states})"

@@ -58,23 +58,23 @@ def calibrate(
     `offsets` of the cameras and a `verdict` in lines. StepError where a user can correct something.
     """
     try:
-        found = work(reporter, command)
+        result = work(reporter, command)
     except InputError as error:
         raise StepError(" ".join(str(error).split()), "calibrate") from error
-    if not isinstance(found, Sync):
+    if not isinstance(result, Sync):
         return {}
     offsets = [
         {
             "camera": line.camera,
-            "fps": found.fps[line.camera],
+            "fps": result.fps[line.camera],
             "late_frames": line.frames,
             "late_ms": 1000 * line.offset_s,
             "error_ms": 1000 * line.error_s if math.isfinite(line.error_s) else None,
-            "reference": line.camera == found.result.reference,
+            "reference": line.camera == result.result.reference,
         }
-        for line in found.result.offsets
+        for line in result.result.offsets
     ]
-    return {"offsets": offsets, "verdict": [*sync_verdict(found), *found.notes]}
+    return {"offsets": offsets, "verdict": [*sync_verdict(result), *result.notes]}
 
 
 def export(
@@ -87,8 +87,8 @@ def export(
     reporter.stage("files")
     results = open_people(folder)
     stage = Stage.from_cameras(folder.name, results[0].rig, results[0].motion)
-    motions, over = [one.motion for one in results], True
-    paths = export_motion(motions, folder, formats, over, stage) if formats else []
+    motions = [result.motion for result in results]
+    paths = export_motion(motions, folder, formats, True, stage) if formats else []
     if report:
         paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
     if pictures:

@@ -66,7 +66,7 @@ class StudioServer(GatedServer):
         address cannot be used.
         """
         self._session = session
-        self._answers = PageAnswers("voxelpose.studio", self._got, self._posted)
+        self._answers = PageAnswers("voxelpose.studio", self._get, self._post)
         gate = Gate(address, self._answer, LARGEST_BODY, LARGEST_UPLOAD)
         super().__init__(gate, session.close)
 
@@ -109,7 +109,7 @@ class StudioServer(GatedServer):
                 page = await asyncio.to_thread(session.setup, name, not rest)
                 await page.answers.serve(request.below(2), reader, writer)
             case ("events",):
-                await self._tell(writer)
+                await self._send_status(writer)
             case ("download",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
                 nothing = "nothing is exported yet: export first"
@@ -158,25 +158,27 @@ class StudioServer(GatedServer):
             raise InputError("another result is open in the viewer: load this page again")
         await viewer.browser.answer(request.below(depth), reader, writer)
 
-    async def _tell(self, writer: StreamWriter) -> None:
+    async def _send_status(self, writer: StreamWriter) -> None:
         """Sends the job's state whenever it has changed, as server-sent events."""
-        job, told, silent_ms = self._session.job, -1, 0
+        job, sent_version, silent_ms = self._session.job, -1, 0
         headers = {"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
         writer.write(_head(headers | {"Connection": "close"}))
         while True:
             version = job.version
-            if version != told:
+            if version != sent_version:
                 status = job.status()
                 status.pop("picture", None)
                 writer.write(b"data: " + msgspec.json.encode(status) + b"\n\n")
+                sent_version, silent_ms = version, 0
             elif silent_ms >= _BEAT_MS:
                 writer.write(b":\n\n")
-            spoken = version != told or silent_ms >= _BEAT_MS
-            told, silent_ms = version, 0 if spoken else silent_ms + _LOOK_MS
+                silent_ms = 0
+            else:
+                silent_ms += _LOOK_MS
             await writer.drain()
             await asyncio.sleep(_LOOK_MS / 1000)
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         """What is asked for; None where it can only be a file."""
         session, project = self._session, query.get("project", "")
         match path:
@@ -198,8 +200,8 @@ class StudioServer(GatedServer):
                     raise InputError("there is no picture yet")
                 return picture, "image/jpeg"
             case ("still",):
-                asked = project, query.get("place", ""), query.get("camera", "")
-                return session.calibration.still(*asked), "image/jpeg"
+                place, camera = query.get("place", ""), query.get("camera", "")
+                return session.calibration.still(project, place, camera), "image/jpeg"
             case ("rig",):
                 picture = session.folder.project(project) / RIG_PICTURE
                 return picture.read_bytes(), "image/png"
@@ -207,7 +209,7 @@ class StudioServer(GatedServer):
                 return session.sheet(query.get("result", "")), "image/jpeg"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> Content | None:
+    def _post(self, path: Sequence[str], body: bytes) -> Content | None:
         """The answer to JSON that the page has sent; None where nobody takes it."""
         session = self._session
         match path:

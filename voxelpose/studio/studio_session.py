@@ -149,15 +149,15 @@ class StudioSession:
         known: dict[str, Any] = {"name": name, "files": files}
         try:
             values = self.commands.values("fit", folder)
-            given = _reading(values)
-            recording, fault = OpenedFolder.open(folder, *given).recording, ""
+            unstated = _unstated(values)
+            recording, fault = OpenedFolder.open(folder, **unstated).recording, ""
             names = list(recording.rig.names)
             chosen = str(values.get("cameras", ("", ""))[0])
             cameras = [word.strip() for word in chosen.split(",") if word.strip()]
             if len(names) == 1:  # which needs no calibration
                 cameras = names
             try:
-                recording = Recording.open(folder, None, cameras or None, *given)
+                recording = Recording.open(folder, cameras=cameras or None, **unstated)
             except InputError as error:
                 fault = str(error)
         except InputError as error:
@@ -165,7 +165,7 @@ class StudioSession:
         empty = {Path(file["name"]).stem for file in files if file["place"] == "background"}
         return known | {
             "fault": fault,
-            "cameras": [{"name": one, "empty": one in empty} for one in recording.rig.names],
+            "cameras": [{"name": name, "empty": name in empty} for name in recording.rig.names],
             "frames": recording.frame_count,
             "fps": recording.fps,
             "notes": list(recording.notes),
@@ -190,11 +190,11 @@ class StudioSession:
         """
         project, other = (self.folder.project(name) for name in (asked.project, asked.of))
         self._check_idle(asked.project)
-        source, there = calibration_path(other), calibration_path(project)
+        source, present = calibration_path(other), calibration_path(project)
         if source is None or not source.is_file():
             raise InputError(f"{asked.of} has no calibration in a file: choose another project")
-        if there is not None:
-            raise InputError(f"{there.name} is there: remove it first")
+        if present is not None:
+            raise InputError(f"{present.name} is there: remove it first")
         write_whole(project / source.name, source.read_bytes())
 
     def _check_idle(self, project: str) -> None:
@@ -222,8 +222,9 @@ class StudioSession:
         fixed = {"recording": project, "out": out}
         command = self.commands.command(asked.command, project, fixed, asked.settings, inside)
         shares, work = self.commands.shares(command), self.commands.work(asked.command)
-        what = estimate, work, command, self.folder.root
-        self.job.start(asked.command, asked.project, *what, shares=shares)
+        self.job.start(
+            asked.command, asked.project, estimate, work, command, self.folder.root, shares=shares
+        )
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
 
     def start_export(self, asked: ExportAsked) -> None:
@@ -232,8 +233,9 @@ class StudioSession:
         formats = [name for name in self.commands.formats() if name in asked.formats]
         if not formats and not asked.report and not asked.pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
-        what = export, folder, formats, asked.report, asked.pictures
-        self.job.start("export", asked.result, *what)
+        self.job.start(
+            "export", asked.result, export, folder, formats, asked.report, asked.pictures
+        )
 
     def sheet(self, name: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""
@@ -242,15 +244,15 @@ class StudioSession:
             raise InputError("this result has no pictures: fit again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)
 
-    def setup(self, name: str, again: bool) -> SetupPage:
+    def setup(self, name: str, reopen: bool) -> SetupPage:
         """The set-up of a project, opened where another was, or once more. InputError where it
         cannot be opened.
         """
         with self._lock:
-            if self._setup is None or self._setup[0] != name or again:
+            if self._setup is None or self._setup[0] != name or reopen:
                 folder = self.folder.project(name)
                 read = partial(self.commands.values, "fit", folder)
-                opened = OpenedFolder.open(folder, *_reading(read()))
+                opened = OpenedFolder.open(folder, **_unstated(read()))
                 session = SetupSession(opened, read, self.job, "../../")
                 self._setup = name, SetupPage(session)
             return self._setup[1]
@@ -260,7 +262,6 @@ class StudioSession:
         self.viewer.open(name, self.folder.result(name))
 
 
-def _reading(values: SettingValues) -> tuple[Any, Any, Any]:
+def _unstated(values: SettingValues) -> dict[str, Any]:
     """Unit, frame rate and label, without which some folders cannot be read."""
-    unit, fps, label = (values.get(name, (None, ""))[0] for name in ("unit", "fps", "label"))
-    return unit, fps, label
+    return {name: values.get(name, (None, ""))[0] for name in ("unit", "fps", "label")}

@@ -99,9 +99,9 @@ def _calibration(project: Path, name: str, suffix: str) -> Path:
         target = project / "calibration" / name
     else:
         target = project / f"calibration{suffix}"
-    there = calibration_path(project)
-    if there is not None and there not in (target, target.parent):
-        raise InputError(f"{there.name} is there: remove it first, then add {name}")
+    present = calibration_path(project)
+    if present is not None and present not in (target, target.parent):
+        raise InputError(f"{present.name} is there: remove it first, then add {name}")
     return target
 
 
@@ -172,13 +172,13 @@ def project_files(project: Path) -> list[dict[str, Any]]:
     `bytes`, None where it cannot be removed, and the number of `pictures` in a folder.
     """
     calibration = calibration_path(project)
-    found: list[tuple[Place, Path]] = [
+    files: list[tuple[Place, Path]] = [
         *((place, path) for place in _PICTURES for path in _of_cameras(project, place)),
         *([("calibration", calibration)] if calibration else []),
         *((name, project / name) for name in SINGLE_FILES if (project / name).is_file()),
     ]
     rows = []
-    for place, path in found:
+    for place, path in files:
         row = {"place": place, "name": path.relative_to(project).as_posix(), "pictures": None}
         if path.is_file():
             row["bytes"] = path.stat().st_size

@@ -64,10 +64,8 @@ def bodies_of(scenes, frame) -> dict:
 
 def asked(page, **what) -> dict:
     """The answer to a request for a stage, once the backgrounds are learned."""
-    request = {"moment": 3, "camera": "cam_1"} | what
-    while not (
-        answer := json.loads(page._posted(("api", "stage"), json.dumps(request).encode())[0])
-    )["ready"]:
+    request = json.dumps({"moment": 3, "camera": "cam_1"} | what).encode()
+    while not (answer := json.loads(page._post(("api", "stage"), request)[0]))["ready"]:
         threading.Event().wait(0.05)
     return answer
 
@@ -155,7 +153,7 @@ def test_cameras_that_the_fit_put_in_step_are_shown_in_step(desk):
 def test_a_recording_alone_has_no_body(desk):
     write_staged(desk / "walk", waving(6), ring(2, SIZE))
     page = SilhouettePage(ResultScenes("walk"))
-    state = json.loads(page._got(("api", "state"), {})[0])
+    state = json.loads(page._get(("api", "state"), {})[0])
     assert state["name"] == "walk" and not state["fitted"] and state["moments"] == 6
     shown = image_of(asked(page, stage="silhouette"))
     assert shown[120, 160, 3] and not shown[2, 2, 3]
@@ -187,7 +185,7 @@ def test_masks_are_shown_with_the_body_over_them(desk):
         for number in range(6):
             cv2.imwrite(str(folder / f"{number}.png"), 255 * body.astype(np.uint8))
     page = SilhouettePage(ResultScenes("out"))
-    assert json.loads(page._got(("api", "state"), {})[0])["masks_only"]
+    assert json.loads(page._get(("api", "state"), {})[0])["masks_only"]
     assert image_of(asked(page, stage="body"))[120, 160, 3]
 
 

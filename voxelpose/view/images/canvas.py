@@ -68,21 +68,21 @@ def stroke(
     image: Image, points: NDArray[np.float64], colour: Colour, width: int = 1, closed: bool = False
 ) -> None:
     """Draws a line through (N, 2) pixels in place, without points that are not finite."""
-    fixed = _fixed(points)
+    fixed = _fixed_point(points)
     if len(fixed) > 1:
         cv2.polylines(image, [fixed], closed, colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def segments(image: Image, ends: NDArray[np.float64], colour: Colour, width: int = 1) -> None:
     """Draws lines between pairs of pixels (S, 2, 2) in place, without those not finite."""
-    lines = _fixed(ends.reshape(-1, 4)).reshape(-1, 2, 2)
+    lines = _fixed_point(ends.reshape(-1, 4)).reshape(-1, 2, 2)
     cv2.polylines(image, list(lines), False, colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def dots(image: Image, points: NDArray[np.float64], radius: float, colour: Colour) -> None:
     """Draws filled circles around pixels (N, 2) in place, without those not finite."""
     size = int(radius * 2**_SHIFT)
-    for x, y in _fixed(points)[:, 0].tolist():
+    for x, y in _fixed_point(points)[:, 0].tolist():
         cv2.circle(image, (x, y), size, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
 
@@ -92,7 +92,7 @@ def tint(
     """Mixes the inside of closed outlines (N, 2), px, with holes by the even-odd rule, with a
     fraction `strength` of a colour, in place; returns the image (h, w, 3) uint8 BGR.
     """
-    fixed = [_fixed(outline) for outline in outlines]
+    fixed = [_fixed_point(outline) for outline in outlines]
     fixed = [outline for outline in fixed if len(outline) > 2]
     if not fixed:
         return image
@@ -144,7 +144,7 @@ def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
     return data.tobytes()
 
 
-def _fixed(points: NDArray[np.float64]) -> NDArray[np.int32]:
+def _fixed_point(points: NDArray[np.float64]) -> NDArray[np.int32]:
     """Finite rows of points (N, D) in OpenCV's fixed point, (M, 1, D) int32."""
     good = points[(np.abs(points) < 1e5).all(axis=1)]
     return np.round(good * 2**_SHIFT).astype(np.int32)[:, None]

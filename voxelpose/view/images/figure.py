@@ -66,8 +66,8 @@ def body_parts(
 ) -> NDArray[np.integer]:
     """Part numbers (h, w), 0 beside it, else part + 1, of vertices (V, 3) m by a pinhole."""
     in_camera = vertices_m @ camera.rotation.T + camera.translation
-    mesh = in_camera, model.faces, model.face_part
-    return render_parts(*mesh, camera.matrix, camera.size, cull_back=cull_back)[0]
+    faces, face_part = model.faces, model.face_part
+    return render_parts(in_camera, faces, face_part, camera.matrix, camera.size, cull_back)[0]
 
 
 class FigurePainter:
@@ -144,9 +144,8 @@ class FigurePainter:
         ends = joints[self._ends]
         canvas.segments(image, ends, canvas.PAPER, line + 3)
         for colour in _SIDES:
-            canvas.segments(
-                image, ends[[one == colour for _, _, one in self._bones]], colour, line + 1
-            )
+            coloured = [bone[2] == colour for bone in self._bones]
+            canvas.segments(image, ends[coloured], colour, line + 1)
         marked = joints[np.unique(self._ends)]
         canvas.dots(image, marked, line + 1.3, canvas.PAPER)
         canvas.dots(image, marked, line + 0.3, canvas.INK)
@@ -191,8 +190,7 @@ class PeoplePainter:
 
     def paint(self, image: canvas.Image, poses: Sequence[PartPoses | None]) -> None:
         """Draws everybody's pose, as of `FigurePainter.paint`, in place, the farthest first."""
-        there = [(k, pose) for k, pose in enumerate(poses) if pose is not None]
-        away = self.camera.center_m
-        there.sort(key=lambda one: -float(np.linalg.norm(one[1][1][0] - away)))
-        for k, pose in there:
-            self._painters[k].paint(image, *pose)
+        posed = [(pose, k) for k, pose in enumerate(poses) if pose is not None]
+        posed.sort(key=lambda person: -np.linalg.norm(person[0][1][0] - self.camera.center_m))
+        for (rotation, origin), k in posed:
+            self._painters[k].paint(image, rotation, origin)

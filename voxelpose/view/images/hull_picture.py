@@ -126,7 +126,7 @@ def shaded_view(
         joints = (skeleton.joints_m - middle) @ camera_from_world.T + np.array([0, 0, distance])
         pixels = joints[:, :2] / joints[:, 2:] * focal + matrix[:2, 2]
         pixels = np.rint(np.nan_to_num(pixels)).astype(int).tolist()
-        for (a, b), colour in _drawn(skeleton):
+        for (a, b), colour in _known_bones(skeleton):
             cv2.line(picture, pixels[a], pixels[b], colour, 2, cv2.LINE_AA)
     return picture
 
@@ -145,10 +145,10 @@ def show_hull(
     if skeleton is None:
         mesh.compute_vertex_normals()
         mesh.paint_uniform_color(_SKIN[::-1] / 255)
-        shown = [mesh]
+        geometries = [mesh]
     else:
         # A closed surface would occlude the lines: it is drawn as a net.
-        drawn = _drawn(skeleton)
+        drawn = _known_bones(skeleton)
         lines = open3d.geometry.LineSet(
             open3d.utility.Vector3dVector(np.nan_to_num(skeleton.joints_m)),
             open3d.utility.Vector2iVector(np.reshape([ends for ends, _ in drawn], (-1, 2))),
@@ -157,11 +157,11 @@ def show_hull(
         lines.colors = open3d.utility.Vector3dVector(colours)
         net = open3d.geometry.LineSet.create_from_triangle_mesh(mesh)
         net.paint_uniform_color(_SKIN[::-1] / 255)
-        shown = [net, lines]
-    open3d.visualization.draw_geometries(shown, window_name=title)
+        geometries = [net, lines]
+    open3d.visualization.draw_geometries(geometries, window_name=title)
 
 
-def _drawn(skeleton: Skeleton) -> list[tuple[tuple[int, int], Colour]]:
+def _known_bones(skeleton: Skeleton) -> list[tuple[tuple[int, int], Colour]]:
     """Bones both of whose ends are known, and their colours."""
     known = np.isfinite(skeleton.joints_m.sum(axis=1))
     colours = skeleton.colours or (_BONE,) * len(skeleton.bones)
@@ -227,15 +227,15 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
     returns the number of frames written: those without a hull are left out. InputError where there
     is nothing to show, or the file cannot be written.
     """
-    motions, one = scenes.motions, scenes.motions[0] if len(scenes.motions) == 1 else None
+    motions, followed = scenes.motions, scenes.motions[0] if len(scenes.motions) == 1 else None
     if not motions:
         raise InputError(
             f"{scenes.title} is a recording without a fit: --video wants a result; --png shows one"
             " frame's hull"
         )
     reach = [motion.landmarks() for motion in motions]
-    if one is not None:
-        reach[0] -= one.root_m[:, None]
+    if followed is not None:
+        reach[0] -= followed.root_m[:, None]
     margin_m = 0.12  # around the joints: flesh, and the excess of the hull
     low = np.min([points.min((0, 1)) for points in reach], axis=0) - margin_m
     high = np.max([points.max((0, 1)) for points in reach], axis=0) + margin_m
@@ -250,8 +250,8 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
                 scene = scenes.scene(frame)
                 if scene.hull is not None:
                     middle = np.zeros(3)
-                    if one is not None:
-                        middle = one.root_m[np.abs(one.frames - frame).argmin()]
+                    if followed is not None:
+                        middle = followed.root_m[np.abs(followed.frames - frame).argmin()]
                     box_m, hull = (middle + low, middle + high), scene.hull
                     picture = hull_picture(
                         hull.grid, hull.occupancy, skeleton_of(scene), sides, box_m
@@ -273,8 +273,8 @@ def write_film(scenes: ResultScenes, path: Path, reporter: Reporter) -> int:
 def body_picture(body: BodyModel) -> Image:
     """A body at rest from the front, obliquely and the side, and bent: (h, w, 3) uint8, BGR."""
     rest, bent, size = body.vertices_m, bent_vertices(body), (420, 500)
-    views = [_standing(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)]
-    return np.concatenate([*views, _standing(bent, body, _QUARTER, rest, size)], axis=1)
+    views = [_body_view(rest, body, azimuth, rest, size) for azimuth in (_FRONT, _QUARTER, _SIDE)]
+    return np.concatenate([*views, _body_view(bent, body, _QUARTER, rest, size)], axis=1)
 
 
 def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Image:
@@ -285,7 +285,7 @@ def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Imag
     tallest = max((body.vertices_m for body in bodies), key=lambda v: float(np.ptp(v[:, 2])))
     cells = []
     for body, caption in zip(bodies, captions, strict=True):
-        view = _standing(body.vertices_m, body, _FRONT, tallest, size)
+        view = _body_view(body.vertices_m, body, _FRONT, tallest, size)
         lines = caption.split("\n")
         under = np.full((len(lines) * _LINE_PX + _MARGIN_PX, size[0], 3), view[0, 0], np.uint8)
         for k, line in enumerate(lines):
@@ -310,7 +310,7 @@ def bent_vertices(body: BodyModel) -> NDArray[np.float64]:
     return kinematics.skin(body, rotation[0], origin[0])
 
 
-def _standing(
+def _body_view(
     vertices: NDArray[np.float64],
     body: BodyModel,
     azimuth_deg: float,

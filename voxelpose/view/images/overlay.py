@@ -214,12 +214,12 @@ def draw_pictures(
     def write_oldest() -> None:
         # Encoding takes as long as painting: every video in a thread, and in order.
         images = painted.popleft()
-        written = [
+        encodings = [
             pool.submit(lambda video, image: video.writer.write(image.result()), video, image)
             for video, image in zip(videos, images, strict=True)
         ]
-        for one in written:
-            one.result()
+        for encoding in encodings:
+            encoding.result()
         reporter.advance()
 
     try:
@@ -318,8 +318,8 @@ def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Im
     """
     steps = telling_frames(recording.frame_count)
     pairs = even_moments(len(steps) // 2, _SHOWN).tolist()
-    shown = {steps[k]: k for pair in pairs for k in (2 * pair, 2 * pair + 1)}  # each frame once
-    frames = dict(zip(shown, recording.at(list(shown)), strict=True))
+    columns = {steps[k]: k for pair in pairs for k in (2 * pair, 2 * pair + 1)}  # each frame once
+    frames = dict(zip(columns, recording.at(list(columns)), strict=True))
     room = (_WIDEST - 2 * _MARGIN + _GAP) // (2 * _SHOWN) - _GAP
     rows = []
     for name, masks in error.masks.items():
@@ -327,7 +327,7 @@ def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Im
         scale = min(room / width, _ROW_PX / height)
         size = round(width * scale), round(height * scale)
         lens = error.lenses.get(name)
-        tiles = [_tile(frames[step][name], masks[k], lens, size) for step, k in shown.items()]
+        tiles = [_tile(frames[step][name], masks[k], lens, size) for step, k in columns.items()]
         rows.append((f"{name}: {error.faults[name]}", size, tiles))
     sheet = np.full(
         (_REFUSED_HEAD + sum(_NAME + size[1] for _, size, _ in rows) + _MARGIN, _WIDEST, 3),
@@ -340,7 +340,7 @@ def draw_refused(recording: Recording, error: ImplausibleSilhouettesError) -> Im
     for words, (width, height), tiles in rows:
         write_text(sheet, words, _MARGIN, top + 26, 17, INK, bold=True)
         left, top = _MARGIN, top + _NAME
-        for step, tile in zip(shown, tiles, strict=True):
+        for step, tile in zip(columns, tiles, strict=True):
             write_text(sheet, f"frame {recording.numbers[step]}", left, top - 8, 14, FAINT)
             sheet[top : top + height, left : left + width] = tile
             left += width + _GAP

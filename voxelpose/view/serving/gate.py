@@ -28,6 +28,7 @@ _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
 _FILE = "application/octet-stream"
 _HEAD_BYTES = 16384
 _HEAD_S = 10
+_PIECE = 2**16
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
@@ -186,7 +187,7 @@ class GateRequest:
     def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
         given = [value for name, value in self.query if name == "token"]
         if given:
-            if not all([_same(value, token) for value in given]):
+            if not all([_is_equal(value, token) for value in given]):
                 return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
             if self.upgrade:
                 return None
@@ -198,7 +199,7 @@ class GateRequest:
             return Reply("303 See Other", "The token is right.", headers=headers)
         for crumb in self.headers.get("cookie", "").split(";"):
             name, _, value = crumb.strip().partition("=")
-            if name == keys.cookie and _same(value, keys.secret):
+            if name == keys.cookie and _is_equal(value, keys.secret):
                 return None
         return Reply(
             "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
@@ -216,6 +217,13 @@ async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
     for task in done:
         task.result()
+
+
+async def pass_on(reader: StreamReader, writer: StreamWriter) -> None:
+    """Passes on what comes until its end."""
+    while piece := await reader.read(_PIECE):
+        writer.write(piece)
+        await writer.drain()
 
 
 def is_loopback(host: str) -> bool:
@@ -241,7 +249,7 @@ def _reachable(host: str) -> str:
     return "localhost"
 
 
-def _same(given: str, right: str) -> bool:
+def _is_equal(given: str, right: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), right.encode())
 
 
@@ -293,7 +301,7 @@ class Gate:
         cannot be used.
         """
         self._address, self._handle = address, handle
-        self._largest = largest_body, largest_upload
+        self._largest_body, self._largest_upload = largest_body, largest_upload
         self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
         self._loop = asyncio.new_event_loop()
@@ -353,7 +361,7 @@ class Gate:
         last = port + _MOST_PORTS - 1
         while True:
             try:
-                return await asyncio.start_server(self._meet, host, port, limit=_HEAD_BYTES)
+                return await asyncio.start_server(self._serve_link, host, port, limit=_HEAD_BYTES)
             except socket.gaierror:  # no such name: every port would say so, and slowly
                 raise
             except OSError:
@@ -361,7 +369,7 @@ class Gate:
                     raise
                 port += 1
 
-    async def _meet(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve_link(self, reader: StreamReader, writer: StreamWriter) -> None:
         task = asyncio.current_task()
         if task is None or len(self._tasks) >= 2 * _MOST_LINKS:
             writer.close()
@@ -380,7 +388,7 @@ class Gate:
             async with asyncio.timeout(_HEAD_S):
                 head = await reader.readuntil(b"\r\n\r\n")
             request = GateRequest.parse(head)
-            reply = request.reply(self._keys, *self._largest)
+            reply = request.reply(self._keys, self._largest_body, self._largest_upload)
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
@@ -400,12 +408,12 @@ class Gate:
 
 
 class GatedServer:
-    """Serves pages behind a gate until it is closed."""
+    """Serves pages behind a gate, if they have one of their own, until it is closed."""
 
-    def __init__(self, gate: Gate, end: Callable[[], None]) -> None:
+    def __init__(self, gate: Gate | None, end: Callable[[], None]) -> None:
         """`end` ends what the pages work on, after the gate."""
         self._gate, self._end, self._ended = gate, end, threading.Event()
-        self.url, self.port = gate.url, gate.port
+        self.url, self.port = ("", 0) if gate is None else (gate.url, gate.port)
 
     def run(self) -> None:
         """Waits until somebody interrupts, or the server is closed."""
@@ -415,5 +423,6 @@ class GatedServer:
     def close(self) -> None:
         """Ends all connections and threads."""
         self._ended.set()
-        self._gate.close()
+        if self._gate is not None:
+            self._gate.close()
         self._end()

@@ -83,17 +83,17 @@ class PageJob:
                     f"the {self._state['kind']} of {self._state['of']} is still running: wait for"
                     " its end, or stop it"
                 )
-            here, there = SPAWN.Pipe()
-            self._process = SPAWN.Process(target=_run, args=(there, work, arguments))
+            pipe, child_pipe = SPAWN.Pipe()
+            self._process = SPAWN.Process(target=_run, args=(child_pipe, work, arguments))
             self._process.start()
-            there.close()
-            self._pipe, self._pictures = here, {}
+            child_pipe.close()
+            self._pipe, self._pictures = pipe, {}
             self._stopping, self._started_s = False, time.monotonic()
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
             self._update(stage=_BEGINNING, done=0, total=None, part=None)
             self._thread = threading.Thread(
-                target=self._listen, args=(here, self._process), name="job of the page", daemon=True
+                target=self._listen, args=(pipe, self._process), name="job of the page", daemon=True
             )
             self._thread.start()
 
@@ -148,44 +148,44 @@ class PageJob:
 
     def _listen(self, pipe: Connection, process: Any) -> None:
         """Takes what the process tells until its end."""
-        what = "at"
-        while what not in ("done", "failed"):
-            told: Any = (_ENDED, "")
+        kind = "at"
+        while kind not in ("done", "failed"):
+            content: Any = (_ENDED, "")
             try:
-                what, told = pipe.recv()
+                kind, content = pipe.recv()
             except (EOFError, OSError):
-                what = "failed"
-            if what in ("done", "failed"):
+                kind = "failed"
+            if kind in ("done", "failed"):
                 process.join(_STOP_S)  # its files are all there, or gone
             with self._lock:
-                self._take(what, told)
+                self._update_from(kind, content)
         with self._lock:
             self._pipe = None
         pipe.close()
         process.join()
 
-    def _take(self, what: str, told: Any) -> None:
+    def _update_from(self, kind: str, content: Any) -> None:
         """Notes what the process has told."""
-        if what == "at":
-            stage, done, total = told
+        if kind == "at":
+            stage, done, total = content
             part = None if self._overall is None else self._overall.part(stage, done, total)
             elapsed_s = time.monotonic() - self._started_s
             known = part is not None and 100 * part > _SURE_PERCENT
             left_s = elapsed_s * (1 - part) / part if known and part else None
             self._update(stage=stage, done=done, total=total, part=part, left_s=left_s)
-        elif what == "note":
-            self._update(notes=[*self._state["notes"], told][-_MOST_NOTES:])
-        elif what == "tell":
-            self._update(**told)
-        elif what == "picture":
-            name, picture = told
+        elif kind == "note":
+            self._update(notes=[*self._state["notes"], content][-_MOST_NOTES:])
+        elif kind == "tell":
+            self._update(**content)
+        elif kind == "picture":
+            name, picture = content
             self._pictures[name] = picture
-        elif what == "done":
-            self._update(state="done", **told)
+        elif kind == "done":
+            self._update(state="done", **content)
         elif self._stopping:
             self._update(state="stopped")
         else:
-            error, step = told
+            error, step = content
             self._update(state="failed", error=error, step=step)
 
 
@@ -199,13 +199,13 @@ class JobReporter:
     def stage(self, name: str, total: int | None = None) -> None:
         """See `Reporter.stage`."""
         self._stage, self._done, self._total = name, 0, total
-        self._tell()
+        self._send_progress()
 
     def advance(self, steps: int = 1) -> None:
         """See `Reporter.advance`."""
         self._done += steps
         if 1000 * (time.monotonic() - self._told_s) > _TELL_EVERY_MS:
-            self._tell()
+            self._send_progress()
 
     def note(self, text: str) -> None:
         """See `Reporter.note`."""
@@ -223,12 +223,12 @@ class JobReporter:
         """What was asked since this was called last; None: nothing."""
         return self._pipe.recv() if self._pipe.poll() else None
 
-    def send(self, what: str, told: Any) -> None:
+    def send(self, kind: str, content: Any) -> None:
         """Sends whatever it is, one thread after the other."""
         with self._lock:
-            self._pipe.send((what, told))
+            self._pipe.send((kind, content))
 
-    def _tell(self) -> None:
+    def _send_progress(self) -> None:
         self._told_s = time.monotonic()
         self.send("at", (self._stage, self._done, self._total))
 
@@ -240,18 +240,19 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
     threading.Thread(target=end_with_parent, daemon=True).start()
     reporter = JobReporter(pipe)
     try:
-        told = "done", work(reporter, *arguments)
+        outcome, content = "done", work(reporter, *arguments)
     except InputError as error:
-        told = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
+        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
     except KeyboardInterrupt:
-        told = "failed", (_ENDED, "")
+        outcome, content = "failed", (_ENDED, "")
     except OSError as error:
         traceback.print_exc()
-        told = "failed", (f"{error.filename or 'a file'}: {error.strerror or error}", "")
+        line = f"{error.filename or 'a file'}: {error.strerror or error}"
+        outcome, content = "failed", (line, "")
     except Exception:
         traceback.print_exc()
-        told = "failed", (_BUG, "")
-    reporter.send(*told)
+        outcome, content = "failed", (_BUG, "")
+    reporter.send(outcome, content)
 
 
 def _kill_later(process: Any) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from viser import infra
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, until_one_ends
+from voxelpose.view.serving.gate import Address, Gate, GateRequest, Reply, pass_on, until_one_ends
 
 
 def guard_connections(server: viser.ViserServer, peers: Container[tuple[str, int]]) -> None:
@@ -141,17 +141,11 @@ class PageServer:
         """Passes a WebSocket on, and whatever follows either way."""
         port = self.viser.get_port()
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
-        own = inner_writer.get_extra_info("sockname")[:2]
-        self._peers.add(own)
+        address = inner_writer.get_extra_info("sockname")[:2]
+        self._peers.add(address)
         try:
             inner_writer.write(request.head)
-            await until_one_ends(_copy(inner_reader, writer), _copy(reader, inner_writer))
+            await until_one_ends(pass_on(inner_reader, writer), pass_on(reader, inner_writer))
         finally:
             inner_writer.close()
-            self._peers.discard(own)
-
-
-async def _copy(reader: StreamReader, writer: StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
-        await writer.drain()
+            self._peers.discard(address)

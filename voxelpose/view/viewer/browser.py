@@ -11,7 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from voxelpose.export.html_player import player_page
 from voxelpose.export.player_scene import Stage, player_scene
-from voxelpose.view.serving.gate import Address, Gate, GateRequest
+from voxelpose.view.serving.gate import Address, Gate, GatedServer, GateRequest
 from voxelpose.view.serving.page_answers import (
     Content,
     PageAnswers,
@@ -30,7 +30,7 @@ _HEAD = """<link rel="stylesheet" href="player.css">
 _LARGEST_BODY = 10_000  # bytes that the page of silhouettes may be sent
 
 
-class Browser:
+class Browser(GatedServer):
     """Serves scenes to browsers."""
 
     def __init__(
@@ -46,23 +46,14 @@ class Browser:
         """
         self._others = others
         self.scenes, self._frame = scenes, frame
-        self._working, self._ended = threading.Lock(), threading.Event()
+        self._working = threading.Lock()
         self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
-        self._answers = PageAnswers("voxelpose.view.viewer", self._got, lambda *_: None)
+        self._answers = PageAnswers("voxelpose.view.viewer", self._get, lambda *_: None)
         body = 0 if self._silhouettes is None else _LARGEST_BODY
-        self._gate = None if address is None else Gate(address, self.answer, body)
-        self.url = "" if self._gate is None else self._gate.url
+        gate = None if address is None else Gate(address, self.answer, body)
+        super().__init__(gate, self._close_scenes)
 
-    def run(self) -> None:
-        """Waits until the process is interrupted, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Stops the server."""
-        self._ended.set()
-        if self._gate is not None:
-            self._gate.close()
+    def _close_scenes(self) -> None:
         with self._working:
             self.scenes.close()
 
@@ -76,7 +67,7 @@ class Browser:
         else:
             await self._answers.serve(request, reader, writer)
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
         match path:
             case ():
                 return self._page()
@@ -84,7 +75,7 @@ class Browser:
                 return json_content(self._state())
             case ("api", "frame"):
                 with self._working:
-                    scene = self.scenes.scene(self._asked(query))
+                    scene = self.scenes.scene(self._requested_frame(query))
                     return json_content(frame_answer(scene, _pictures(query)))
             case ("api", "area"):
                 return json_content(self._area(query))
@@ -104,8 +95,8 @@ class Browser:
         frames = int(scenes.frames[0]), int(scenes.frames[-1]) + 1
         results = [(scenes.name, scenes.motions)]
         results += [(one.name, one.motions) for one in self._others]
-        several = tuple((name, len(own)) for name, own in results) if self._others else ()
-        motions = [motion for _, own in results for motion in own]
+        several = tuple((name, len(people)) for name, people in results) if self._others else ()
+        motions = [motion for _, people in results for motion in people]
         scene = player_scene(motions, scenes.fps, Stage(scenes.name, rig, frames, several))
         return scene | {
             "shown": self._frame,
@@ -119,7 +110,7 @@ class Browser:
         }
 
     def _area(self, query: Mapping[str, str]) -> Any:
-        frame, part = self._asked(query), query.get("part", "")
+        frame, part = self._requested_frame(query), query.get("part", "")
         if part not in self.scenes.limb_names:
             raise InputError(f"there is no movable area of a part {part[:40]!r}")
         with self._working:
@@ -130,15 +121,15 @@ class Browser:
         names = list(self.scenes.rig.names)
         check_camera_names([camera], names)
         with self._working:
-            scene = self.scenes.scene(self._asked(query))
+            scene = self.scenes.scene(self._requested_frame(query))
             models = [motion.model for motion in self.scenes.motions]
-            shown, kind = scene.camera_frames[names.index(camera)], _pictures(query)
-            picture = outlined_picture(scene, models, shown, kind or "picture")
+            camera_frame, kind = scene.camera_frames[names.index(camera)], _pictures(query)
+            picture = outlined_picture(scene, models, camera_frame, kind or "picture")
         if picture is None:
             raise InputError(self.scenes.missing or "this camera has no picture")
         return picture, "image/jpeg"
 
-    def _asked(self, query: Mapping[str, str]) -> int:
+    def _requested_frame(self, query: Mapping[str, str]) -> int:
         frame, frames = whole_number(query, "frame"), self.scenes.frames
         if frame is None or not frames[0] <= frame <= frames[-1]:
             raise InputError(f"there is no frame {frame}: it goes from {frames[0]} to {frames[-1]}")

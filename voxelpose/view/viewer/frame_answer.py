@@ -29,6 +29,7 @@ _FARTHEST_MM = 65535  # as two bytes hold it
 
 def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
     """A frame of the page: hull, other poses, what is said about it, and pictures, if wanted."""
+    likeliest = max([1e-9, *(pose.probability for pose in scene.hypotheses)])
     return {
         "frame": scene.frame,
         "lines": frame_lines(scene),
@@ -36,10 +37,10 @@ def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
         "hull": None if scene.hull is None else _hull(scene.hull),
         "hypotheses": [
             {
-                "ends": packed(_finite(one.joints_m[one.bones]).astype(np.float32)),
-                "share": one.probability / _likeliest(scene),
+                "ends": packed(_finite_lines(pose.joints_m[pose.bones]).astype(np.float32)),
+                "share": pose.probability / likeliest,
             }
-            for one in scene.hypotheses
+            for pose in scene.hypotheses
         ],
         "pictures": {} if pictures is None else _pictures(scene, pictures),
     }
@@ -75,8 +76,8 @@ def area_answer(part: str, areas: Mapping[str, LimbArea], hull: CarvedHull | Non
     reach = disputed = nothing
     if area is not None and hull is not None:
         claimed = {tuple(voxel) for voxel in area.disputed.tolist()}
-        own = [voxel for voxel in area.voxels.tolist() if tuple(voxel) not in claimed]
-        reach = hull.grid.centres(np.array(own, int).reshape(-1, 3))
+        undisputed = [voxel for voxel in area.voxels.tolist() if tuple(voxel) not in claimed]
+        reach = hull.grid.centres(np.array(undisputed, int).reshape(-1, 3))
         disputed = hull.grid.centres(area.disputed)
     return {
         "text": legend.area_text(part, dict(areas)),
@@ -101,18 +102,14 @@ def _hull(hull: CarvedHull) -> dict[str, Any]:
 
 
 def _pictures(scene: Scene, pictures: Pictures) -> dict[str, str]:
-    shown = {one.camera.name: camera_picture(one, pictures) for one in scene.camera_frames}
+    images = {one.camera.name: camera_picture(one, pictures) for one in scene.camera_frames}
     return {
         name: base64.b64encode(canvas.encoded(picture[..., ::-1], ".jpg", _QUALITY)).decode()
-        for name, picture in shown.items()
+        for name, picture in images.items()
         if picture is not None
     }
 
 
-def _likeliest(scene: Scene) -> float:
-    return max(1e-9, *(one.probability for one in scene.hypotheses))
-
-
-def _finite(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+def _finite_lines(ends: NDArray[np.float64]) -> NDArray[np.float64]:
     """Those of lines (B, 2, 3) whose ends are known."""
     return ends[np.isfinite(ends).all((1, 2))]

@@ -54,8 +54,8 @@ class OuterVoxels:
             owner = np.concatenate(
                 [np.full(len(points), p) for parts in bodies for p, points in enumerate(parts)]
             )
-            found, nearest = KDTree(points).query(centres)
-            part, distance = owner[nearest], np.asarray(found, float)
+            distance, nearest = KDTree(points).query(centres)
+            part, distance = owner[nearest], np.asarray(distance, float)
         at_vertex = np.asarray(KDTree(centres).query(vertices_m)[1], np.int64)
         return cls(centres, _seen_by(observation, centres), part, distance, at_vertex)
 

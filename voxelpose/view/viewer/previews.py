@@ -122,8 +122,8 @@ def stage_answer(
 def pixel_at(pixel: Corner, size: tuple[int, int], shape: tuple[int, ...]) -> tuple[int, int]:
     """Row and column, in an image of a shape (h, w), of a pixel of a picture of a size (W, H)."""
     column, row = (
-        min(max(int((at + 0.5) * short / long), 0), short - 1)
-        for at, long, short in zip(pixel, size, shape[::-1], strict=True)
+        min(max(int((position + 0.5) * short / long), 0), short - 1)
+        for position, long, short in zip(pixel, size, shape[::-1], strict=True)
     )
     return row, column
 
@@ -147,31 +147,31 @@ def _draw_stage(stages: SilhouetteStages, stage: str) -> bytes:
     return encoded(np.rint(np.abs(strength) * colours).astype(np.uint8), ".png")
 
 
-def _explain(stages: SilhouetteStages, at: tuple[int, int]) -> dict[str, Any]:
+def _explain(stages: SilhouetteStages, pixel: tuple[int, int]) -> dict[str, Any]:
     """What a pixel of the stages is taken for, and why: colours (RGB), measures and a word."""
-    measures, background = [], np.rint(stages.background[at][::-1].clip(0, 255)).astype(int)
+    measures, background = [], np.rint(stages.background[pixel][::-1].clip(0, 255)).astype(int)
     if stages.brightness is not None and background.any():
-        measures.append(f"brightness {100 * stages.brightness[at]:.0f} %")
+        measures.append(f"brightness {100 * stages.brightness[pixel]:.0f} %")
     if stages.odds is not None:
-        measures.append(f"odds {stages.odds[at]:+.1f} nats".replace("-", "−"))
+        measures.append(f"odds {stages.odds[pixel]:+.1f} nats".replace("-", "−"))
     return {
-        "here": stages.frame[at][::-1].tolist(),
+        "here": stages.frame[pixel][::-1].tolist(),
         "background": background.tolist(),
-        "known": bool(stages.known[at]),
+        "known": bool(stages.known[pixel]),
         "measures": measures,
-        "person": bool(stages.silhouette[at]),
-        "why": _why(stages, at),
+        "person": bool(stages.silhouette[pixel]),
+        "why": _why(stages, pixel),
     }
 
 
-def _why(stages: SilhouetteStages, at: tuple[int, int]) -> str:
+def _why(stages: SilhouetteStages, pixel: tuple[int, int]) -> str:
     """Why a pixel is the person or is not, in a few words."""
-    first, person = bool(stages.first[at]), bool(stages.silhouette[at])
+    first, person = bool(stages.first[pixel]), bool(stages.silhouette[pixel])
     if first != person:
         return "filled in: edge or a hole" if person else "taken out: edge, region or a speck"
     if stages.odds is None:
         return "differs from the empty view" if person else "like the empty view"
-    if (stages.odds[at] > 0) != person:
+    if (stages.odds[pixel] > 0) != person:
         return "its neighbours decide"
-    shadow = stages.shadow is not None and stages.shadow[at]
+    shadow = stages.shadow is not None and stages.shadow[pixel]
     return "only a shadow" if shadow and not person else "its colours say so"

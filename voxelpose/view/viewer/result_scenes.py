@@ -183,7 +183,7 @@ class ResultScenes:
 
     def bodies(self, frame: int) -> tuple[BodyState | None, ...]:
         """The fitted bodies of a frame; None where one was not found."""
-        return tuple(found and found[0].state(found[1]) for found in self._found(frame))
+        return tuple(posed and posed[0].state(posed[1]) for posed in self._posed_bodies(frame))
 
     def areas(self, frame: int) -> dict[str, LimbArea]:
         """Movable areas of a frame by the name of the limb's first part; none without a hull, or of
@@ -195,19 +195,19 @@ class ResultScenes:
 
     def poses(self, frame: int) -> list[Pose | None]:
         """The fitted poses of a frame; None where one was not found."""
-        return [found and found[0].pose(found[1]) for found in self._found(frame)]
+        return [posed and posed[0].pose(posed[1]) for posed in self._posed_bodies(frame)]
 
     def part_poses(self, frame: int) -> list[PartPoses | None]:
         """Where the parts of the fitted bodies are in a frame; None where one was not found."""
-        return [found and found[0].parts(found[1]) for found in self._found(frame)]
+        return [posed and posed[0].parts(posed[1]) for posed in self._posed_bodies(frame)]
 
-    def _found(self, frame: int) -> list[tuple[FittedBody, int] | None]:
+    def _posed_bodies(self, frame: int) -> list[tuple[FittedBody, int] | None]:
         """The fitted bodies with the rows of their motions that hold a frame."""
-        found: list[tuple[FittedBody, int] | None] = []
+        posed: list[tuple[FittedBody, int] | None] = []
         for fitted in self._fitted:
             rows = np.flatnonzero(fitted.motion.frames == frame).tolist()
-            found.append((fitted, rows[0]) if rows else None)
-        return found
+            posed.append((fitted, rows[0]) if rows else None)
+        return posed
 
     def close(self) -> None:
         """Stops reading."""
@@ -241,20 +241,20 @@ class ResultScenes:
 
     def _make_scene(self, frame: int) -> tuple[Scene, FrameObservation | None]:
         notes = [words for words in (self.missing, self.changed) if words]
-        camera_frames, found = self.camera_frames(frame), self._found(frame)
-        posed = [one for one in found if one is not None]
+        camera_frames, people = self.camera_frames(frame), self._posed_bodies(frame)
+        posed = [camera_frame for camera_frame in people if camera_frame is not None]
         if self.motions and not posed:
             notes.append("no pose was found in this frame")
-        elif len(posed) < len(found):
-            names = zip(person_names(len(found)), found, strict=True)
-            lost = [display_name(name) for name, one in names if one is None]
+        elif len(posed) < len(people):
+            names = zip(person_names(len(people)), people, strict=True)
+            lost = [display_name(name) for name, camera_frame in names if camera_frame is None]
             notes.append(f"no pose of {', '.join(lost)} was found in this frame")
         if self.recording is not None and frame not in self.recording.numbers:
             notes.append("a camera lost this frame: the one before is shown")
-        for one in camera_frames:
-            if one.unknown is not None and one.unknown.any():
-                share = 100 * one.unknown.mean()
-                notes.append(f"{share:.0f} % of {one.camera.name} is marked as unknown")
+        for camera_frame in camera_frames:
+            if camera_frame.unknown is not None and camera_frame.unknown.any():
+                share = 100 * camera_frame.unknown.mean()
+                notes.append(f"{share:.0f} % of {camera_frame.camera.name} is marked as unknown")
         observation = self._observe(camera_frames, posed, notes)
         hull = None if observation is None else _hull(observation, posed)
         time_s = self.time_s.get(frame, frame / self.fps)
@@ -277,10 +277,9 @@ class ResultScenes:
         elif masks:
             places_m = [fitted.motion.root_m[row] for fitted, row in posed] or [None]
             try:
-                at = self.volume(masks), self.voxel_size_m, self.rule
-                observer = HullObserver(self.views, *at)
-                seen = self.views.without_unknown(masks)
-                observation = observer.observe_people(seen, places_m)
+                volume, views = self.volume(masks), self.views
+                observer = HullObserver(views, volume, self.voxel_size_m, self.rule)
+                observation = observer.observe_people(views.without_unknown(masks), places_m)
             except InputError as error:
                 notes.append(str(error))
             else:
@@ -302,11 +301,11 @@ class ResultScenes:
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
 
     def _make_areas(self, frame: int) -> dict[str, LimbArea]:
-        observation, found = self._observed_scene(frame)[1], self._found(frame)
-        if observation is None or len(found) != 1 or found[0] is None:
+        observation, people = self._observed_scene(frame)[1], self._posed_bodies(frame)
+        if observation is None or len(people) != 1 or people[0] is None:
             return {}
-        (fitted, row), hull = found[0], (observation.grid, observation.occupancy)
-        areas = movable_areas(fitted.volume, *hull, fitted.pose(row))
+        (fitted, row), grid = people[0], observation.grid
+        areas = movable_areas(fitted.volume, grid, observation.occupancy, fitted.pose(row))
         return {area.limb.name: area for area in areas}
 
 
@@ -319,10 +318,10 @@ def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]
     if posed:
         free = occupancy.copy()
         for fitted, row in posed:
-            own = np.zeros_like(free)
+            unexplained_voxels = np.zeros_like(free)
             quality = assess(fitted.volume, fitted.pose(row), observation)
-            own[tuple(quality.unexplained_voxels.T)] = True
-            free &= own
+            unexplained_voxels[tuple(quality.unexplained_voxels.T)] = True
+            free &= unexplained_voxels
         unexplained = grid.centres(np.argwhere(free))
         points = np.concatenate([points for parts in bodies for points in parts])
         distance = np.asarray(KDTree(points).query(unexplained)[0], float)

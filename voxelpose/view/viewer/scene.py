@@ -183,8 +183,8 @@ class CameraFrames:
     @cached_property
     def unknown(self) -> tuple[NDArray[np.bool_], ...] | None:
         """Where nothing is known, (h, w) bool in every view; None: nowhere."""
-        found = scaled_unknown(self._recording, LONG_SIDE_PX)
-        return unknown_views(found, list(self._views.values()))
+        unknown = scaled_unknown(self._recording, LONG_SIDE_PX)
+        return unknown_views(unknown, list(self._views.values()))
 
     def read(self, frame: int) -> tuple[CameraFrame, ...]:
         """Undistorted pictures and silhouettes of a frame, one per camera."""
@@ -209,8 +209,8 @@ class CameraFrames:
         if self._frames is None or not 0 <= step - self._next <= _MOST_SKIPPED:
             self.close()
             stop = recording.first + recording.frame_count
-            at = recording.first + max(step, 0), stop
-            self._next, self._frames = max(step, 0), read_together(recording.readers, *at)
+            self._next = max(step, 0)
+            self._frames = read_together(recording.readers, recording.first + self._next, stop)
         while self._next <= step:
             self._pictures = next(self._frames)
             self._next += 1

@@ -45,10 +45,9 @@ class FitSilhouette:
     def picture(self) -> bytes:
         """PNG to be laid over the frame: kept, added and taken out, and the body's outline."""
         image = np.zeros((*self.alone.shape, 4), np.uint8)
-        kept = self.alone & self.used, SILHOUETTE, 90
-        added = self.used & ~self.alone, ADDED, 190
-        for where, colour, alpha in (kept, added, (self.alone & ~self.used, REMOVED, 190)):
-            image[where] = (*colour[::-1], alpha)
+        image[self.alone & self.used] = (*SILHOUETTE[::-1], 90)
+        image[self.used & ~self.alone] = (*ADDED[::-1], 190)
+        image[self.alone & ~self.used] = (*REMOVED[::-1], 190)
         outlines, _ = cv2.findContours(
             self.body.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
         )
@@ -56,13 +55,13 @@ class FitSilhouette:
             cv2.drawContours(image, outlines, -1, (*colour[::-1], 255), 1 + wider)
         return png(image)
 
-    def explained(self, before: Mapping[str, Any], at: tuple[int, int]) -> dict[str, Any]:
+    def explained(self, before: Mapping[str, Any], pixel: tuple[int, int]) -> dict[str, Any]:
         """What a pixel is taken for, and why, after it was explained by the picture alone."""
-        alone, used = bool(self.alone[at]), bool(self.used[at])
+        alone, used = bool(self.alone[pixel]), bool(self.used[pixel])
         why = before["why"] if alone == used else self.reasons[0 if used else 1]
         measures = [*before["measures"]]
         if self.body.any():
-            measures.append(f"{'inside' if self.body[at] else 'outside'} the body")
+            measures.append(f"{'inside' if self.body[pixel] else 'outside'} the body")
         return {**before, "person": used, "why": why, "measures": measures}
 
     def summary(self) -> str:
@@ -86,8 +85,8 @@ class FitSilhouettes:
 
     def __init__(self, scenes: ResultScenes) -> None:
         self._scenes = scenes
-        found = scenes.facts.get("late_frames", {})  # by camera name
-        self.late = {name: int(found.get(name, 0)) for name in scenes.rig.names}
+        late_frames = scenes.facts.get("late_frames", {})  # by camera name
+        self.late = {name: int(late_frames.get(name, 0)) for name in scenes.rig.names}
 
     def of(
         self, moment: int, frames: Mapping[str, Frame], plain: Silhouettes
@@ -148,22 +147,22 @@ class FitSilhouettes:
         soft = plain.soft(frames, moment)
         silhouettes, tint = (
             scenes.views.without_unknown(
-                [scenes.lenses[k].undistort(getattr(found, kind)) for k, found in soft.items()]
+                [scenes.lenses[k].undistort(getattr(levels, kind)) for k, levels in soft.items()]
             )
             for kind in ("silhouette", "tint")
         )
         work = SilhouetteCompletion(scenes.views, scenes.volume([]), scenes.rule)
-        found = work.complete(silhouettes, tint)
-        more = zip(soft, found, silhouettes, strict=True)
-        return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in more}
+        completed = work.complete(silhouettes, tint)
+        cameras = zip(soft, completed, silhouettes, strict=True)
+        return {k: alone[k] | self._as_recorded(k, new & ~old) for k, new, old in cameras}
 
     def _person(self, name: str, mask: Mask, body: Mask) -> Mask:
         """The pieces of one person, who is where the body is."""
         seen, body = (self._scenes.lenses[name].undistort(image) for image in (mask, body))
-        near = usual = None
+        near_px = usual_px = None
         if body.any():
-            near, usual = np.argwhere(body).mean(axis=0)[::-1], float(np.count_nonzero(body))
-        person = find_person(seen, near, usual)
+            near_px, usual_px = np.argwhere(body).mean(axis=0)[::-1], float(np.count_nonzero(body))
+        person = find_person(seen, near_px, usual_px)
         if person is None:
             return np.zeros_like(mask)
         return mask & ~self._as_recorded(name, seen & ~person.mask)
@@ -194,10 +193,10 @@ class SilhouettePage:
         self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
         self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
         self.answers = page_answers.PageAnswers(
-            "voxelpose.view.viewer", self._got, self._posted, FOLDER
+            "voxelpose.view.viewer", self._get, self._post, FOLDER
         )
 
-    def _got(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
+    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
         match path:
             case ("api", "state"):
                 return page_answers.json_content(self._state())
@@ -207,7 +206,7 @@ class SilhouettePage:
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
-    def _posted(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
+    def _post(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
         if tuple(path) != ("api", "stage"):
             return None
         asked = page_answers.parse_request(body, previews.StageAsked)
@@ -271,7 +270,7 @@ class SilhouettePage:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
         if asked.pixel is not None and "explained" in alone:
             size = self._recording.rig[asked.camera].size
-            at = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
-            return {"explained": fitted.explained(alone["explained"], at)}
+            pixel = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
+            return {"explained": fitted.explained(alone["explained"], pixel)}
         picture = base64.b64encode(fitted.picture()).decode()
         return {"png": picture, "note": fitted.summary()}
