@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
-from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
+from silhouette_core.monocular.tracking.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma

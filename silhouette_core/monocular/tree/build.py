@@ -185,7 +185,7 @@ def _nodes(
 ) -> tuple[list[Nodes], list[float]]:
     """Nodes and thresholds of all levels."""
     scorers = [
-        Scorer(runs, size, settings.weighting, spans[-1].bounds)
+        Scorer(runs, size, settings, spans[-1].bounds)
         for runs, size in zip(spans, SIZES_PX, strict=True)
     ]
     thresholds = [

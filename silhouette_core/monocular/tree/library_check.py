@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.distance import WEIGHTINGS
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import SIZES_PX, WINDOW_PX
 
 _LARGEST_ANGLE = 20  # radians, of joints and views
 _LARGEST_PX = 10_000
+_WEIGHTINGS = "xor", "wxor", "nwxor", "balanced"  # of which there was a choice once
 
 
 def check_library(library: PoseLibrary) -> None:
@@ -79,7 +79,7 @@ def check_library_settings(settings: LibrarySettings) -> None:
         "mirror": isinstance(settings.mirror, bool),
         "thresholds": len(settings.thresholds) == len(SIZES_PX) and _real(*settings.thresholds),
         "tolerance_deg": _real(settings.tolerance_deg),
-        "weighting": settings.weighting in WEIGHTINGS,
+        "weighting": settings.weighting in _WEIGHTINGS,
     }
     if wrong := [name for name, is_good in good.items() if not is_good]:
         raise ValueError(f"its settings have an impossible {wrong[0]}")

@@ -18,8 +18,6 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
-from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.monocular.silhouette_weights import reduced_weights
 from silhouette_core.monocular.tree.descent import (
     SHIFTS_PX,
     Posterior,
@@ -27,6 +25,7 @@ from silhouette_core.monocular.tree.descent import (
     sample_poses,
     tree_posterior,
 )
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
@@ -90,9 +89,8 @@ class PaperFilter:
         camera: pinhole camera without distortion.
         distance_m: distance of the person in the first frame.
         first: (N,) prior of a first frame, see `initial_prior`.
-        weighting: pixel weights of the silhouette distance.
-        sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, so that one
-            number suits all weightings; constant from then on.
+        sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, constant
+            from then on.
         interval_s: time between two frames.
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
@@ -109,7 +107,6 @@ class PaperFilter:
         distance_m: float,
         first: NDArray[np.float64],
         backend: Backend,
-        weighting: Weighting = "nwxor",
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
         in_place: bool = False,
@@ -117,7 +114,6 @@ class PaperFilter:
         """Starts without a posterior."""
         self.library, self._transitions, self._camera = library, transitions, camera
         self._distance_m, self._first, self._in_place = distance_m, first, in_place
-        self._weighting: Weighting = weighting
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
         self._shifts_px = np.zeros((1, 2), np.int64) if in_place else _COARSEST * SHIFTS_PX
         self._sigma = 0.0  # until the first frame
@@ -129,7 +125,7 @@ class PaperFilter:
         """
         window = self._window(mask, 1.0)
         if self._last is None:
-            weights = pixel_weights(window.mask, self._weighting, self.library.bounds_px)
+            weights = self._weights(window.mask)
             self._sigma = self._share * float(weights[window.mask].sum()) / weights.size
         middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
         places_m = window.unproject(middle, window.distance_m)
@@ -183,10 +179,13 @@ class PaperFilter:
         return tree_posterior(self.library, prior, target_of, self._sigma, self._backend)
 
     def _target(self, window: Window, reduction: int) -> Target:
-        """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
-        bounds_px = self.library.bounds_px
-        mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
+        """The silhouette in all positions at a resolution."""
+        mask, weights = window.weighed(reduction, self._weights)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
+
+    def _weights(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
+        return nwxor_weights(mask, self.library.bounds_px)
 
     def _follow_distance(self, mask: NDArray[np.bool_], found: Posterior) -> None:
         """Follows the distance by the size in which the silhouettes of the surviving leaves fit

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.monocular.tuning import TREE
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
@@ -57,7 +57,7 @@ class LibrarySettings:
         mirror: whether every pose's mirror image is added.
         thresholds: T_l of each level, in units of XOR, see `Scorer.threshold` of
             `silhouette_core.monocular.tree.tree`.
-        weighting: of the silhouette distance by which the samples are divided.
+        weighting: of the silhouette distance by which the samples are divided: "nwxor" or "xor".
     """
 
     poses: int = 60_000
@@ -66,7 +66,7 @@ class LibrarySettings:
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
     thresholds: tuple[float, float, float] = TREE.thresholds
-    weighting: Weighting = "nwxor"
+    weighting: str = "nwxor"
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -107,6 +107,21 @@ class LibrarySettings:
         """Yaw and pitch (V, 2), radians, the yaws of one pitch next to each other."""
         yaw = np.arange(round(360 / self.yaw_step_deg)) * self.yaw_step_deg
         return np.radians([[y, pitch] for pitch in self.pitches_deg for y in yaw])
+
+    def weights(self, mask: NDArray[np.bool_], bounds_px: Rectangle) -> NDArray[np.float32]:
+        r"""Weights (h, w) of the pixels of a silhouette P, (h, w) bool: `nwxor_weights`, or by
+        XOR, the density of the window's pixels W that disagree with a silhouette Q, all 1.
+
+        .. math::
+            :label: okada-6
+
+            d_{XOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} |P(x) - Q(x)|
+
+        Source: Okada and Stenger, eq. (6).
+        """
+        if self.weighting == "nwxor":
+            return nwxor_weights(mask, bounds_px)
+        return np.ones(mask.shape, np.float32)  # eq. (6)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from silhouette_core.monocular.person import area_distance
-from silhouette_core.monocular.silhouette_weights import relative_weights
+from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree.descent import SHIFTS_PX, sample_poses, tree_posterior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
@@ -51,8 +51,8 @@ class Watched(PaperFilter):
 def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, backend=None, **options):
     """The filter after some frames, and its posteriors."""
     first = initial_prior(library)
-    scored = first, backend or CpuBackend(), "nwxor", sigma
-    tracker = Watched(library, matrix, camera, DISTANCE_M, *scored, **options)
+    backend = backend or CpuBackend()
+    tracker = Watched(library, matrix, camera, DISTANCE_M, first, backend, sigma, **options)
     numbers = range(len(masks)) if numbers is None else numbers
     frames = [tracker.step(k * INTERVAL_S, mask) for k, mask in zip(numbers, masks, strict=True)]
     return tracker, frames
@@ -87,9 +87,7 @@ def literal_posterior(library, window, prior, sigma):
     masks, reached = silhouette_levels(window.mask), silhouette_levels(window.seen)
     survivors, numbers = np.ones(1, bool), []
     for depth, level in enumerate(library.levels):
-        weights = pixel_weights(masks[depth], "nwxor", library.bounds_px) * reached[depth].astype(
-            float
-        )
+        weights = nwxor_weights(masks[depth], library.bounds_px) * reached[depth].astype(float)
         shown = masks_of(level.spans, np.arange(len(level)), level.size_px)
         # The weight of P, and over Q that of what P lacks less that of what it has: instead of
         # every Q the weights are moved, the other way.
@@ -117,7 +115,7 @@ def test_posterior_is_the_literal_one(library, camera, in_place, sigma):
     masks = [seen(library, 7), seen(library, 8), seen(library, 150)]
     tracker, frames = follow(library, camera, stay, masks, sigma=sigma, in_place=in_place)
     first = frames[0].window.mask
-    weight = pixel_weights(first, "nwxor", library.bounds_px).astype(float)[first].sum()
+    weight = nwxor_weights(first, library.bounds_px).astype(float)[first].sum()
     pruned = 0
     for frame, prior in zip(frames, tracker.priors, strict=True):
         given = frame.window, prior, sigma * weight / first.size

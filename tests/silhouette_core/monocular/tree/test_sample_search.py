@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.silhouette_weights import relative_weights
+from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree import sample_search
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.monocular.tree.sample_search import find_samples
