@@ -178,9 +178,9 @@ class TreeFollower:
                 self._backend,
                 interval_s=self._interval_s,
             )
-        found = self._filter.step(time_s, mask)
-        probability = found.probability.max(axis=1)[:_HYPOTHESES]
-        poses = self._filter.poses(found, range(len(probability))).poses()
+        posterior = self._filter.step(time_s, mask)
+        probability = posterior.probability.max(axis=1)[:_HYPOTHESES]
+        poses = posterior.poses(slice(_HYPOTHESES)).poses()
         model, likeliest = self._library.model, poses[:1]
         (error,) = mask_errors(model, likeliest, self._views, [mask], self._backend).tolist()
         return poses[0], error, probability / probability.sum(), joints_of(model, poses)
