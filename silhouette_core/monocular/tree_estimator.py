@@ -49,7 +49,7 @@ from silhouette_core.scoring.silhouette_error import mask_errors
 
 _SAMPLES = 24_000  # of a dictionary of the program's own movements
 _PITCH_STEP_DEG = 5
-_KEPT = 8  # dictionaries in the user's cache, 60 MB each
+_CACHED = 8  # dictionaries in the user's cache, 60 MB each
 _HYPOTHESES = 5  # samples that are stored of a frame, at most
 
 
@@ -229,8 +229,8 @@ def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLi
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_library(library, file)
-        kept = sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)
-        for old in kept[:-_KEPT]:
+        cached = sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)
+        for old in cached[:-_CACHED]:
             old.unlink()
     except (OSError, InputError) as error:
         reporter.note(f"the pose library is not kept, since {file} cannot be written: {error}")

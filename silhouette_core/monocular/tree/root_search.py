@@ -71,10 +71,10 @@ def find_root(
         _refined(find_samples(library, camera, mask, backend), views, surface, mask, backend)
         for mask in masks
     ]
-    found = [_settled(surface, frames, root, backend) for root in _likely_roots(frames)]
-    root, held = min(found, key=_error)
+    settled = [_settled(surface, frames, root, backend) for root in _likely_roots(frames)]
+    best = min(settled, key=_error)
     turned = [
-        [_turned(frame, turn, model) for frame in held]
+        [_turned(frame, turn, model) for frame in best[1]]
         for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
     ]
     others = [
@@ -86,12 +86,12 @@ def find_root(
     ]
     likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
     settled = [_settled(surface, frames, frames[0].poses[0], backend) for _, frames in likely]
-    return min([(root, held), *settled], key=_error)[0]
+    return min([best, *settled], key=_error)[0]
 
 
-def _error(found: tuple[Pose, list[_Frame]]) -> float:
+def _error(placed: tuple[Pose, list[_Frame]]) -> float:
     """Mean over frames of the error of the best pose with a root."""
-    return float(rounded(np.mean([frame.errors.min() for frame in found[1]])))
+    return float(rounded(np.mean([frame.errors.min() for frame in placed[1]])))
 
 
 def _settled(
