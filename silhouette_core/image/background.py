@@ -235,8 +235,9 @@ class BackgroundModel:
             return segmented(frame, self._background, cut, region)
         assert self._directions is not None, "only the paper's method has no colours"
         mask = np.empty(frame.shape[:2], np.bool_)
-        limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
-        kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
+        density = np.float32(BACKGROUND.log_likelihood)
+        difference = np.float32(BACKGROUND.raw_difference)
+        kernels.paper_mask(frame, self.mean, *self._directions, density, difference, mask)
         return mask if region is None else mask & region
 
     def look(

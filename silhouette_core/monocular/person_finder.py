@@ -102,8 +102,7 @@ class FollowedPerson:
     @classmethod
     def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
         """Somebody who is first seen apart in a frame, and where from."""
-        place = piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px
-        return cls(frame, *place, host)
+        return cls(frame, piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px, host)
 
     def merged(self, piece: _Piece) -> None:
         """Goes on within a silhouette with others."""

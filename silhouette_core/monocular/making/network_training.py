@@ -247,7 +247,8 @@ def descend(
     second = [np.zeros_like(array) for array in parameters]
     streams = rng.spawn(_PARTS)
     losses: list[float] = []
-    tenth = max(1, settings.steps // 10)
+    tenth, batch = max(1, settings.steps // 10), settings.batch // _PARTS
+    rates = rates or [1.0] * len(parameters)
     for step in range(settings.steps):
         done = step / settings.steps
         share = (
@@ -255,18 +256,17 @@ def descend(
             if done < claimed
             else 0.0
         )
-        portion = settings.batch // _PARTS, share
-        parts = side_by_side(lambda stream, portion=portion: gradients(stream, *portion), streams)
+        parts = side_by_side(lambda stream, share=share: gradients(stream, batch, share), streams)
         means = [
             sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
-            for arrays in zip(*(found for _, found in parts), strict=True)
+            for arrays in zip(*(of_part for _, of_part in parts), strict=True)
         ]
         length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
         scale = min(1.0, TRAINING.largest_gradient / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
         rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + TRAINING.last_rate
-        arrays = parameters, means, first, second, rates or [1.0] * len(parameters)
-        for array, gradient, one, two, relative in zip(*arrays, strict=True):
+        columns = zip(parameters, means, first, second, rates, strict=True)
+        for array, gradient, one, two, relative in columns:
             kernels.adam_step(
                 array.reshape(-1),
                 gradient.reshape(-1),

@@ -111,8 +111,7 @@ class SignedWeights:
     def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
         """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
-        mesh = model.faces, model.face_part
-        return self.backend.part_images(meshes, *mesh, self.matrix, size)
+        return self.backend.part_images(meshes, model.faces, model.face_part, self.matrix, size)
 
     def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Meshes (K, V, 3) of poses in the virtual camera."""

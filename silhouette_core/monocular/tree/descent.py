@@ -181,9 +181,9 @@ def samples_of(
     library: PoseLibrary, leaves: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Samples (M,) of some leaves (n,), leaf by leaf, and the number of each in that order (M,)."""
-    ends = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
-    samples = library.leaf_samples[concatenated_ranges(*ends)].astype(np.int64)
-    return samples, np.repeat(np.arange(len(leaves)), ends[1] - ends[0])
+    first, last = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
+    samples = library.leaf_samples[concatenated_ranges(first, last)].astype(np.int64)
+    return samples, np.repeat(np.arange(len(leaves)), last - first)
 
 
 def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -53,14 +53,14 @@ class SampleProposal(FrameProposal):
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """The likeliest samples that are different from each other."""
-        model, sigma = surface.model, _deviations(surface.model, self.root is not None)
+        model, root = surface.model, self.root
+        sigma = _deviations(model, root is not None)
         joints = landmarks(model, *place(model, *self.samples.arrays))
         order = np.arange(len(joints))
         chosen = select_different(joints, order, _SEEDS, self.different_m)
         poses = [self.samples.poses()[k] for k in chosen]
-        if self.root is not None:
-            root = self.root.root_m, self.root.root_rotation
-            poses = [Pose(*root, pose.angles_rad) for pose in poses]
+        if root is not None:
+            poses = [Pose(root.root_m, root.root_rotation, pose.angles_rad) for pose in poses]
         return [RefineStart(pose, _FROM_LIBRARY, PosePrior(pose, sigma)) for pose in poses]
 
 

@@ -89,11 +89,11 @@ def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:
 
 def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Image of one node."""
-    shown = samples[
+    drawn = samples[
         np.unique(np.linspace(0, len(samples) - 1, min(_ACROSS - 1, len(samples))).astype(int))
     ]
     windows = library.render(
-        np.concatenate([[library.levels[0].representative[node]], shown])
+        np.concatenate([[library.levels[0].representative[node]], drawn])
     ).windows
     colours = len(library.model.names) + 1
     hues = (np.arange(colours) * 53 % 180).astype(np.uint8)
@@ -112,7 +112,7 @@ def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray
         for part in palette[windows[:, top : top + high, left : left + wide]]
     ]
     tiles[0][:, -_GAP:] = 255
-    font = cv2.FONT_HERSHEY_SIMPLEX, 0.38, (235, 235, 235), 1, cv2.LINE_AA
-    cv2.putText(tiles[0], f"node {node}: {len(samples)}", (3, 12), *font)
+    label, light = f"node {node}: {len(samples)}", (235, 235, 235)
+    cv2.putText(tiles[0], label, (3, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.38, light, 1, cv2.LINE_AA)
     tiles += [np.full_like(tiles[0], 25)] * (_ACROSS - len(tiles))
     return np.concatenate(tiles, axis=1)
