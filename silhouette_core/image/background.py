@@ -289,8 +289,8 @@ class BackgroundModel:
         """
         aligned_frame, known = self._aligned(frame), self._background.known
         if self._colours is None:
-            first, found = self.silhouette(frame), self.silhouette(frame, region)
-            return SilhouetteStages(aligned_frame, self.mean, known, first, found)
+            first, silhouette = self.silhouette(frame), self.silhouette(frame, region)
+            return SilhouetteStages(aligned_frame, self.mean, known, first, silhouette)
         cut = self._colours.silhouette(aligned_frame, evidence)
         stages = refined_stages(aligned_frame, self._background, cut, region)
         return replace(stages, odds=self._colours.odds(aligned_frame, evidence))

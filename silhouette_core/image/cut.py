@@ -102,11 +102,9 @@ class SceneColours:
             typical = density > np.maximum(np.log(CUT.typical * others), person.least(density))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
             colours = replace(self, person=density, worn=worn)
-        return (
-            replace(colours, by_texture=colours._share_by_texture(small))
-            if reduced.grey
-            else colours
-        )
+        if not reduced.grey:
+            return colours
+        return replace(colours, by_texture=colours._share_by_texture(small))
 
     def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
         """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""

@@ -84,9 +84,9 @@ class EmptyScene:
             samples, hidden = _without_people(samples, people[: len(stack)])
         radius = _radius(samples)
         backdrop = None if kind == "moving" else backdrop_of(samples, radius, kind == "uniform")
-        shown = (_background_frames(samples, radius, backdrop) & ~hidden)[np.ix_(rows, columns)]
-        mean, variance = _moments(frames, shown)
-        unseen = shown == 0
+        moments = (_background_frames(samples, radius, backdrop) & ~hidden)[np.ix_(rows, columns)]
+        mean, variance = _moments(frames, moments)
+        unseen = moments == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
         mean[unseen] = cv2.inpaint(
             np.rint(mean.clip(0, 255)).astype(np.uint8),
@@ -108,8 +108,8 @@ def _without_people(
     """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, H, W);
     and when each shows people, (h, w), bit t at moment t.
     """
-    size, found = samples.shape[2:0:-1], people.astype(np.float32)
-    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in found]) > 0
+    size, masks = samples.shape[2:0:-1], people.astype(np.float32)
+    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in masks]) > 0
     scene = np.ma.median(np.ma.array(samples, mask=np.repeat(small[..., None], 3, 3)), axis=0)
     known = ~np.ma.getmaskarray(scene)
     bits = np.uint64(1) << np.arange(len(samples), dtype=np.uint64)
@@ -190,13 +190,13 @@ def _hidden(
 
 
 def _moments(
-    frames: NDArray[np.uint8], shown: NDArray[np.uint64]
+    frames: NDArray[np.uint8], moments: NDArray[np.uint64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Mean and variance (H, W, 3) of the frames (T, H, W, 3) that show the background (H, W)."""
-    count = np.zeros((*shown.shape, 1), np.float32)
+    count = np.zeros((*moments.shape, 1), np.float32)
     total, squares = (np.zeros(frames.shape[1:], np.float32) for _ in range(2))
     for number, frame in enumerate(frames):
-        seen = ((shown >> np.uint64(number)) & np.uint64(1)).astype(np.float32)[..., None]
+        seen = ((moments >> np.uint64(number)) & np.uint64(1)).astype(np.float32)[..., None]
         count += seen
         total += seen * frame
         squares += seen * np.square(frame, dtype=np.float32)

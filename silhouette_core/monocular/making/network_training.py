@@ -201,8 +201,8 @@ def train_network(
         batch = draw(stream, samples)
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
-        found = loss_gradient(network, noisy, share)
-        return found.loss, [*_parted(found.weights, learned), *found.biases]
+        gradient = loss_gradient(network, noisy, share)
+        return gradient.loss, [*_parted(gradient.weights, learned), *gradient.biases]
 
     # Of inputs that nothing has learned to read, all weights are 0.
     learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1 if further else 0
@@ -370,12 +370,12 @@ def encoder_gradients(
     seen, seen_trace = outline.traced(outline_images(batch.coverage))
     read, read_trace = inside.traced(inside_images(batch.skin, batch.shading))
     inputs = np.concatenate([seen, read * known, known, batch.samples.inputs], axis=1)
-    found = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
+    gradient = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
     ends = outline.codes, outline.codes + inside.codes
-    slope = product(found.first, network.weights[0][: ends[1]].T)
-    return found.loss, [
+    slope = product(gradient.first, network.weights[0][: ends[1]].T)
+    return gradient.loss, [
         *seen_trace.gradients(slope[:, : ends[0]]),
         *read_trace.gradients(slope[:, ends[0] :] * known),
-        *found.weights,
-        *found.biases,
+        *gradient.weights,
+        *gradient.biases,
     ]
