@@ -21,9 +21,9 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.tree.base_poses import BasePoses, base_poses
+from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
-from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
@@ -185,24 +185,10 @@ def _from_one_side(library: PoseLibrary, sampled: bool, camera: Camera, root: Po
     """Poses from where a camera stands to a root: of a library, or newly sampled and more."""
     model, (x, y, z) = library.model, root.root_m - camera.center_m
     pitch_deg = float(np.degrees(np.arctan2(-z, np.hypot(x, y))))
-    settings = _settings(max(_FROM_ONE_SIDE, len(library.base_angles)), 360.0, pitch_deg)
-    bases = _sampled_bases(model, settings) if sampled else _bases_of(library)
+    settings = _settings(max(_FROM_ONE_SIDE, len(library.bases.angles)), 360.0, pitch_deg)
+    bases = _sampled_bases(model, settings) if sampled else library.bases
     heading = yaw_rotations(np.array([-np.arctan2(-x, y)]))[0]
     turn = quaternions(heading @ root.root_rotation).astype(np.float32)
     return build_library(
         replace(bases, quaternion=np.tile(turn, (len(bases.angles), 1))), model, settings
-    )
-
-
-def _bases_of(library: PoseLibrary) -> BasePoses:
-    return BasePoses(
-        library.base_angles,
-        library.base_quaternion,
-        library.base_source,
-        library.base_mirrored,
-        library.clips,
-        0.0,
-        len(library.base_angles),
-        library.sigma_rad,
-        library.root_sigma_rad,
     )

@@ -73,11 +73,11 @@ class Posterior:
         window, shift = np.divmod(self.probability[rows].argmax(axis=1), len(shifts_px))
         base, view = library.sample_base[samples], library.sample_view[samples]
         heading = windows[0].heading_rad + library.views[view, 0]
-        rotation = yaw_rotations(heading) @ rotation_matrices(library.base_quaternion[base])
+        rotation = yaw_rotations(heading) @ rotation_matrices(library.bases.quaternion[base])
         pelvis_px = library.pelvis_px[samples] + shifts_px[shift]
         roots = np.stack([one.unproject(pelvis_px, one.distance_m) for one in windows])
         root = roots[window, np.arange(len(samples))]
-        return PoseArrays(root, rotation, library.base_angles[base].astype(float))
+        return PoseArrays(root, rotation, library.bases.angles[base].astype(float))
 
 
 def tree_posterior(

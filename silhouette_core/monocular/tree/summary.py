@@ -20,16 +20,16 @@ _GAP = 4
 def summary(library: PoseLibrary, path: Path) -> str:
     """A few lines on what a library holds."""
     pitches = sorted(set(np.degrees(library.views[:, 1]).round(3).tolist()))
-    mirrored = int(library.base_mirrored.sum())
+    mirrored = int(library.bases.mirrored.sum())
     nodes = " / ".join(f"{len(level):,}" for level in library.levels)
     thresholds = " / ".join(f"{level.threshold:.4f}" for level in library.levels)
-    clips = np.bincount(library.base_source[:, 0], minlength=len(library.clips))
+    clips = np.bincount(library.bases.source[:, 0], minlength=len(library.bases.clips))
     occluded, proposal = library.occluded.mean(axis=0), library.proposal
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB",
         f"body      {describe_body(library.model)}",
         (
-            f"poses     {len(library):,} = {len(library.base_angles):,} ({mirrored:,} of them"
+            f"poses     {len(library):,} = {len(library.bases.angles):,} ({mirrored:,} of them"
             f" mirror images) x {len(library.views)} views"
         ),
         (
@@ -48,8 +48,8 @@ def summary(library: PoseLibrary, path: Path) -> str:
         ),
         "proposal  none" if proposal is None else f"proposal  {proposal.network.modes} modes",
         (
-            f"clips     {int((clips > 0).sum())} of {len(library.clips)} gave poses:"
-            f" {', '.join(library.clips)}"
+            f"clips     {int((clips > 0).sum())} of {len(library.bases.clips)} gave poses:"
+            f" {', '.join(library.bases.clips)}"
         ),
     ]
     return "\n".join(lines)
