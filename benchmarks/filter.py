@@ -31,7 +31,8 @@ from silhouette_core.image.raster import render_parts
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.making.from_motion import make_library
 from silhouette_core.monocular.person import find_person, upright_distance
-from silhouette_core.monocular.tree.paper_filter import PaperFilter, PaperFrame, initial_prior
+from silhouette_core.monocular.tree.descent import Posterior
+from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.monocular.tree.store import read_library
@@ -150,7 +151,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
     tracker, dense, number = _tracker(), DenseBackend(score), _FRAMES // 2
     _follow(tracker, number)
 
-    def frame(before: PaperFilter) -> PaperFrame:
+    def frame(before: PaperFilter) -> Posterior:
         return before.step(number / 30, clip()[1][number])
 
     def pixel_by_pixel() -> PaperFilter:
@@ -158,7 +159,7 @@ def _against(score: Score, name: str, goal: str) -> Case:
         other._backend = dense
         return other
 
-    def check(ours: PaperFrame, theirs: PaperFrame) -> str:
+    def check(ours: Posterior, theirs: Posterior) -> str:
         posteriors = np.zeros((2, len(_library()), ours.probability.shape[1]))
         for one, found in zip(posteriors, (ours, theirs), strict=True):
             one[found.samples] = found.probability

@@ -7,8 +7,9 @@ import numpy as np
 from benchmarks.cases import Case, Timed, case
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import parallel_kernel, prange
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import (
     pose_surfaces,
     render_views,
@@ -20,6 +21,7 @@ from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 
 _POSES, _VIEWS = 84, 24
+_WINDOW = 0, 0, 320, 240
 
 
 @parallel_kernel
@@ -62,7 +64,8 @@ def _masks() -> tuple[np.ndarray, ...]:
 
 def _score(level: int, dense: Timed, name: str, goal: str = "") -> Case:
     masks = _masks()[level]
-    target, spans = Target.from_mask(masks[0]), spans_of(masks)
+    weights, spans = nwxor_weights(masks[0], _WINDOW), spans_of(masks)
+    target = Target((masks[0],), (weights,), scale=1 / masks[0].size)
     every = np.arange(len(spans))
     ours = Timed(lambda _: CpuBackend().span_distances(target, spans, every)[:, 0], repeats=20)
     return Case(
@@ -77,7 +80,7 @@ def _score(level: int, dense: Timed, name: str, goal: str = "") -> Case:
 @case("nwXOR of 2016 poses, 320 x 240, NumPy")
 def against_numpy() -> Case:
     masks = _masks()[2]
-    weights = pixel_weights(masks[0])
+    weights = nwxor_weights(masks[0], _WINDOW)
     dense = Timed(
         lambda _: (
             np.array([weights[masks[0] ^ one].sum(dtype=np.float64) for one in masks])
@@ -90,7 +93,7 @@ def against_numpy() -> Case:
 @case("nwXOR of 2016 poses, 320 x 240, dense")
 def against_dense() -> Case:
     masks = _masks()[2]
-    weights = pixel_weights(masks[0])
+    weights = nwxor_weights(masks[0], _WINDOW)
     return _score(
         2,
         Timed(lambda _: dense_distances(masks[0], masks, weights)),
@@ -101,7 +104,7 @@ def against_dense() -> Case:
 @case("nwXOR of 2016 poses, 80 x 60, dense")
 def against_dense_small() -> Case:
     masks = _masks()[0]
-    weights = pixel_weights(masks[0])
+    weights = nwxor_weights(masks[0], _WINDOW)
     return _score(
         0,
         Timed(lambda _: dense_distances(masks[0], masks, weights)),
@@ -128,7 +131,8 @@ def first_level() -> Case:
     def dense(representative, samples, threads):
         return dense_distances(masks[representative], masks, np.ones(masks[0].shape))
 
-    ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60), "xor")))
+    by_xor = LibrarySettings(weighting="xor")
+    ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60), by_xor, _WINDOW)))
     name = "distances pixel by pixel, compiled"
     same = lambda a, b: "" if (a == b).mean() > 0.99 else "the results differ"  # noqa: E731
     return Case(ours, Timed(lambda _: divide(dense)), name, same, rounds=2)

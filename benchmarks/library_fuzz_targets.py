@@ -100,6 +100,6 @@ def use_library(path: Path) -> None:
     for aware in (False, True):
         tracker = PaperFilter(library, transitions(library, aware), camera, 4.0, even, CpuBackend())
         for time_s in (0.0, 0.1):
-            tracker.poses(tracker.step(time_s, mask), [0])
+            tracker.step(time_s, mask).poses([0])
     if library.proposal is not None:
         library.proposal.modes([_features(library.proposal)])[0]

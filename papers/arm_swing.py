@@ -13,7 +13,6 @@ from scipy.sparse import csr_matrix
 from papers.swing_film import FPS, SwingFilm
 from papers.swing_library import NEIGHBOURS
 from papers.swings import Verdict, arm_angles, count, split_swings
-from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
@@ -41,7 +40,7 @@ class Method:
         paper: Fail, Error and Success of 24 in the paper.
     """
 
-    weighting: Weighting
+    weighting: str
     occlusion_aware: bool
     paper: tuple[int, int, int]
 
@@ -127,7 +126,8 @@ def sample_costs(
     library's own weighting.
     """
     nodes, mask = library.levels[level], silhouette_levels(mask)[level]
-    target = Target.from_mask(mask, library.settings.weighting, library.bounds_px)
+    weights = library.settings.weights(mask, library.bounds_px)
+    target = Target((mask,), (weights,), scale=1 / mask.size)
     cost = CpuBackend().span_distances(target, nodes.spans, np.arange(len(nodes)))[:, 0]
     for offsets in library.child_offsets[level:]:
         cost = np.repeat(cost, np.diff(offsets))
@@ -143,7 +143,7 @@ def window_of(film: SwingFilm, frame: int, library: PoseLibrary) -> NDArray[np.b
 
 
 class _TogetherFilter(PaperFilter):
-    """Filter that shares what it makes of a frame with others of its distance."""
+    """Filter by the library's distance, which shares what it makes of a frame with others of it."""
 
     made: dict[int, Any]  # window and targets of the frame, emptied before the next
 
@@ -153,6 +153,9 @@ class _TogetherFilter(PaperFilter):
     def _target(self, window: Window, reduction: int) -> Target:
         made = self.made
         return made.get(reduction) or made.setdefault(reduction, super()._target(window, reduction))
+
+    def _weights(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        return self.library.settings.weights(mask, self.library.bounds_px)
 
 
 def track_arm(film: SwingFilm, library: PoseLibrary, cases: Sequence[Case]) -> list[Row]:
@@ -173,9 +176,11 @@ def track_arm(film: SwingFilm, library: PoseLibrary, cases: Sequence[Case]) -> l
     trackers = []
     for case in cases:
         matrix = step_matrix(library, case.method.occlusion_aware, case.model)
-        given = library, matrix, film.camera, distance_m, first, CpuBackend(), case.method.weighting
-        trackers.append(_TogetherFilter(*given, case.sigma, 1 / FPS, in_place=True))
-        trackers[-1].made = made
+        tracker = _TogetherFilter(
+            library, matrix, film.camera, distance_m, first, CpuBackend(), case.sigma, 1 / FPS, True
+        )
+        tracker.made = made
+        trackers.append(tracker)
     angles, found = sample_angles(library), np.full((len(cases), len(film)), np.nan)
     for frame in range(len(film)):
         mask = film.mask(frame)

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.distance import Weighting
+from silhouette_core.image.distance import distances_to
+from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.transitions import find_neighbours
+from silhouette_core.monocular.window import SIZE
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion import Motion
@@ -41,7 +43,7 @@ _SEED = 3
 
 @dataclass(frozen=True)
 class ProfileSettings(LibrarySettings):
-    """Settings of a library with views of one side only.
+    """Settings of a library with views of one side only; its `weighting` may be "wxor".
 
     Attributes:
         middle_deg: yaw of that side: 90 shows the right side, the body facing right in the picture;
@@ -62,6 +64,30 @@ class ProfileSettings(LibrarySettings):
         yaws = self.middle_deg + self.yaw_step_deg * (np.arange(self.sides) - (self.sides - 1) / 2)
         return np.radians([[yaw, pitch] for pitch in self.pitches_deg for yaw in yaws])
 
+    def weights(self, mask: NDArray[np.bool_], bounds_px: Rectangle) -> NDArray[np.float32]:
+        """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
+        if self.weighting == "wxor":
+            return wxor_weights(mask)
+        return super().weights(mask, bounds_px)
+
+
+def wxor_weights(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    r"""Weights (h, w) of the pixels of a silhouette P, (h, w) bool, by wXOR: their distances from
+    its contour, :math:`D_P` inside and :math:`D_{\neg P}` outside, in pixels of an image 240 high;
+    1 where it has none.
+
+    .. math::
+        :label: okada-8
+
+        d_P = D_P + w \, D_{\neg P}
+
+    Source: Okada and Stenger, eq. (8); that w is 1 is ours.
+    """
+    if not mask.any() or mask.all():
+        return np.ones(mask.shape, np.float32)
+    distances = distances_to(~mask) + distances_to(mask)  # eq. (8)
+    return distances * np.float32(SIZE[1] / len(mask))
+
 
 def arm_motions(model: BodyModel) -> dict[str, Motion]:
     """Clips by name: the arm of somebody who stands moves between random poses. The same ones for
@@ -75,7 +101,7 @@ def swing_library(
     motions: Mapping[str, Motion],
     near: bool,
     pitch_deg: float,
-    weighting: Weighting,
+    weighting: str,
     reporter: Reporter | None = None,
     samples: int = SAMPLES,
 ) -> PoseLibrary:

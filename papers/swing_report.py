@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from papers.arm_swing import Row, sample_angles, sample_costs, window_of
 from papers.swing_film import SwingFilm
 from papers.swings import VERDICTS, split_swings
-from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import SIZES_PX
 
@@ -78,7 +77,7 @@ def draw_angles(rows: Sequence[Row], film: SwingFilm, fps: float, path: Path) ->
 
 
 def draw_costs(
-    films: Mapping[str, SwingFilm], libraries: Mapping[Weighting, PoseLibrary], path: Path
+    films: Mapping[str, SwingFilm], libraries: Mapping[str, PoseLibrary], path: Path
 ) -> None:
     """Plots the silhouette distance over the arm's angle, relative to that of the true angle: a
     column per film, of which the first frame counts, and a row per level, coarsest and finest.

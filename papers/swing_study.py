@@ -31,7 +31,6 @@ from papers.swing_report import draw_angles, draw_costs, swing_table
 from papers.swings import Criterion
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.image.distance import Weighting
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.progress import Reporter
 from voxelpose.demo.choreography import Performance
@@ -43,7 +42,7 @@ TABLE, ANGLES, COSTS = "table.md", "angles.png", "costs.png"
 STATURE_M = 1.70
 """Of the library's body; the people's builds are their own."""
 _OTHER_SEEDS, _OTHER_SWINGS = (101, 102), 4  # by which sigma is found
-WEIGHTINGS: tuple[Weighting, ...] = ("wxor", "nwxor")
+WEIGHTINGS = ("wxor", "nwxor")
 MODELS: tuple[MotionModel, ...] = ("density", "normalised", "kernel")
 SIGMAS = (0.01, 0.02, 0.04, 0.08)
 
@@ -79,7 +78,7 @@ class Side:
     """
 
     near: bool
-    nodes: dict[Weighting, list[int]] = field(default_factory=dict)
+    nodes: dict[str, list[int]] = field(default_factory=dict)
     films: list[SwingFilm] = field(default_factory=list)
     rows: list[list[Row]] = field(default_factory=list)
 
@@ -105,7 +104,7 @@ def run_study(study: Study, folder: Path, reporter: Reporter) -> list[Side]:
     other = replace(study, swings=_OTHER_SWINGS)
     for near in (False, True):
         side = Side(near)
-        libraries: dict[Weighting, PoseLibrary] = {
+        libraries = {
             one: swing_library(motions, near, PITCH_DEG, one, reporter, study.samples)
             for one in WEIGHTINGS
         }

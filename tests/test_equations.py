@@ -20,7 +20,7 @@ DOCUMENTED = (ast.FunctionDef, ast.ClassDef)
 def functions_by_equation() -> dict[str, list[str]]:
     """Return the dotted names of the functions or classes whose docstring states an equation."""
     homes = defaultdict(list)
-    for package in ("calib", "silhouette_core", "voxelpose"):
+    for package in ("calib", "silhouette_core", "voxelpose", "papers"):
         for path in (ROOT / package).rglob("*.py"):
             module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             visit(ast.parse(path.read_text(encoding="utf-8")), module, homes)

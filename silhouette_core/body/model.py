@@ -150,11 +150,9 @@ class BodyModel:
 
     def warped(self, changes: Changes) -> BodyModel:
         """This template with other chest, waist, hips and thighs."""
-        vertices = warp_template(
-            self.vertices_m, self.joints_m, self.skin_parts, self.skin_weights, changes
-        )
-        skin = self.skin_parts, self.skin_weights
-        space = ShapeSpace.from_rest(self.joints_m, vertices, self.landmarks_m, *skin, self.faces)
+        joints, parts, weights = self.joints_m, self.skin_parts, self.skin_weights
+        vertices = warp_template(self.vertices_m, joints, parts, weights, changes)
+        space = ShapeSpace.from_rest(joints, vertices, self.landmarks_m, parts, weights, self.faces)
         return replace(self, vertices_m=vertices, space=space)
 
     def scaled(self, stature_m: float) -> BodyModel:
@@ -228,14 +226,14 @@ def read_template(sex: str) -> BodyModel:
     weights = data["skin_weights"].astype(float)
     weights /= weights.sum(1, keepdims=True)
     sizes = BodySizes(float(about["stature"]), float(about["chest_girth"]), about["sex"])
-    skin = data["skin_parts"], weights
-    space = ShapeSpace.from_rest(joints, vertices, landmarks, *skin, data["faces"])
+    parts, faces = data["skin_parts"], data["faces"]
+    space = ShapeSpace.from_rest(joints, vertices, landmarks, parts, weights, faces)
     return BodyModel(
         joints_m=joints,
         vertices_m=vertices,
-        faces=data["faces"].astype(np.int32),
+        faces=faces.astype(np.int32),
         face_part=data["face_part"].astype(np.int32),
-        skin_parts=data["skin_parts"].astype(np.int32),
+        skin_parts=parts.astype(np.int32),
         skin_weights=weights,
         landmarks_m=landmarks,
         space=space,

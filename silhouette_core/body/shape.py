@@ -39,8 +39,8 @@ class ShapeSpace:
         joints: np.ndarray,
         vertices: np.ndarray,
         landmarks: np.ndarray,
-        skin_parts: np.ndarray,
-        skin_weights: np.ndarray,
+        parts: np.ndarray,
+        weights: np.ndarray,
         faces: np.ndarray,
     ) -> ShapeSpace:
         """Shape space around a body at rest.
@@ -49,23 +49,24 @@ class ShapeSpace:
         carries; clothes move the surface outward. Vertices blend between parts by their
         skin weights, so that no seam opens.
         """
-        rest, change = (joints, vertices, landmarks), []
+        changes = []
         outward, tall = clothing_directions(vertices, faces), np.ptp(vertices[:, 2])
         for axis in SHAPE_AXES:
             covered = np.array([_plain(name) in axis.parts for name in PART_NAMES])
             if axis.is_clothing:  # as thick as the body is tall; it moves no joint
-                share = (skin_weights * covered[skin_parts]).sum(1, keepdims=True)
+                share = (weights * covered[parts]).sum(1, keepdims=True)
                 skin = tall * share * outward
-                change.append((np.zeros_like(joints), skin, np.zeros_like(landmarks)))
+                changes.append((np.zeros_like(joints), skin, np.zeros_like(landmarks)))
             else:
-                change.append(_change(axis, covered, *rest, skin_parts, skin_weights))
-        return cls(*rest, *(np.stack(part) for part in zip(*change, strict=True)))
+                changes.append(_change(axis, covered, joints, vertices, landmarks, parts, weights))
+        stacked = (np.stack(change) for change in zip(*changes, strict=True))
+        return cls(joints, vertices, landmarks, *stacked)
 
     @classmethod
     def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:
         """Space without axes, of a body whose shape is given."""
-        rest = joints, vertices, landmarks
-        return cls(*rest, *(np.zeros((0, *points.shape)) for points in rest))
+        none = (np.zeros((0, *points.shape)) for points in (joints, vertices, landmarks))
+        return cls(joints, vertices, landmarks, *none)
 
     def apply(self, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Joints (27, 3), vertices (V, 3) and landmarks (15, 3) at deviations `shape` (K,)."""

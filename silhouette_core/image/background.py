@@ -235,8 +235,9 @@ class BackgroundModel:
             return segmented(frame, self._background, cut, region)
         assert self._directions is not None, "only the paper's method has no colours"
         mask = np.empty(frame.shape[:2], np.bool_)
-        limits = np.float32(BACKGROUND.log_likelihood), np.float32(BACKGROUND.raw_difference)
-        kernels.paper_mask(frame, self.mean, *self._directions, *limits, mask)
+        density = np.float32(BACKGROUND.log_likelihood)
+        difference = np.float32(BACKGROUND.raw_difference)
+        kernels.paper_mask(frame, self.mean, *self._directions, density, difference, mask)
         return mask if region is None else mask & region
 
     def look(
@@ -288,8 +289,8 @@ class BackgroundModel:
         """
         aligned_frame, known = self._aligned(frame), self._background.known
         if self._colours is None:
-            first, found = self.silhouette(frame), self.silhouette(frame, region)
-            return SilhouetteStages(aligned_frame, self.mean, known, first, found)
+            first, silhouette = self.silhouette(frame), self.silhouette(frame, region)
+            return SilhouetteStages(aligned_frame, self.mean, known, first, silhouette)
         cut = self._colours.silhouette(aligned_frame, evidence)
         stages = refined_stages(aligned_frame, self._background, cut, region)
         return replace(stages, odds=self._colours.odds(aligned_frame, evidence))

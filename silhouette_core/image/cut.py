@@ -25,7 +25,6 @@ from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
 _LEARNED = 3  # times that the colours are learned and the samples cut
-_SHARES = np.float32(CUT.otherwise), np.float32(1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +93,8 @@ class SceneColours:
             occupied = [odds > 0 for odds in evidence]
         for turn in range(_LEARNED):
             person = PersonColours(even)
-            told = evidence or [None] * len(small)
-            for frame, odds, before in zip(small, told, occupied, strict=True):
+            known_odds = evidence or [None] * len(small)
+            for frame, odds, before in zip(small, known_odds, occupied, strict=True):
                 person.add(frame, colours.cut(frame, odds) | (before & (turn == 0)))
             density = person.density()
             if density is None:
@@ -103,18 +102,16 @@ class SceneColours:
             typical = density > np.maximum(np.log(CUT.typical * others), person.least(density))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
             colours = replace(self, person=density, worn=worn)
-        return (
-            replace(colours, by_texture=colours._share_by_texture(small))
-            if reduced.grey
-            else colours
-        )
+        if not reduced.grey:
+            return colours
+        return replace(colours, by_texture=colours._share_by_texture(small))
 
     def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
         """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""
         people = np.stack([self.cut(frame) for frame in frames])
         views = (FrameView.of(frame, self.background) for frame in frames)
-        told = np.stack([texture_evidence(view) != 0 for view in views])
-        return float(np.count_nonzero(people & told) / max(np.count_nonzero(people), 1))
+        textured = np.stack([texture_evidence(view) != 0 for view in views])
+        return float(np.count_nonzero(people & textured) / max(np.count_nonzero(people), 1))
 
     def noise(self, frame: NDArray[np.uint8]) -> float:
         """Ratio of the noise of a frame (H, W, 3) uint8 of the full size to the model's."""
@@ -160,9 +157,12 @@ class SceneColours:
         view = FrameView.of(frame, back)
         odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
         flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
-        limits = np.float32(noise or noise_scale(view)), flicker, rising_shades(back.shadow)
-        tables = *without_tint(view), self.person, self.others, _SHARES, SHIFT, back.known
-        foreground.log_odds(*view.arrays, *limits, *tables, np.float32(COLOURS.most_odds), odds)
+        scale, shades = np.float32(noise or noise_scale(view)), rising_shades(back.shadow)
+        uneven, spread = without_tint(view)
+        densities = self.person, self.others
+        foreground.log_odds(
+            *view.arrays, scale, flicker, shades, uneven, spread, densities, SHIFT, back.known, odds
+        )
         foreground.look_up(frame, self.worn, SHIFT, weight)
         odds = np.where(odds < 0, odds * weight, odds)
         return odds if evidence is None else odds + evidence

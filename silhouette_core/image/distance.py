@@ -1,16 +1,8 @@
-"""Pixel weights of the silhouette distances XOR, wXOR and nwXOR, and thinning.
-
-The weights belong to the first of the two silhouettes that are compared. The distance is the
-weighted disagreement over the number of pixels of the window (a density), and lengths in the
-weights are counted in pixels of an image 240 high, so that the same silhouettes have about the same
-distance at every resolution. A silhouette that is empty or fills its window has no contour; its
-weights are 1. The distances themselves are scored by `silhouette_core.scoring`.
-"""
+"""Distances of pixels from silhouettes, and thinning."""
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,112 +10,31 @@ from numpy.typing import NDArray
 
 from calib.checks import check_array
 from silhouette_core.image.kernels import distance as kernels
-from silhouette_core.image.spans import Rectangle
-
-Weighting = Literal["xor", "wxor", "nwxor", "balanced"]
-WEIGHTINGS: tuple[Weighting, ...] = ("xor", "wxor", "nwxor", "balanced")
-# Distance, as a fraction of the window's height, at which the balanced weight outside is 1: about
-# half the width of a trunk.
-_REACH = 12 / 240
-_HEIGHT = 240
 
 
-def pixel_weights(
-    mask: NDArray[np.bool_], weighting: Weighting = "nwxor", bounds_px: Rectangle | None = None
-) -> NDArray[np.float32]:
-    r"""Weights of the pixels of a silhouette's window.
-
-    The density of disagreeing pixels, "xor", weighs all of them alike:
-
-    .. math::
-        :label: okada-6
-
-        d_{XOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} |P(x) - Q(x)|
-
-    The weighted distances count every one by its distance from the contour of the silhouette P,
-    :math:`D_P` inside and :math:`D_{\neg P}` outside of it. "wxor", with w = 1:
-
-    .. math::
-        :label: okada-8
-
-        d_P = D_P + w \, D_{\neg P}
-
-    "nwxor" is normalised by the distance :math:`D_{P_{med}}` to the thinned silhouette, so that
-    thick and thin parts count alike:
-
-    .. math::
-        :label: okada-9
-
-        d_P = \frac{D_P}{D_P + D_{P_{med}}} + w' \, D_{\neg P}
-
-    with w' one over the largest :math:`D_{\neg P}` in the rectangle that holds every pose of the
-    tree, the outer limit of the outside: inside and outside have the same maximum in it. "balanced"
-    (ours) is the same inside, and outside :math:`D_{\neg P}` over a twentieth
-    of the window's height, at most 1. With "nwxor" what is just outside costs next to nothing, so
-    that a larger body always fits better; where the size is estimated as well, that must not be.
-
-    Args:
-        mask: (h, w) bool, the silhouette P.
-        weighting: One of `WEIGHTINGS`.
-        bounds_px: That rectangle, `PoseLibrary.bounds_px`, in pixels of an image 240 high, whatever
-            h is; None, where there is no library, or where the silhouette covers it: the window.
-
-    Returns:
-        (h, w) float32, d_P. With "nwxor" it exceeds 1 beyond the rectangle, where no pose is.
-
-    Raises:
-        TypeError: mask is not bool.
-        ValueError: mask is not (h, w), or no such weighting.
-
-    Source: Okada and Stenger, eq. (6)-(9); the value of w, and "balanced", are ours.
-    """
-    check_array("mask", mask, ("h", "w"), np.bool_)
-    if weighting not in WEIGHTINGS:
-        raise ValueError(f"weighting must be one of {', '.join(WEIGHTINGS)}, got {weighting!r}")
-    pixels = mask.view(np.uint8)
-    if weighting == "xor" or not mask.any() or mask.all():
-        return np.ones(mask.shape, np.float32)  # eq. (6)
-    weights = _distances(1 - pixels)
-    # All that counts inside lies in the silhouette's box; one of the two terms is zero in every
-    # pixel.
-    left, top, width, height = cv2.boundingRect(pixels)
-    box = slice(max(top - 1, 0), top + height + 1), slice(max(left - 1, 0), left + width + 1)
-    inside = _distances(pixels[box])
-    if weighting == "wxor":
-        weights[box] += inside  # eq. (8)
-        return weights * np.float32(_HEIGHT / len(mask))
-    middle = _distances(1 - thin_silhouette(mask[box]).view(np.uint8))
-    if weighting == "balanced":
-        np.minimum(weights / np.float32(_REACH * len(mask)), np.float32(1.0), out=weights)
-    else:
-        weights /= _largest(weights, bounds_px)
-    weights[box] += inside / np.maximum(inside + middle, np.float32(1e-6))  # eq. (9)
-    return weights
-
-
-def _largest(weights: NDArray[np.float32], bounds_px: Rectangle | None) -> np.float32:
-    """Largest weight in a rectangle, in pixels of an image 240 high; without any, in the window."""
-    if bounds_px is not None:
-        left, top, right, bottom = np.array(bounds_px) * (len(weights) / _HEIGHT)
-        columns, rows = (
-            slice(int(np.floor(first)), int(np.ceil(last)))
-            for first, last in ((left, right), (top, bottom))
-        )
-        largest = weights[rows, columns].max(initial=np.float32(0.0))
-        if largest > 0:
-            return largest
-    return weights.max()
-
-
-def _distances(image: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Returns each pixel's Euclidean distance to the nearest zero, (h, w) float32."""
+def distances_to(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance (h, w) float32, pixels, of every pixel from the nearest of a mask (h, w) bool."""
+    others = np.ascontiguousarray(~mask).view(np.uint8)
     distances: NDArray[np.float32] = cv2.distanceTransform(
-        np.ascontiguousarray(image), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+        others, cv2.DIST_L2, cv2.DIST_MASK_PRECISE
     )  # type: ignore[assignment]
     # OpenCV's last digit depends on where the image lies in memory; the square is an integer.
     np.multiply(distances, distances, out=distances)
     np.rint(distances, out=distances)
     return np.sqrt(distances, out=distances)
+
+
+def relative_depths(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Depths (h, w) float32 of the pixels of a silhouette (h, w) bool that has a contour: from 0 at
+    the contour and outside to 1 on the middle lines, whether a part is thick or thin.
+    """
+    left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+    box = slice(max(top - 1, 0), top + height + 1), slice(max(left - 1, 0), left + width + 1)
+    depth = distances_to(~mask[box])
+    from_middle = distances_to(thin_silhouette(mask[box]))
+    relative = np.zeros(mask.shape, np.float32)
+    relative[box] = depth / np.maximum(depth + from_middle, np.float32(1e-6))
+    return relative
 
 
 def thin_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -84,9 +84,9 @@ class EmptyScene:
             samples, hidden = _without_people(samples, people[: len(stack)])
         radius = _radius(samples)
         backdrop = None if kind == "moving" else backdrop_of(samples, radius, kind == "uniform")
-        shown = (_background_frames(samples, radius, backdrop) & ~hidden)[np.ix_(rows, columns)]
-        mean, variance = _moments(frames, shown)
-        unseen = shown == 0
+        moments = (_background_frames(samples, radius, backdrop) & ~hidden)[np.ix_(rows, columns)]
+        mean, variance = _moments(frames, moments)
+        unseen = moments == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
         mean[unseen] = cv2.inpaint(
             np.rint(mean.clip(0, 255)).astype(np.uint8),
@@ -108,8 +108,8 @@ def _without_people(
     """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, H, W);
     and when each shows people, (h, w), bit t at moment t.
     """
-    size, found = samples.shape[2:0:-1], people.astype(np.float32)
-    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in found]) > 0
+    size, masks = samples.shape[2:0:-1], people.astype(np.float32)
+    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in masks]) > 0
     scene = np.ma.median(np.ma.array(samples, mask=np.repeat(small[..., None], 3, 3)), axis=0)
     known = ~np.ma.getmaskarray(scene)
     bits = np.uint64(1) << np.arange(len(samples), dtype=np.uint64)
@@ -136,48 +136,47 @@ def _background_frames(
     pixels = height * width
     mean = np.empty((pixels, _MODES, 3), np.float32)
     share = np.empty((pixels, _MODES), np.float32)
-    shown = np.zeros((pixels, _MODES), np.uint64)
-    kernels.colour_modes(small.reshape(count, pixels, 3), np.float32(radius), mean, share, shown)
+    moments = np.zeros((pixels, _MODES), np.uint64)
+    kernels.colour_modes(small.reshape(count, pixels, 3), np.float32(radius), mean, share, moments)
     # What is seen once is a mixture: the edge of somebody in motion.
     share[(np.rint(share * count) < 2) & (np.arange(_MODES) > 0)] = 0
-    own = np.full((height, width, _MODES + 1), SCENE.hidden * SCENE.unseen, np.float32)
-    own[..., :-1] = np.where(share > 0, SCENE.hidden * (1 - share), np.inf).reshape(
-        height, width, _MODES
-    )
+    mean, share = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
+    costs = np.full((height, width, _MODES + 1), SCENE.hidden * SCENE.unseen, np.float32)
+    costs[..., :-1] = np.where(share > 0, SCENE.hidden * (1 - share), np.inf)
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    limits = np.float32(radius), np.float32(SCENE.still), np.float32(SCENE.border)
-    modes = mean.reshape(height, width, _MODES, 3), share.reshape(height, width, _MODES)
-    kernels.step_costs(*modes, *limits, right, down)
-    frames = np.append(shown, np.zeros((pixels, 1), np.uint64), axis=1)
+    still, border = np.float32(SCENE.still), np.float32(SCENE.border)
+    kernels.step_costs(mean, share, np.float32(radius), still, border, right, down)
+    frames = np.append(moments, np.zeros((pixels, 1), np.uint64), axis=1)
     labels = np.empty((height, width), np.int64)
 
     def chosen() -> NDArray[np.uint64]:
-        kernels.least_cost_labels(own, right, down, _ROUNDS, labels)
+        kernels.least_cost_labels(costs, right, down, _ROUNDS, labels)
         return np.take_along_axis(frames, labels.reshape(-1, 1), axis=1).reshape(height, width)
 
     if backdrop is not None:
         field, before = backdrop
-        strange = np.abs(modes[0] - field[:, :, None]).sum(axis=3) > tolerance(radius)
-        of_field = np.where(strange | np.isinf(own[..., :-1]), np.inf, 0)
-        own[before, :-1] = of_field[before]
+        strange = np.abs(mean - field[:, :, None]).sum(axis=3) > tolerance(radius)
+        of_field = np.where(strange | np.isinf(costs[..., :-1]), np.inf, 0)
+        costs[before, :-1] = of_field[before]
         return chosen()
-    own[..., :-1] += SCENE.hidden * _hidden(chosen(), shown.reshape(height, width, _MODES), count)
+    hidden = _hidden(chosen(), moments.reshape(height, width, _MODES), count)
+    costs[..., :-1] += SCENE.hidden * hidden
     return chosen()
 
 
 def _hidden(
-    background: NDArray[np.uint64], shown: NDArray[np.uint64], count: int
+    background: NDArray[np.uint64], moments: NDArray[np.uint64], count: int
 ) -> NDArray[np.float32]:
     """Share (h, w, K) of the frames in which a mode is shown by somebody in front of the
     background, as far as somebody always is.
 
     Args:
         background: (h, w), bit t for frame t, which shows it; 0: none does.
-        shown: (h, w, K), likewise of each mode.
+        moments: (h, w, K), likewise of each mode.
         count: number of frames.
     """
     always = np.zeros(background.shape, np.float32)
-    hidden = np.zeros(shown.shape, np.float32)
+    hidden = np.zeros(moments.shape, np.float32)
     for frame in np.arange(count, dtype=np.uint64):
         differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
         opened = cv2.morphologyEx(differs.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -186,18 +185,18 @@ def _hidden(
         if pieces.any():
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
         always += hull / count
-        hidden += ((shown >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
+        hidden += ((moments >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
     return np.asarray(hidden * (always**SCENE.always)[..., None], np.float32)
 
 
 def _moments(
-    frames: NDArray[np.uint8], shown: NDArray[np.uint64]
+    frames: NDArray[np.uint8], moments: NDArray[np.uint64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Mean and variance (H, W, 3) of the frames (T, H, W, 3) that show the background (H, W)."""
-    count = np.zeros((*shown.shape, 1), np.float32)
+    count = np.zeros((*moments.shape, 1), np.float32)
     total, squares = (np.zeros(frames.shape[1:], np.float32) for _ in range(2))
     for number, frame in enumerate(frames):
-        seen = ((shown >> np.uint64(number)) & np.uint64(1)).astype(np.float32)[..., None]
+        seen = ((moments >> np.uint64(number)) & np.uint64(1)).astype(np.float32)[..., None]
         count += seen
         total += seen * frame
         squares += seen * np.square(frame, dtype=np.float32)

@@ -96,8 +96,8 @@ def refined_soft_silhouette(
         usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
         limit = max(least, FOREGROUND.beyond * usual)
         # Averaging widened it so.
-        found = ~grown(difference <= limit, background.radius, cv2.MORPH_RECT)
-        return found if region is None else found & region
+        beyond = ~grown(difference <= limit, background.radius, cv2.MORPH_RECT)
+        return beyond if region is None else beyond & region
 
     if background.grey:  # where nothing has a tint
         bright = pooled_brightness(view)
@@ -151,8 +151,8 @@ def segmented(
         return everywhere
     box = bounding_box(mask, margin=8 * background.radius)
     rows, columns = (
-        slice(first.start + at.start, first.start + min(at.stop, side))
-        for first, at, side in zip(inside, box, mask.shape, strict=True)
+        slice(first.start + near.start, first.start + min(near.stop, side))
+        for first, near, side in zip(inside, box, mask.shape, strict=True)
     )
     view = FrameView.of(frame[box], background.part((rows, columns)))
     within = None if region is None else region[rows, columns]
@@ -169,11 +169,10 @@ def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     gap = max(1, radius // 2)  # pixels at the edge are mixed: they show neither colour
     inside, outside = ~grown(~mask, gap), ~grown(mask, gap)
     moved = mask.copy()
-    images = view.planes, view.background.planes
-    regions = near & ~shrunk, inside, outside
+    planes, mean, edge = view.planes, view.background.planes, near & ~shrunk
     contrast = np.float32(FOREGROUND.contrast)
     light = np.float32(0.2), np.float32(2)  # largest effects of shadows and of reflections
-    kernels.sharpen(*images, light, *regions, 2 * radius, contrast, moved)
+    kernels.sharpen(planes, mean, light, edge, inside, outside, 2 * radius, contrast, moved)
     return moved
 
 

@@ -21,9 +21,9 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.person import find_person
-from silhouette_core.monocular.tree.base_poses import BasePoses, base_poses
+from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
-from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
 from silhouette_core.monocular.tree.root_search import find_root
 from silhouette_core.monocular.tree.store import is_library, read_library
@@ -77,11 +77,11 @@ def some_silhouettes(
     """
     lens, name = UndistortedView.from_camera(camera, long_side_px), source.rig.names[0]
     steps = even_moments(source.frame_count, _MOMENTS).tolist()
-    seen = [
+    bodies = [
         find_person(lens.undistort(silhouettes.of(one, step=step)[name]))
         for step, one in zip(steps, source.at(steps), strict=True)
     ]
-    masks = [body.mask for body in seen if body is not None]
+    masks = [body.mask for body in bodies if body is not None]
     if not masks:
         raise InputError(
             f"camera {name} shows no body in any of {len(steps)} frames that were looked"
@@ -93,7 +93,7 @@ def some_silhouettes(
 def library_of_body(
     model: BodyModel,
     file: str,
-    shown: SomeSilhouettes,
+    silhouettes: SomeSilhouettes,
     backend: Backend,
     reporter: Reporter,
 ) -> tuple[PoseLibrary, Pose | None]:
@@ -113,11 +113,12 @@ def library_of_body(
             "no library of the body's poses is given: its joints are assumed to move at random"
             " within their limits (voxelpose library build makes one from an earlier result)"
         )
-    camera, masks = shown
+    camera, masks = silhouettes
     pitches = [look_at(camera, mask, 1.0, 100.0).pitch_rad for mask in masks]
     pitch_deg = float(np.degrees(np.median(pitches)))
     reporter.stage("pose library")
-    library = recorded or _sampled(model, pitch_deg)
+    settings = _settings(_FROM_ALL_SIDES, 15.0, pitch_deg)
+    library = recorded or build_library(_sampled_bases(model, settings), model, settings)
     if not model.tree.root_fixed:
         return library, None
     reporter.stage("root")
@@ -149,13 +150,8 @@ def _settings(poses: int, yaw_step_deg: float, pitch_deg: float) -> LibrarySetti
     )
 
 
-def _sampled(model: BodyModel, pitch_deg: float) -> PoseLibrary:
-    """Poses sampled within the joint limits, from all sides."""
-    settings = _settings(_FROM_ALL_SIDES, 15.0, pitch_deg)
-    return build_library(_sampled_bases(model, settings), model, settings)
-
-
 def _sampled_bases(model: BodyModel, settings: LibrarySettings) -> BasePoses:
+    """Poses sampled within the joint limits."""
     motion = sampled_motion(model, np.random.default_rng(_SEED), _SAMPLED_FRAMES)
     return base_poses({"sampled": motion}, settings)
 
@@ -187,26 +183,12 @@ def _between(knots: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
 
 def _from_one_side(library: PoseLibrary, sampled: bool, camera: Camera, root: Pose) -> PoseLibrary:
     """Poses from where a camera stands to a root: of a library, or newly sampled and more."""
-    model, away = library.model, root.root_m - camera.center_m
-    pitch_deg = float(np.degrees(np.arctan2(-away[2], np.hypot(away[0], away[1]))))
-    settings = _settings(max(_FROM_ONE_SIDE, len(library.base_angles)), 360.0, pitch_deg)
-    bases = _sampled_bases(model, settings) if sampled else _bases_of(library)
-    heading = yaw_rotations(np.array([-np.arctan2(-away[0], away[1])]))[0]
+    model, (x, y, z) = library.model, root.root_m - camera.center_m
+    pitch_deg = float(np.degrees(np.arctan2(-z, np.hypot(x, y))))
+    settings = _settings(max(_FROM_ONE_SIDE, len(library.bases.angles)), 360.0, pitch_deg)
+    bases = _sampled_bases(model, settings) if sampled else library.bases
+    heading = yaw_rotations(np.array([-np.arctan2(-x, y)]))[0]
     turn = quaternions(heading @ root.root_rotation).astype(np.float32)
     return build_library(
         replace(bases, quaternion=np.tile(turn, (len(bases.angles), 1))), model, settings
-    )
-
-
-def _bases_of(library: PoseLibrary) -> BasePoses:
-    return BasePoses(
-        library.base_angles,
-        library.base_quaternion,
-        library.base_source,
-        library.base_mirrored,
-        library.clips,
-        0.0,
-        len(library.base_angles),
-        library.sigma_rad,
-        library.root_sigma_rad,
     )

@@ -169,14 +169,13 @@ class _Tracking:
         coloured = not source.silhouettes_given
         people = people_apart(read_ahead(seen()), self.camera, count, coloured)
         if len(people) < count:
-            found = "nobody is" if not people else f"{len(people)} at most are"
+            seen_apart = "nobody is" if not people else f"{len(people)} at most are"
             raise InputError(
-                f"{count} people were asked for, and {found} seen apart by camera {name}: give"
+                f"{count} people were asked for, and {seen_apart} seen apart by camera {name}: give"
                 f" --people {max(len(people), 1)}, or look at the silhouettes with `voxelpose"
                 " setup`"
             )
-        at = self.camera, self.coloured, people
-        return [OneOfPeople(*at, number) for number in range(count)]
+        return [OneOfPeople(self.camera, self.coloured, people, number) for number in range(count)]
 
     def estimate(self, finder: PersonFinder) -> Estimate:
         """Estimate of the person that is found.

@@ -73,19 +73,19 @@ def find_person(
     piece = (area >= PERSON.least_piece * area[main]) & ((area <= area[main]) | (h >= w))
     # A small thing far away is none of the person's: a reflection, a screen, a curtain.
     largest_gap = np.minimum(PERSON.largest_gap * max(w[main], h[main]), np.sqrt(area))
-    kept = np.arange(len(components.sizes)) == main + 1
-    found = np.count_nonzero(piece) > 1
-    while found:  # pieces may hang on pieces
-        apart = (~kept.take(components.labels)).view(np.uint8)
+    of_person = np.arange(len(components.sizes)) == main + 1
+    grown = np.count_nonzero(piece) > 1
+    while grown:  # pieces may hang on pieces
+        apart = (~of_person.take(components.labels)).view(np.uint8)
         distance_px = cv2.distanceTransform(apart, cv2.DIST_L2, cv2.DIST_MASK_3)
-        found = False
-        for k in np.flatnonzero(piece & ~kept[1:]):
+        grown = False
+        for k in np.flatnonzero(piece & ~of_person[1:]):
             box = tuple(slice(*ends) for ends in components.bounds[k].T)
-            own = components.labels[box] == k + 1
-            if distance_px[box][own].min() <= largest_gap[k] + 1:
-                kept[k + 1] = found = True
+            pixels = components.labels[box] == k + 1
+            if distance_px[box][pixels].min() <= largest_gap[k] + 1:
+                of_person[k + 1] = grown = True
     person = np.zeros_like(mask)
-    person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = kept.take(components.labels)
+    person[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = of_person.take(components.labels)
     return Person(person, _is_cut(person))
 
 

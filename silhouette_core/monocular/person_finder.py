@@ -102,8 +102,7 @@ class FollowedPerson:
     @classmethod
     def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
         """Somebody who is first seen apart in a frame, and where from."""
-        place = piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px
-        return cls(frame, *place, host)
+        return cls(frame, piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px, host)
 
     def merged(self, piece: _Piece) -> None:
         """Goes on within a silhouette with others."""
@@ -163,21 +162,21 @@ class PeopleFollower:
         """
         self._frame += 1
         components, first_part = _parted(label_components(mask), people)
-        there = [k for k, person in enumerate(self.people) if person.first <= self._frame]
-        pieces = self._pieces(components, picture, [self.people[k] for k in there])
-        taken = _assigned([self.people[k] for k in there], pieces)
-        owners = {there[k]: j for k, j in taken.items()}
-        merged = self._merged(owners, pieces, there)
+        followed = [k for k, person in enumerate(self.people) if person.first <= self._frame]
+        pieces = self._pieces(components, picture, [self.people[k] for k in followed])
+        taken = _assigned([self.people[k] for k in followed], pieces)
+        owners = {followed[k]: j for k, j in taken.items()}
+        merged = self._merged(owners, pieces, followed)
         for k in merged:
             self.people[k].merged(pieces[merged[k]])
         for j in sorted({*range(len(pieces))} - {*owners.values()} - {*merged.values()}):
-            missing = [k for k in there if k not in owners and k not in merged]
+            missing = [k for k in followed if k not in owners and k not in merged]
             if missing:  # comes back; by the colours, if there are any
                 back = min(missing, key=lambda k: _unlike(self.people[k], pieces[j]))
                 self.people[back].near_px, owners[back] = pieces[j].centre_px, j
             elif self._is_open:
                 owners[len(self.people)] = j
-                hosts = [k for k in there if _holds(self.people[k].box_px, pieces[j].centre_px)]
+                hosts = [k for k in followed if _holds(self.people[k].box_px, pieces[j].centre_px)]
                 host = hosts[0] if hosts else None
                 self.people.append(FollowedPerson.begun(self._frame, pieces[j], host))
         parts = [k for k, j in owners.items() if pieces[j].label >= first_part]
@@ -202,20 +201,20 @@ class PeopleFollower:
         slender = slenderness(right - x, bottom - y)
         smallest = min((person.usual_px for person in people), default=np.inf)
         least = PERSON.least_of_usual * min(smallest, float((area * slender).max()))
-        found = []
+        pieces = []
         for k in np.flatnonzero(area * slender >= max(LEAST_PX, least)).tolist():
             box = np.array([[x[k], y[k]], [right[k], bottom[k]]])
             looks = None
             if self._coloured:
                 crop = _colours(self.lens, picture, components.labels == k + 1)
-                own = crop.part(components.labels == k + 1)
-                looks = coarse_histogram(crop.bins[own])
+                inside = crop.part(components.labels == k + 1)
+                looks = coarse_histogram(crop.bins[inside])
             centre = components.centroids[k, ::-1]
-            found.append(_Piece(k + 1, area[k], float(slender[k]), centre, box, looks))
-        return found
+            pieces.append(_Piece(k + 1, area[k], float(slender[k]), centre, box, looks))
+        return pieces
 
     def _merged(
-        self, owners: dict[int, int], pieces: list[_Piece], there: list[int]
+        self, owners: dict[int, int], pieces: list[_Piece], followed: list[int]
     ) -> dict[int, int]:
         """By number, people who have one silhouette with others, and which piece that is.
 
@@ -223,7 +222,7 @@ class PeopleFollower:
         alone.
         """
         merged: dict[int, int] = {}
-        for k in there:
+        for k in followed:
             person = self.people[k]
             if k in owners:
                 continue
@@ -312,10 +311,10 @@ def _parted(components: MaskComponents, people: Sequence[Mask]) -> tuple[MaskCom
         labels[inside] = 0
         for k in members:
             labels[inside & people[k]] = max(int(labels.max()) + 1, len(components.sizes))
-    kept, numbered = np.unique(np.append(labels, 0), return_inverse=True)
+    numbers, numbered = np.unique(np.append(labels, 0), return_inverse=True)
     labels = numbered[:-1].reshape(labels.shape).astype(np.int32)
     sizes = np.bincount(labels[labels > 0], minlength=1)
-    first_part = int(np.count_nonzero(kept < len(components.sizes)))
+    first_part = int(np.count_nonzero(numbers < len(components.sizes)))
     return MaskComponents(labels, sizes), first_part
 
 
@@ -326,10 +325,10 @@ def _assigned(people: Sequence[FollowedPerson], pieces: Sequence[_Piece]) -> dic
     costs = np.full((len(people), len(pieces)), float(_MOST))
     for k, person in enumerate(people):
         for j, piece in enumerate(pieces):
-            away = np.linalg.norm(piece.centre_px - person.near_px - person.speed_px)
-            away /= np.sqrt(person.usual_px)
-            if away < 1 and piece.area >= PERSON.least_of_usual * person.usual_px:
-                costs[k, j] = away + _unlike(person, piece)
+            distance = np.linalg.norm(piece.centre_px - person.near_px - person.speed_px)
+            distance /= np.sqrt(person.usual_px)
+            if distance < 1 and piece.area >= PERSON.least_of_usual * person.usual_px:
+                costs[k, j] = distance + _unlike(person, piece)
     rows, columns = linear_sum_assignment(rounded(costs))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return {k: j for k, j in pairs if costs[k, j] < _MOST}
@@ -351,13 +350,13 @@ def _nearest(components: MaskComponents, labels: Sequence[int]) -> NDArray[np.in
     """Which of some components is nearest to each pixel, (h, w); 0 where there is but one."""
     if len(labels) < 2:
         return np.zeros(components.labels.shape, np.intp)
-    away = [
+    distances = [
         cv2.distanceTransform(
             (components.labels != label).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3
         )
         for label in labels
     ]
-    return np.argmin(away, axis=0)
+    return np.argmin(distances, axis=0)
 
 
 def _mixed(old: Averaged, new: Averaged) -> Averaged:
@@ -368,8 +367,8 @@ def _mixed(old: Averaged, new: Averaged) -> Averaged:
 def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
     """Colours in the rectangle that holds a silhouette."""
     (top, bottom), (left, right) = (
-        (int(found[0]), int(found[-1]) + 1)
-        for found in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        (int(lines[0]), int(lines[-1]) + 1)
+        for lines in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     )
     return ColourCrop.of(
         lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)

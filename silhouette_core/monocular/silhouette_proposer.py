@@ -42,5 +42,5 @@ class SilhouetteProposer:
                 distance_m = finder.first_distance(person.mask, time_s)
             views[t] = finder.view(finder.window(person.mask, distance_m), time_s)
             distance_m = finder.distance([*recent, views[t]])
-        found = dict(zip(views, finder.find([*views.values()]), strict=True)) if views else {}
-        return [found.get(t) for t in range(count)]
+        modes = dict(zip(views, finder.find([*views.values()]), strict=True)) if views else {}
+        return [modes.get(t) for t in range(count)]

@@ -49,7 +49,7 @@ from silhouette_core.scoring.silhouette_error import mask_errors
 
 _SAMPLES = 24_000  # of a dictionary of the program's own movements
 _PITCH_STEP_DEG = 5
-_KEPT = 8  # dictionaries in the user's cache, 60 MB each
+_CACHED = 8  # dictionaries in the user's cache, 60 MB each
 _HYPOTHESES = 5  # samples that are stored of a frame, at most
 
 
@@ -178,9 +178,9 @@ class TreeFollower:
                 self._backend,
                 interval_s=self._interval_s,
             )
-        found = self._filter.step(time_s, mask)
-        probability = found.probability.max(axis=1)[:_HYPOTHESES]
-        poses = self._filter.poses(found, range(len(probability))).poses()
+        posterior = self._filter.step(time_s, mask)
+        probability = posterior.probability.max(axis=1)[:_HYPOTHESES]
+        poses = posterior.poses(slice(_HYPOTHESES)).poses()
         model, likeliest = self._library.model, poses[:1]
         (error,) = mask_errors(model, likeliest, self._views, [mask], self._backend).tolist()
         return poses[0], error, probability / probability.sum(), joints_of(model, poses)
@@ -229,8 +229,8 @@ def dictionary(model: BodyModel, pitch_deg: float, reporter: Reporter) -> PoseLi
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_library(library, file)
-        kept = sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)
-        for old in kept[:-_KEPT]:
+        cached = sorted(file.parent.glob("*.vplib"), key=lambda one: one.stat().st_mtime)
+        for old in cached[:-_CACHED]:
             old.unlink()
     except (OSError, InputError) as error:
         reporter.note(f"the pose library is not kept, since {file} cannot be written: {error}")

@@ -8,6 +8,7 @@ distance has the library's size. Beyond paper A, whose person stays in one place
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from calib.checks import check_array
+from silhouette_core.image.cleanup import reduce_silhouette
 
 SIZE = (320, 240)
 """(width, height) of the window, px."""
@@ -65,6 +67,18 @@ class Window:
         offset = (np.atleast_2d(pixel) - self.axis_px) / self.focal_px
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)
         return self.center_m + distance_m * rays @ self.world_from_virtual.T
+
+    def weighed(
+        self, reduction: int, weights_of: Callable[[NDArray[np.bool_]], NDArray[np.floating]]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """The silhouette (h, w) bool at full, half or quarter size (`reduction` 1, 2, 4) and the
+        weights (h, w) float64 of its pixels; 0 where the camera does not reach: what it does not
+        show speaks neither for nor against a pose.
+        """
+        mask, seen = self.mask, self.seen
+        for _ in range(int(np.log2(reduction))):
+            mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
+        return mask, np.where(seen, weights_of(mask), np.float32(0.0)).astype(np.float64)
 
 
 def look_at(

@@ -77,11 +77,21 @@ def place_with_axes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As `place`, with the world axes (T, D, 3) about which the angles turn."""
     count, parts = len(root_m), len(model.names)
-    placed = np.empty((count, parts, 3, 3)), np.empty((count, parts, 3))
+    rotations, origins = np.empty((count, parts, 3, 3)), np.empty((count, parts, 3))
     axes = np.empty((count, model.dof_count, 3))
-    body = model.tree.parents, model.joints_m, model.tree.dof_part, model.tree.dof_axis
-    place_bodies(*body, root_rotation, root_m, angles_rad, *placed, axes)
-    return *placed, axes
+    place_bodies(
+        model.tree.parents,
+        model.joints_m,
+        model.tree.dof_part,
+        model.tree.dof_axis,
+        root_rotation,
+        root_m,
+        angles_rad,
+        rotations,
+        origins,
+        axes,
+    )
+    return rotations, origins, axes
 
 
 def relative_rotations(part_rotation: np.ndarray, parents: np.ndarray) -> np.ndarray:
@@ -118,9 +128,9 @@ def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -
 
     Source: textbook.
     """
-    posed = np.empty_like(model.vertices_m)
-    skinned = model.vertices_m, model.joints_m, model.skin_parts, model.skin_weights
-    skin_vertices(*skinned, part_rotation, part_origin, posed)
+    vertices, joints, posed = model.vertices_m, model.joints_m, np.empty_like(model.vertices_m)
+    parts, weights = model.skin_parts, model.skin_weights
+    skin_vertices(vertices, joints, parts, weights, part_rotation, part_origin, posed)
     return posed
 
 

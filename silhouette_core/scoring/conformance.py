@@ -62,7 +62,7 @@ class BackendConformance:
 
     def test_a_number_that_no_silhouette_has_is_refused(self) -> None:
         """ValueError."""
-        target = Target.from_mask(np.zeros((3, 4), np.bool_))
+        target = Target((np.zeros((3, 4), np.bool_),), (np.ones((3, 4)),))
         spans = Spans.from_masks([np.ones((3, 4), np.bool_)])
         for which in (-1, 1):
             try:

@@ -75,12 +75,12 @@ class CpuBackend(Backend):
         images = render_many(meshes.reshape(-1, *meshes.shape[2:]), faces, labels, np.eye(3), size)
         totals = [np.count_nonzero(mask) for mask in masks]
         silhouettes = images.view(np.bool_).reshape(*corners.shape[:2], *images.shape[1:])
-        for k, own in enumerate(silhouettes):
+        for k, body_silhouettes in enumerate(silhouettes):
             ratios = []
             for c, (mask, (left, top)) in enumerate(zip(masks, corners[k], strict=True)):
                 window = slice(top, top + size[1]), slice(left, left + size[0])
                 seen = mask[window]
-                drawn = own[c, : seen.shape[0], : seen.shape[1]]
+                drawn = body_silhouettes[c, : seen.shape[0], : seen.shape[1]]
                 if unknown is not None:
                     drawn = drawn & ~unknown[c][window]
                 both = np.count_nonzero(drawn & seen)
@@ -93,20 +93,23 @@ class CpuBackend(Backend):
     def pixel_scores(self, views, images, points, rotations, translations_m):
         """See `Backend.pixel_scores`."""
         placed = checked_placements(points, rotations, translations_m)
-        cameras = views.intrinsics, views.rotation, views.translation_m
-        scores = np.empty(len(rotations), np.int64)
-        pixels.pixel_scores(*placed, *cameras, np.ascontiguousarray(images), scores)
+        images, scores = np.ascontiguousarray(images), np.empty(len(rotations), np.int64)
+        pixels.pixel_scores(
+            *placed, views.intrinsics, views.rotation, views.translation_m, images, scores
+        )
         return scores
 
     def voxel_overlap(self, grid, occupancy, points, weights, rotations, translations_m):
         """See `Backend.voxel_overlap`."""
         check_array("occupancy", occupancy, ("nx", "ny", "nz"), np.bool_)
         check_array("weights", weights, (len(points),))
-        points, rotations, translations_m = checked_placements(points, rotations, translations_m)
-        inside, outside = np.empty(len(rotations)), np.empty(len(rotations))
-        cells = np.ascontiguousarray(occupancy), grid.origin_m, 1.0 / grid.voxel_size_m
-        placed = points, np.ascontiguousarray(weights, np.float64), rotations, translations_m
-        voxels.voxel_overlap(*cells, *placed, inside, outside)
+        points, turns, moves = checked_placements(points, rotations, translations_m)
+        inside, outside = np.empty(len(turns)), np.empty(len(turns))
+        cells, per_voxel = np.ascontiguousarray(occupancy), 1.0 / grid.voxel_size_m
+        weights, origin = np.ascontiguousarray(weights, np.float64), grid.origin_m
+        voxels.voxel_overlap(
+            cells, origin, per_voxel, points, weights, turns, moves, inside, outside
+        )
         return inside, outside
 
     def voxel_cover(self, grid, numbers, words, points, rotations, translations_m):
@@ -114,8 +117,8 @@ class CpuBackend(Backend):
         placed = checked_placements(points, rotations, translations_m)
         bits = np.empty((len(rotations), words), np.uint64)
         empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)
-        cells = np.ascontiguousarray(numbers), grid.origin_m, 1.0 / grid.voxel_size_m
-        voxels.voxel_cover(*cells, *placed, bits, empty, taken)
+        cells, per_voxel = np.ascontiguousarray(numbers), 1.0 / grid.voxel_size_m
+        voxels.voxel_cover(cells, grid.origin_m, per_voxel, *placed, bits, empty, taken)
         return bits, empty, taken
 
 

@@ -8,8 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.image.spans import Rectangle
 from silhouette_core.ranking import summable
 from silhouette_core.scoring.kernels import spans as kernels
 
@@ -36,19 +34,6 @@ class Target:
     def __post_init__(self) -> None:
         """Makes all sums of weights exact."""
         object.__setattr__(self, "weights", tuple(map(summable, self.weights)))
-
-    @classmethod
-    def from_mask(
-        cls,
-        mask: NDArray[np.bool_],
-        weighting: Weighting = "nwxor",
-        bounds_px: Rectangle | None = None,
-    ) -> Target:
-        """Prepares one silhouette (h, w) bool; the distance is the weighted disagreement per pixel
-        of the window, and candidates are not moved. For `bounds_px` see `pixel_weights`.
-        """
-        weights = pixel_weights(mask, weighting, bounds_px)
-        return cls((mask,), (weights,), scale=1.0 / mask.size)
 
     @property
     def margin_px(self) -> int:

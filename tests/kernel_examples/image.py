@@ -110,12 +110,10 @@ def log_odds(rng):
         shades,
         rng.uniform(-5, 5, SIZE).astype(np.float32),
         np.float32(4),
-        table,
-        others,
-        (np.float32(1e-3), np.float32(1)),
+        (table, others),
         3,
     )
-    filled = blob(rng), np.float32(5), np.empty(SIZE, np.float32)
+    filled = blob(rng), np.empty(SIZE, np.float32)
     return Example((planes, mean, scales, *tables, *filled), 1e-3)
 
 

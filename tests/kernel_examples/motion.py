@@ -17,15 +17,6 @@ def exponential_map(rng):
     return Example((vector, np.empty((3, 3)), np.empty((3, 3))), atol=1e-13)
 
 
-def place_parts_and_axes(rng):
-    filled = np.empty((PARTS, 3, 3)), np.empty((PARTS, 3)), np.empty((DOFS, 3))
-    return Example((*posed(rng), *filled), atol=1e-12)
-
-
-def place_parts(rng):
-    return Example((*posed(rng), np.empty((PARTS, 3, 3)), np.empty((PARTS, 3))), atol=1e-12)
-
-
 def place_bodies(rng):
     roots = rotations(rng, 4), rng.normal(size=(4, 3))
     filled = np.empty((4, PARTS, 3, 3)), np.empty((4, PARTS, 3)), np.empty((4, DOFS, 3))

@@ -4,6 +4,8 @@ with. Each takes the arguments of the kernel of its name and fills the same arra
 
 import numpy as np
 
+from silhouette_core.tuning import COLOURS, CUT
+
 
 def paper_mask(
     frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
@@ -146,21 +148,7 @@ def look_up(frame, table, shift, out):
 
 
 def log_odds(
-    frame,
-    mean,
-    scales,
-    noise,
-    flicker,
-    shades,
-    uneven,
-    spread_across,
-    table,
-    others,
-    shares,
-    shift,
-    known,
-    most,
-    out,
+    frame, mean, scales, noise, flicker, shades, uneven, spread_across, densities, shift, known, out
 ):
     """Person's density over that of the background: lit, shaded, or any of its colours."""
     colour, mean = (image.transpose(1, 2, 0).astype(float) for image in (frame, mean))
@@ -176,10 +164,11 @@ def log_odds(
     ratio = along / length
     shade = shades[np.clip((ratio * len(shades)).astype(int), 0, len(shades) - 1)]
     shaded = across * np.exp(-0.5 * uneven) * shade * (ratio < 1) / length
-    any_share = np.where(known, *shares) * others[tuple(frame >> shift)]
+    table, others = densities
+    any_share = np.where(known, CUT.otherwise, 1) * others[tuple(frame >> shift)]
     background = 0.85 * lit + shaded + any_share
     person = table[tuple(frame >> shift)]
-    out[:] = np.clip(person - np.log(background), -most, most)
+    out[:] = np.clip(person - np.log(background), -COLOURS.most_odds, COLOURS.most_odds)
 
 
 def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):

@@ -9,14 +9,14 @@ import pytest
 from papers import arm_swing, swing_study
 from papers.arm_swing import METHODS, Case, Row, step_matrix, track_arm, window_of
 from papers.swing_film import FPS, drawn_person, drawn_swings, film
-from papers.swing_library import ProfileSettings, arm_motions, swing_library
+from papers.swing_library import ProfileSettings, arm_motions, swing_library, wxor_weights
 from papers.swing_report import cost_curve
 from papers.swing_study import SIGMAS, WEIGHTINGS, Study, posing, run_study, tracked
 from papers.swings import arm_angles, split_swings
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.image.distance import pixel_weights
+from silhouette_core.image.distance import distances_to
 from silhouette_core.progress import SilentReporter
 from voxelpose.demo.choreography import Performance
 from voxelpose.demo.mannequin import person_of, tailor
@@ -79,6 +79,26 @@ def test_every_person_is_built_otherwise():
     assert stout.waist_girth_m > 1.1 * stout.chest_girth_m
 
 
+@pytest.mark.parametrize("height", [60, 120])
+def test_wxor_weighs_by_the_distance_from_the_contour(height):
+    """In pixels of an image 240 high; a silhouette without a contour weighs 1."""
+    mask = np.zeros((height, 80), bool)
+    mask[10:40, 20:50] = True
+    np.testing.assert_allclose(
+        wxor_weights(mask), (distances_to(mask) + distances_to(~mask)) * 240 / height, rtol=1e-6
+    )
+    assert (wxor_weights(mask | True) == 1).all() and (wxor_weights(mask & False) == 1).all()
+
+
+def test_filters_have_the_distance_of_their_library(libraries, pictures):
+    one = pictures["library's build, back"]
+    for name, library in libraries.items():
+        kind = arm_swing._TogetherFilter
+        tracker = kind(library, None, one.camera, 4.0, None, None)
+        weights = tracker._weights(window_of(one, 0, library))
+        assert (weights.max() > 10) == (name == "wxor")
+
+
 def test_far_arm_is_hidden_at_times(libraries):
     library = libraries["nwxor"]
     right, left = (
@@ -127,8 +147,7 @@ def test_each_case_has_its_own_distance_and_motion_model(libraries, pictures, mo
     monkeypatch.setattr(arm_swing, "split_swings", lambda angles: [slice(0, 1)])
     cases = [Case(method, "density", 0.03) for method in METHODS[:2]]
     rows = track_arm(one, libraries["wxor"], cases)
-    assert [given[6:8] for given in made] == [("wxor", 0.03)] * 2
-    assert all(given[0] is libraries["wxor"] for given in made)
+    assert all(given[0] is libraries["wxor"] and given[6] == 0.03 for given in made)
     assert steps == [(False, "density"), (True, "density")]
     assert [row.case for row in rows] == cases
 
@@ -177,8 +196,8 @@ def test_wxor_prefers_a_hidden_arm_to_one_elsewhere(libraries, body):
     seen = film(person_of(body), played, np.random.default_rng(0), SilentReporter())
     back, hidden, forth = (window_of(seen, k, libraries["wxor"]) for k in range(3))
     shares = []
-    for weighting in WEIGHTINGS:
-        weights = pixel_weights(back, weighting, libraries["wxor"].bounds_px)
+    for library in libraries.values():
+        weights = library.settings.weights(back, libraries["wxor"].bounds_px)
         shares.append(weights[back ^ hidden].sum() / weights[back ^ forth].sum())
     assert shares[0] < 0.7 * shares[1]
 

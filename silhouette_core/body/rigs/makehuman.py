@@ -170,8 +170,9 @@ class _Skin:
     def body(self, tree: KinematicTree, landmarks_m: NDArray[np.float64]) -> BodyModel:
         """The body on a tree whose parts are these bones."""
         every = np.broadcast_to(np.arange(self.weights.shape[1]), self.weights.shape)
-        surface = self.vertices_m, self.faces
-        return skinned_body(tree, self.heads_m, *surface, every, self.weights, landmarks_m)
+        return skinned_body(
+            tree, self.heads_m, self.vertices_m, self.faces, every, self.weights, landmarks_m
+        )
 
     def on_cmu_tree(self, parents: NDArray[np.int32]) -> BodyModel:
         """The body on the CMU rig itself, in MakeHuman's own rest pose."""

@@ -182,15 +182,15 @@ def skinned_body(
         room = ((0, 0), (0, 4 - weights.shape[1]))
         parts, weights = np.pad(parts, room), np.pad(weights, room)
     order = np.argsort(-weights, axis=1, kind="stable")[:, :4]
-    kept = np.take_along_axis(weights, order, axis=1)
-    kept /= kept.sum(1, keepdims=True)
-    own = np.take_along_axis(parts, order, axis=1)
-    own = np.where(kept > 0, own, own[:, :1]).astype(np.int32)
-    of_corners = own[faces].reshape(len(faces), -1)
-    share = kept[faces].reshape(len(faces), -1)
+    weights = np.take_along_axis(weights, order, axis=1)
+    weights /= weights.sum(1, keepdims=True)
+    parts = np.take_along_axis(parts, order, axis=1)
+    parts = np.where(weights > 0, parts, parts[:, :1]).astype(np.int32)
+    of_corners = parts[faces].reshape(len(faces), -1)
+    share = weights[faces].reshape(len(faces), -1)
     total = np.stack([(share * (of_corners == part[:, None])).sum(1) for part in of_corners.T], 1)
     face_part = np.take_along_axis(of_corners, total.argmax(1)[:, None], axis=1)[:, 0]
-    skin = own, kept
+    skin = parts, weights
     return BodyModel.as_given(tree, joints_m, vertices_m, faces, face_part, skin, landmarks_m)
 
 

@@ -7,12 +7,15 @@ Source: own, see `silhouette_core.image.foreground`, which calls them. Reference
 import numpy as np
 
 from silhouette_core.jit import kernel
-from silhouette_core.tuning import COLOURS
+from silhouette_core.tuning import COLOURS, CUT
 
 # How often a pixel of the background is lit as it was, over the constant of the density of three
 # Gaussians, and the constant of that of two.
 _LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
 _SHADED = np.float32(1 / (2 * np.pi))
+# How often the background shows another of its colours, where it is known and where it is guessed.
+_OTHERWISE = np.float32(CUT.otherwise), np.float32(1)
+_MOST_ODDS = np.float32(COLOURS.most_odds)
 
 
 @kernel
@@ -105,30 +108,17 @@ def look_up(frame, table, shift, out):
 
 @kernel
 def log_odds(
-    frame,
-    mean,
-    scales,
-    noise,
-    flicker,
-    shades,
-    uneven,
-    spread_across,
-    table,
-    others,
-    shares,
-    shift,
-    known,
-    most,
-    out,
+    frame, mean, scales, noise, flicker, shades, uneven, spread_across, densities, shift, known, out
 ):
-    """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), within most.
+    """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), limited.
 
-    The table (n, n, n) holds the first logarithm. The background is seen as it was, but for a
-    brightness with the relative deviation flicker, or in a shadow, whose brightness has the density
-    shades (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or otherwise, with
-    the density others (n, n, n) times the first of the shares, or the second where it is not known
-    (H, W) but guessed. Frame and mean are (3, H, W), see `_split`.
+    The first of the densities (n, n, n) is the first logarithm. The background is seen as it was,
+    but for a brightness with the relative deviation flicker, or in a shadow, whose brightness has
+    the density shades (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or
+    otherwise, with the second density, more often where it is not known (H, W) but guessed. Frame
+    and mean are (3, H, W), see `_split`.
     """
+    table, others = densities
     _, height, width = frame.shape
     for row in range(height):
         for column in range(width):
@@ -137,9 +127,9 @@ def log_odds(
                 frame[1, row, column] >> shift,
                 frame[2, row, column] >> shift,
             )
-            background = others[colour] * (shares[0] if known[row, column] else shares[1])
-            if table[colour] - np.log(background) <= -most:  # whatever else it may be
-                out[row, column] = -most
+            background = others[colour] * _OTHERWISE[0 if known[row, column] else 1]
+            if table[colour] - np.log(background) <= -_MOST_ODDS:  # whatever else it may be
+                out[row, column] = -_MOST_ODDS
                 continue
             residual_0, residual_1, residual_2, ratio = _split(frame, mean, scales, row, column)
             deviation = noise / scales[1, row, column]
@@ -162,7 +152,8 @@ def log_odds(
                     * np.exp(np.float32(-0.5) * (square + uneven[row, column]))
                     / (across * length)
                 )
-            out[row, column] = max(-most, min(most, table[colour] - np.log(background)))
+            odds = table[colour] - np.log(background)
+            out[row, column] = max(-_MOST_ODDS, min(_MOST_ODDS, odds))
 
 
 @kernel

@@ -52,8 +52,8 @@ def read_clips(
     Raises:
         InputError: a clip to be skipped does not exist, or a file cannot be read.
     """
-    own = model.person is None
-    files = [motion_path(path) for path in paths] if own else motion_files(paths)
+    is_given = model.person is None
+    files = [motion_path(path) for path in paths] if is_given else motion_files(paths)
     for name in leave_out:
         if not any(_has_name(file, name) for file in files):
             raise InputError(
@@ -63,7 +63,9 @@ def read_clips(
     if reporter is not None:
         reporter.stage("reading motion")
     motions = (
-        [_motion_of(file, model) for file in files] if own else load_motions(files, model, names)
+        [_motion_of(file, model) for file in files]
+        if is_given
+        else load_motions(files, model, names)
     )
     clips: dict[str, Motion] = {}
     for file, motion in zip(files, motions, strict=True):
@@ -164,7 +166,7 @@ def learned_from(
     checkpoint = Checkpoint(partial, digest.hexdigest())
 
     def learned() -> Mapping[str, NDArray]:
-        takes, kept = list(motions.values()), checkpoint.step
-        return learn_proposal(takes, model, settings, reporter, kept, begun).arrays()
+        takes = list(motions.values())
+        return learn_proposal(takes, model, settings, reporter, checkpoint.step, begun).arrays()
 
     return PoseProposal.from_arrays(checkpoint.step("proposal", learned))

@@ -201,8 +201,8 @@ def train_network(
         batch = draw(stream, samples)
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
-        found = loss_gradient(network, noisy, share)
-        return found.loss, [*_parted(found.weights, learned), *found.biases]
+        gradient = loss_gradient(network, noisy, share)
+        return gradient.loss, [*_parted(gradient.weights, learned), *gradient.biases]
 
     # Of inputs that nothing has learned to read, all weights are 0.
     learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1 if further else 0
@@ -247,7 +247,8 @@ def descend(
     second = [np.zeros_like(array) for array in parameters]
     streams = rng.spawn(_PARTS)
     losses: list[float] = []
-    tenth = max(1, settings.steps // 10)
+    tenth, batch = max(1, settings.steps // 10), settings.batch // _PARTS
+    rates = rates or [1.0] * len(parameters)
     for step in range(settings.steps):
         done = step / settings.steps
         share = (
@@ -255,18 +256,17 @@ def descend(
             if done < claimed
             else 0.0
         )
-        portion = settings.batch // _PARTS, share
-        parts = side_by_side(lambda stream, portion=portion: gradients(stream, *portion), streams)
+        parts = side_by_side(lambda stream, share=share: gradients(stream, batch, share), streams)
         means = [
             sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
-            for arrays in zip(*(found for _, found in parts), strict=True)
+            for arrays in zip(*(of_part for _, of_part in parts), strict=True)
         ]
         length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
         scale = min(1.0, TRAINING.largest_gradient / max(length, 1e-9))
         warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
         rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + TRAINING.last_rate
-        arrays = parameters, means, first, second, rates or [1.0] * len(parameters)
-        for array, gradient, one, two, relative in zip(*arrays, strict=True):
+        columns = zip(parameters, means, first, second, rates, strict=True)
+        for array, gradient, one, two, relative in columns:
             kernels.adam_step(
                 array.reshape(-1),
                 gradient.reshape(-1),
@@ -370,12 +370,12 @@ def encoder_gradients(
     seen, seen_trace = outline.traced(outline_images(batch.coverage))
     read, read_trace = inside.traced(inside_images(batch.skin, batch.shading))
     inputs = np.concatenate([seen, read * known, known, batch.samples.inputs], axis=1)
-    found = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
+    gradient = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
     ends = outline.codes, outline.codes + inside.codes
-    slope = product(found.first, network.weights[0][: ends[1]].T)
-    return found.loss, [
+    slope = product(gradient.first, network.weights[0][: ends[1]].T)
+    return gradient.loss, [
         *seen_trace.gradients(slope[:, : ends[0]]),
         *read_trace.gradients(slope[:, ends[0] :] * known),
-        *found.weights,
-        *found.biases,
+        *gradient.weights,
+        *gradient.biases,
     ]

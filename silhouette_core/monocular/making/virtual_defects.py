@@ -38,19 +38,17 @@ def passing_defects(
             continue
         bout = slice(frame, frame + int(rng.integers(1, _LONGEST_BOUT + 1)))
         edges[bout] = rng.integers(-1, 2)
-        radii, away = np.zeros(slots), np.zeros((slots, 2))
+        radii, offsets = np.zeros(slots), np.zeros((slots, 2))
         holes = int(rng.integers(_HOLES + 1))
         radii[:holes] = rng.uniform(*DEFECTS.hole_px, holes)
         for k, (chance, sizes) in enumerate(larger, _HOLES):
             if rng.random() < chance:
                 radii[k] = rng.uniform(*sizes)
         if strange and rng.random() < DEFECTS.strange:
-            radii[-1], away[-1] = (
-                -rng.uniform(*DEFECTS.strange_px),
-                rng.normal(0, DEFECTS.strange_away_px, 2),
-            )
+            radii[-1] = -rng.uniform(*DEFECTS.strange_px)
+            offsets[-1] = rng.normal(0, DEFECTS.strange_away_px, 2)
         chosen = rng.integers(places_px.shape[1], size=slots)
-        discs[bout, :, :2] = places_px[bout][:, chosen] + away
+        discs[bout, :, :2] = places_px[bout][:, chosen] + offsets
         discs[bout, :, 2] = radii
         frame = bout.stop
     return edges, discs

@@ -25,7 +25,7 @@ def virtual_seen_joints(
     """Codes (T, 45) float32, see `seen_codes`, of joints at places (T, 15, 2) in the window."""
     count, joints = places.shape[:2]
     *shares, steady, uneven, together_mm, hidden, spread, lost, often_lost = seen_errors()
-    kept, slow, new = np.sqrt(shares)
+    steadily, slow, new = np.sqrt(shares)
 
     def wandering(columns: int) -> NDArray[np.float64]:
         """(T, columns) of deviation 1: each a share of the last frame's, and something new."""
@@ -36,7 +36,7 @@ def virtual_seen_joints(
     def errors(joints: int) -> NDArray[np.float64]:
         """Errors (T, joints, 2) of deviation 1."""
         shape = count, joints, 2
-        constant = kept * rng.normal(0, 1, (joints, 2)) + new * rng.normal(0, 1, shape)
+        constant = steadily * rng.normal(0, 1, (joints, 2)) + new * rng.normal(0, 1, shape)
         return np.asarray(constant + slow * wandering(2 * joints).reshape(shape), np.float64)
 
     visibility = 1 / (1 + np.exp(hidden + spread * (wandering(joints) + rng.normal(0, 1, joints))))

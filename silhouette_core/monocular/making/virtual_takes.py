@@ -282,13 +282,11 @@ def _skin_grids(
     """
     grids = window_coverage(bare, corners).astype(np.float32)
     elsewhere = window_coverage(masks, corners) - grids
-    sure, wrong = (
-        rng.uniform(*PEOPLE.surely_found),
-        rng.uniform(*PEOPLE.wrongly_found) * (rng.random() < PEOPLE.often),
-    )
+    sure = rng.uniform(*PEOPLE.surely_found)
+    wrong = rng.uniform(*PEOPLE.wrongly_found) * (rng.random() < PEOPLE.often)
     noise = rng.normal(0, rng.uniform(*PEOPLE.skin_noise), grids.shape).astype(np.float32)
-    found = sure * grids + wrong * elsewhere
-    return np.clip(np.rint(found + noise * (found > 0) * FULL), 0, FULL).astype(np.uint8)
+    seen = sure * grids + wrong * elsewhere
+    return np.clip(np.rint(seen + noise * (seen > 0) * FULL), 0, FULL).astype(np.uint8)
 
 
 def _shading_grids(
@@ -326,10 +324,10 @@ def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     azimuth = rng.uniform(0, 2 * np.pi)
     distance = np.exp(rng.uniform(*np.log(_in_statures(CAMERAS.distance_m))))
     height = rng.uniform(*_in_statures(CAMERAS.height_m))
-    away = np.array([np.cos(azimuth), np.sin(azimuth)])
-    while np.linalg.norm(roots - distance * away, axis=1).min() < CAMERAS.nearest_m * _METRE:
+    direction = np.array([np.cos(azimuth), np.sin(azimuth)])
+    while np.linalg.norm(roots - distance * direction, axis=1).min() < CAMERAS.nearest_m * _METRE:
         distance *= 1.2
-    return np.array([*(distance * away), height])
+    return np.array([*(distance * direction), height])
 
 
 def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]:

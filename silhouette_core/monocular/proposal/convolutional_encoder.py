@@ -212,8 +212,8 @@ def _spread(
     patches.
     """
     state, size = np.zeros(shape, slope.dtype), patches[3]
-    before = _before(shape[1], size), _before(shape[2], size)
-    kernels.scatter_patches(slope.reshape(patches), *before, STRIDE, state)
+    rows, columns = _before(shape[1], size), _before(shape[2], size)
+    kernels.scatter_patches(slope.reshape(patches), rows, columns, STRIDE, state)
     return state
 
 

@@ -120,12 +120,11 @@ class MixtureNetwork:
         outputs, count = self.outputs(inputs), len(self.mean_joints)
         ends = np.cumsum(np.array([count * 3, count * 2, 1]) * self.modes)
         joints, log_sigma, logits, offset = np.split(outputs, ends, axis=1)
-        shape = len(outputs), self.modes, count
         odds = np.exp(logits - logits.max(axis=1, keepdims=True))
         return Mixture(
             odds / odds.sum(axis=1, keepdims=True),
-            joints.reshape(*shape, 3) + self.mean_joints,
-            SIGMA * np.exp(np.clip(log_sigma.reshape(*shape, 2), *JOINT_LOG_SIGMA)),
+            joints.reshape(-1, self.modes, count, 3) + self.mean_joints,
+            SIGMA * np.exp(np.clip(log_sigma, *JOINT_LOG_SIGMA)).reshape(-1, self.modes, count, 2),
             offset[:, :3],
             SIGMA * np.exp(np.clip(offset[:, 3:], *OFFSET_LOG_SIGMA)),
         )

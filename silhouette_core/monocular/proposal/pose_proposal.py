@@ -82,12 +82,12 @@ class PoseProposal:
             chosen = np.arange(len(features)) if frames is None else np.asarray(frames)
             nearby = nearby_frames(features.time_s)[chosen]
             inputs.append(network_inputs(features, chosen, nearby, np.full(len(chosen), causal)))
-        found = self.network.mixture(np.concatenate(inputs))
+        mixture = self.network.mixture(np.concatenate(inputs))
         joints, sigma = (
-            np.pad(one, ((0, 0), (0, 0), (1, 0), (0, 0))) for one in (found.joints, found.sigma)
+            np.pad(one, ((0, 0), (0, 0), (1, 0), (0, 0))) for one in (mixture.joints, mixture.sigma)
         )
         ends = np.cumsum([len(one) for one in inputs])[:-1]
-        whole = found.probability, joints, sigma, found.offset, found.offset_sigma
+        whole = mixture.probability, joints, sigma, mixture.offset, mixture.offset_sigma
         return [
             Mixture(*parts) for parts in zip(*(np.split(one, ends) for one in whole), strict=True)
         ]

@@ -55,7 +55,7 @@ def adapted_body(
     frames = [int(block[sure[block].argmax()]) for block in blocks]
     priors = [modes[t].probable(1)[0] for t in frames]
     observations = [Observation.from_masks(views, [masks[t]], modes[t].distance_m) for t in frames]
-    found: list[tuple[float, BodyModel, float]] = []
+    fitted: list[tuple[float, BodyModel, float]] = []
     for sex in sexes:
         template = BodyModel.from_sizes(replace(model.sizes, sex=sex))
         surface = Surface(template, _POINTS)
@@ -76,8 +76,8 @@ def adapted_body(
         ]
         posed = surface.posed_many(PoseArrays.from_poses(poses)).points
         scale = shod_scale(posed[..., 2].min(1), float(views.center_m[0, 2]))
-        found.append((float(rounded(np.mean(errors))), surface.model, scale))
-    _, body, scale = min(found, key=lambda one: one[0])
+        fitted.append((float(rounded(np.mean(errors))), surface.model, scale))
+    _, body, scale = min(fitted, key=lambda one: one[0])
     return _grown(body, scale)
 
 

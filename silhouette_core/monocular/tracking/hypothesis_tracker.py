@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
-from silhouette_core.monocular.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame
+from silhouette_core.monocular.tracking.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
@@ -115,7 +115,7 @@ class HypothesisTracker:
         poses: list[Pose] = []
         priors: list[LandmarkPrior | None] = []
         if searched:
-            poses, priors = self._found(observed, proposal, previous, predicted)
+            poses, priors = self._refined(observed, proposal, previous, predicted)
         if known is not None:
             poses, priors = [*poses, *known.poses], [*priors, *known.priors]
         beam = self._beam(observed, proposal, poses, priors)
@@ -123,7 +123,7 @@ class HypothesisTracker:
             beam = self.step_costs.continued(beam, previous, predicted)
         return self._pruned(replace(beam, cost=beam.cost - beam.cost.min()))
 
-    def _found(
+    def _refined(
         self,
         observed: ObservedFrame,
         proposal: FrameProposal,
@@ -144,8 +144,8 @@ class HypothesisTracker:
                 )
             ]
             starts += [
-                RefineStart(pose, FROM_PREDICTION, PosePrior(pose, sigma), proposal.nearest(own))
-                for pose, own in zip(carried, joints_of(self.model, carried), strict=True)
+                RefineStart(pose, FROM_PREDICTION, PosePrior(pose, sigma), proposal.nearest(joints))
+                for pose, joints in zip(carried, joints_of(self.model, carried), strict=True)
             ]
         refined = refine_many(surface, observed.contour, starts)
         return [one.pose for one in refined], [start.landmark_prior for start in starts]
@@ -164,8 +164,8 @@ class HypothesisTracker:
         seen = Hypotheses(poses, joints, distance, self.surface, proposal)
         areas = weights.part_areas(drawn, len(self.model.names))
         occluded = occluded_parts(areas, self._usual_areas)
-        own, time_s = self.costs(seen), observed.time_s
-        return Beam.of_frame(poses, joints, distance, own, time_s, occluded, priors)
+        costs, time_s = self.costs(seen), observed.time_s
+        return Beam.of_frame(poses, joints, distance, costs, time_s, occluded, priors)
 
     def _pruned(self, beam: Beam) -> Beam:
         """Cheapest hypotheses, only one of those that are the same pose."""

@@ -65,8 +65,8 @@ def hypothesis_spread(
         joints_m: (n, 15, 3), the pelvis first.
     """
     relative = joints_m - joints_m[:, :1]
-    away = np.linalg.norm(relative - relative[int(rounded(probability).argmax())], axis=2)
-    return np.asarray(probability @ away, np.float64)
+    distances = np.linalg.norm(relative - relative[int(rounded(probability).argmax())], axis=2)
+    return np.asarray(probability @ distances, np.float64)
 
 
 def error_evidence(

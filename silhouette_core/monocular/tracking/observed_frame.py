@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tracking.silhouette_weights import SignedWeights
 from silhouette_core.monocular.window import Window
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation

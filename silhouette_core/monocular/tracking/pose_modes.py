@@ -154,8 +154,8 @@ class ModeFinder:
         offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
         distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
         return [
-            self.view(self.window(mask, own), view.time_s, view.joints)
-            for mask, own, view in zip(masks, distance, views, strict=True)
+            self.view(self.window(mask, distance_m), view.time_s, view.joints)
+            for mask, distance_m, view in zip(masks, distance, views, strict=True)
         ]
 
     def distance(self, views: Sequence[ModeView]) -> float:
@@ -316,6 +316,6 @@ def merge_modes(
     owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
     mass = np.array([probability[owner == mode].sum() for mode in chosen])
     order = np.argsort(rounded(-mass), kind="stable")
-    kept = np.array(chosen)[order]
-    weights = weights[kept] / density[kept, None]
+    likeliest = np.array(chosen)[order]
+    weights = weights[likeliest] / density[likeliest, None]
     return np.einsum("nm,mli->nli", weights, joints), mass[order], weights

@@ -124,8 +124,8 @@ class PoseTrajectory:
             self.tracker.set_body(self.proposer.model)
         with self.clock("several poses"):
             observed = [
-                self._observed(frame, person, own)
-                for frame, person, own in zip(self._pending, people, proposals, strict=True)
+                self._observed(frame, person, proposal)
+                for frame, person, proposal in zip(self._pending, people, proposals, strict=True)
             ]
             beams = self._beams(observed, proposals)
         chosen = backtrack(beams)
@@ -157,9 +157,9 @@ class PoseTrajectory:
     ) -> list[Beam]:
         """Hypotheses of all pending frames."""
         beams: list[Beam] = []
-        for seen, own in zip(observed, proposals, strict=True):
+        for seen, proposal in zip(observed, proposals, strict=True):
             past = _last_two([*self._past, *beams[-2:]], seen.time_s)
-            beams.append(self.tracker.step(seen, own, past))
+            beams.append(self.tracker.step(seen, proposal, past))
         if not (self.smooth and self.tracker.settings.both_ways):
             return beams
         return self._both_ways(observed, proposals, beams)
@@ -175,13 +175,13 @@ class PoseTrajectory:
         """
         step, backward = self.tracker.step, list[Beam]()
         frames = list(zip(observed, proposals, beams, strict=True))
-        for seen, own, known in reversed(frames):
+        for seen, proposal, known in reversed(frames):
             before = replace(seen, time_s=-seen.time_s)
-            backward.append(step(before, own, _last_two(backward, before.time_s), known))
+            backward.append(step(before, proposal, _last_two(backward, before.time_s), known))
         result: list[Beam] = []
-        for (seen, own, _), known in zip(frames, reversed(backward), strict=True):
+        for (seen, proposal, _), known in zip(frames, reversed(backward), strict=True):
             past = _last_two([*self._past, *result[-2:]], seen.time_s)
-            result.append(step(seen, own, past, known, searched=False))
+            result.append(step(seen, proposal, past, known, searched=False))
         return result
 
     def _refined(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib.checks import float_array
 from calib.errors import InputError
 from silhouette_core.monocular.tree.kernels.thinning import thin_rows
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.heading import mirrored, split_heading
@@ -21,34 +20,6 @@ from silhouette_core.motion.motion import Motion
 
 _DRAWN = 2000  # poses whose distance to the nearest base pose is measured
 _GRID_COLUMNS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class BasePoses:
-    """B base poses.
-
-    Attributes:
-        angles: (B, D) float32, joint angles, radians.
-        quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
-        source: (B, 2) int32, index of the clip and number of the frame.
-        mirrored: (B,) bool, whether the pose is the mirror image of its source.
-        clips: names of the clips.
-        spacing_m: least distance along some axis of some joint of any two poses, if the tolerance
-            in degrees left too many; else 0.
-        frames: number of poses before thinning.
-        sigma_rad: (D,) float32, step sizes of the joint angles, see `motion_sigmas`.
-        root_sigma_rad: step size of the orientation, see `motion_sigmas`.
-    """
-
-    angles: NDArray[np.float32]
-    quaternion: NDArray[np.float32]
-    source: NDArray[np.int32]
-    mirrored: NDArray[np.bool_]
-    clips: tuple[str, ...]
-    spacing_m: float
-    frames: int
-    sigma_rad: NDArray[np.float32]
-    root_sigma_rad: float
 
 
 def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> BasePoses:
@@ -81,23 +52,23 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
         [np.column_stack([np.full(len(motion), k), motion.frames]) for k, _, motion in clips]
     )
     is_mirrored = np.concatenate([np.full(len(motion), flag) for _, flag, motion in clips])
-    kept = thin_poses(features, np.radians(settings.tolerance_deg))
+    selected = thin_poses(features, np.radians(settings.tolerance_deg))
     positions = np.concatenate([_joint_positions(motion) for _, _, motion in clips])
-    kept, spacing_m = _thin_to(positions, kept, settings.poses // settings.views_count)
-    quantisation = _quantisation(features, angles, tilt, kept)
+    selected, spacing_m = _thin_to(positions, selected, settings.poses // settings.views_count)
+    quantisation = _quantisation(features, angles, tilt, selected)
     sigma, root_sigma = motion_sigmas(
         [motion for _, flag, motion in clips if not flag], quantisation, settings
     )
     return BasePoses(
-        angles[kept].astype(np.float32),
-        tilt[kept].astype(np.float32),
-        source[kept].astype(np.int32),
-        is_mirrored[kept],
+        angles[selected].astype(np.float32),
+        tilt[selected].astype(np.float32),
+        source[selected].astype(np.int32),
+        is_mirrored[selected],
         tuple(motions),
-        spacing_m,
-        len(features),
         sigma,
         root_sigma,
+        spacing_m,
+        len(features),
     )
 
 
@@ -135,11 +106,11 @@ def thin_poses(features_rad: NDArray[np.float64], tolerance_rad: float) -> NDArr
     features = float_array("features_rad", features_rad, ("N", "K"), finite=True)
     if not tolerance_rad > 0:
         raise ValueError(f"tolerance_rad must be greater than 0, got {tolerance_rad}")
-    kept = np.zeros(len(features), bool)
+    selected = np.zeros(len(features), bool)
     spread = features.std(axis=0) if len(features) else np.zeros(features.shape[1])
     grid = np.argsort(-spread, kind="stable")[:_GRID_COLUMNS].astype(np.int64)
-    thin_rows(features, grid, float(tolerance_rad), kept)
-    return np.flatnonzero(kept).astype(np.int64)
+    thin_rows(features, grid, float(tolerance_rad), selected)
+    return np.flatnonzero(selected).astype(np.int64)
 
 
 def _joint_positions(motion: Motion) -> NDArray[np.float64]:
@@ -152,42 +123,42 @@ def _joint_positions(motion: Motion) -> NDArray[np.float64]:
 
 
 def _thin_to(
-    positions: NDArray[np.float64], kept: NDArray[np.integer], most: int
+    positions: NDArray[np.float64], selected: NDArray[np.integer], most: int
 ) -> tuple[NDArray[np.integer], float]:
     """Rows of at most `most` poses, thinned by the positions of the joints, and their spacing, m.
 
     Joint angles would spend the poses on movements that a silhouette does not show, such as the
     twist of an upper arm.
     """
-    if len(kept) <= most:
-        return kept, 0.0
+    if len(selected) <= most:
+        return selected, 0.0
     low, high = 0.0, 1.0
-    rows = thin_poses(positions[kept], high)
+    rows = thin_poses(positions[selected], high)
     if len(rows) > most:
-        return kept[rows[:: -(-len(rows) // most)]], high
+        return selected[rows[:: -(-len(rows) // most)]], high
     while high - low > 0.002:
         middle = (low + high) / 2
-        candidates = thin_poses(positions[kept], middle)
+        candidates = thin_poses(positions[selected], middle)
         if len(candidates) <= most:
             high, rows = middle, candidates
         else:
             low = middle
-    return kept[rows], high
+    return selected[rows], high
 
 
 def _quantisation(
     features: NDArray[np.float64],
     angles: NDArray[np.float64],
     tilt: NDArray[np.float64],
-    kept: NDArray[np.integer],
+    selected: NDArray[np.integer],
 ) -> tuple[NDArray[np.float64], float]:
     """Mean squared distance of poses from the nearest base pose, per joint angle (D,) and of the
     orientation, radians squared.
     """
     drawn = np.random.default_rng(0).permutation(len(features))[:_DRAWN]
-    library = features[kept]
+    library = features[selected]
     square = (library**2).sum(axis=1)
-    nearest = kept[
+    nearest = selected[
         np.concatenate(
             [
                 np.argmin(square - 2 * rows @ library.T, axis=1)

@@ -16,9 +16,13 @@ from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.occlusion import occluded_parts, usual_areas
-from silhouette_core.monocular.tree.base_poses import BasePoses
 from silhouette_core.monocular.tree.checkpoint import Arrays, Checkpoint
-from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.pose_library import (
+    BasePoses,
+    Level,
+    LibrarySettings,
+    PoseLibrary,
+)
 from silhouette_core.monocular.tree.rendering import (
     SIZES_PX,
     join_spans,
@@ -72,11 +76,7 @@ def build_library(
     library = PoseLibrary(
         model=model,
         settings=settings,
-        base_angles=bases.angles,
-        base_quaternion=bases.quaternion,
-        base_source=bases.source,
-        base_mirrored=bases.mirrored,
-        clips=bases.clips,
+        bases=bases,
         views=views,
         sample_base=base,
         sample_view=view,
@@ -96,8 +96,6 @@ def build_library(
         ),
         leaf_offsets=nodes[-1].offsets,
         leaf_samples=nodes[-1].members,
-        sigma_rad=bases.sigma_rad,
-        root_sigma_rad=bases.root_sigma_rad,
         bounds_px=spans[-1].bounds,
     )
     if model.person is None:
@@ -185,7 +183,7 @@ def _nodes(
 ) -> tuple[list[Nodes], list[float]]:
     """Nodes and thresholds of all levels."""
     scorers = [
-        Scorer(runs, size, settings.weighting, spans[-1].bounds)
+        Scorer(runs, size, settings, spans[-1].bounds)
         for runs, size in zip(spans, SIZES_PX, strict=True)
     ]
     thresholds = [

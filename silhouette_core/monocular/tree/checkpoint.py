@@ -62,8 +62,8 @@ class Checkpoint:
         if np.array_equal(arrays.pop(_INPUTS_OF_STEP, []), self._inputs):
             return arrays
         made = make()
-        kept = {key: np.ascontiguousarray(array) for key, array in made.items()}
-        write_whole(path, save(kept | {_INPUTS_OF_STEP: self._inputs}))
+        contiguous = {key: np.ascontiguousarray(array) for key, array in made.items()}
+        write_whole(path, save(contiguous | {_INPUTS_OF_STEP: self._inputs}))
         return made
 
     @staticmethod

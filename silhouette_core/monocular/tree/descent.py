@@ -24,26 +24,66 @@ SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
 
 
 @dataclass(frozen=True, eq=False)
+class Alignments:
+    """A silhouette in C alignments, numbered as in `Target`.
+
+    Attributes:
+        windows: the silhouette at several distances.
+        shifts_px: (S, 2), pixels of the windows by which samples are moved (right, down).
+        target_of: the silhouette in all of them, by how many times smaller than the windows the
+            images of a level are.
+    """
+
+    windows: tuple[Window, ...]
+    shifts_px: NDArray[np.int64]
+    target_of: Callable[[int], Target]
+
+
+@dataclass(frozen=True, eq=False)
 class Posterior:
     """Posterior of a frame over poses and C alignments with its silhouette.
 
     Attributes:
+        library: the poses.
+        alignments: of the silhouette.
         leaves: (K,) int64, the surviving leaves.
         of_leaves: (K, C) float64, summing to 1.
         samples: (M,) int64, the samples of these leaves, likeliest first.
         probability: (M, C) float64, summing to 1.
     """
 
+    library: PoseLibrary
+    alignments: Alignments
     leaves: NDArray[np.int64]
     of_leaves: NDArray[np.float64]
     samples: NDArray[np.int64]
     probability: NDArray[np.float64]
 
+    @property
+    def distance_m(self) -> float:
+        """Distance of the body, in the mean."""
+        windows = self.alignments.windows
+        by_window = self.probability.sum(axis=0).reshape(len(windows), -1).sum(axis=1)
+        return float(np.exp(by_window @ np.log([window.distance_m for window in windows])))
+
+    def poses(self, rows: Sequence[int] | NDArray[np.integer] | slice) -> PoseArrays:
+        """Some of the samples as poses in the world, each where it is likeliest."""
+        library, samples = self.library, self.samples[rows]
+        windows, shifts_px = self.alignments.windows, self.alignments.shifts_px
+        window, shift = np.divmod(self.probability[rows].argmax(axis=1), len(shifts_px))
+        base, view = library.sample_base[samples], library.sample_view[samples]
+        heading = windows[0].heading_rad + library.views[view, 0]
+        rotation = yaw_rotations(heading) @ rotation_matrices(library.bases.quaternion[base])
+        pelvis_px = library.pelvis_px[samples] + shifts_px[shift]
+        roots = np.stack([one.unproject(pelvis_px, one.distance_m) for one in windows])
+        root = roots[window, np.arange(len(samples))]
+        return PoseArrays(root, rotation, library.bases.angles[base].astype(float))
+
 
 def tree_posterior(
     library: PoseLibrary,
     prior: NDArray[np.float64],
-    target_of: Callable[[int], Target],
+    alignments: Alignments,
     sigma: float,
     backend: Backend,
 ) -> Posterior:
@@ -86,59 +126,37 @@ def tree_posterior(
     Args:
         library: poses and their tree; N samples.
         prior: (N, C) float64, or (N, 1): the same for every alignment.
-        target_of: the silhouette in C alignments, by how many times smaller than the window the
-            images of a level are.
+        alignments: of the frame's silhouette with the samples.
         sigma: of eq. (10), in units of the targets' distances.
 
     Source: Okada and Stenger, eq. (1), (10)-(13).
     """
     of_nodes = node_sums(library, prior)
-    nodes = kept = np.arange(len(library.levels[0]))
+    nodes = surviving = np.arange(len(library.levels[0]))
     log_likelihood = log_posterior = np.empty((0, 0))
     for depth, level in enumerate(library.levels):
         if depth:
             first = library.child_offsets[depth - 1]
-            nodes = concatenated_ranges(first[nodes[kept]], first[nodes[kept] + 1])
-        target = target_of(WINDOW_PX[0] // level.size_px[0])
+            nodes = concatenated_ranges(first[nodes[surviving]], first[nodes[surviving] + 1])
+        target = alignments.target_of(WINDOW_PX[0] // level.size_px[0])
         distance = backend.span_distances(target, level.spans, nodes)
         log_likelihood = -0.5 * (distance / sigma) ** 2  # eq. (10), (11)
         with np.errstate(divide="ignore"):
             log_posterior = log_likelihood + np.log(of_nodes[depth][nodes])
         each = rounded(log_sums(log_posterior))
-        kept = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
-    samples, number = samples_of(library, nodes[kept])
-    of_leaf = kept[number]
+        surviving = np.flatnonzero(each >= each.max() + np.log(FILTER.survivors))
+    samples, number = samples_of(library, nodes[surviving])
+    of_leaf = surviving[number]
     with np.errstate(divide="ignore"):
         posterior = rounded(log_likelihood[of_leaf] + np.log(prior[samples]))  # eq. (12), (13)
     probability = np.exp(posterior - posterior.max())
     probability /= probability.sum()  # eq. (1): c_t
     order = np.argsort(-posterior.max(axis=1), kind="stable")
-    of_leaves = np.exp(log_posterior[kept] - log_posterior.max())
+    of_leaves = np.exp(log_posterior[surviving] - log_posterior.max())
     of_leaves /= of_leaves.sum()
-    return Posterior(nodes[kept], of_leaves, samples[order], probability[order])
-
-
-def sample_poses(
-    library: PoseLibrary,
-    samples: NDArray[np.integer],
-    windows: Sequence[Window],
-    number: NDArray[np.integer],
-    shift_px: NDArray[np.integer],
-) -> PoseArrays:
-    """Samples (M,) as poses in the world.
-
-    Args:
-        windows: the silhouette at several distances.
-        number: (M,), in which of them each is seen.
-        shift_px: (M, 2), by which each is moved (right, down) in it.
-    """
-    base, view = library.sample_base[samples], library.sample_view[samples]
-    heading = windows[0].heading_rad + library.views[view, 0]
-    rotation = yaw_rotations(heading) @ rotation_matrices(library.base_quaternion[base])
-    pelvis_px = library.pelvis_px[samples] + shift_px
-    roots = np.stack([window.unproject(pelvis_px, window.distance_m) for window in windows])
-    root = roots[number, np.arange(len(samples))]
-    return PoseArrays(root, rotation, library.base_angles[base].astype(float))
+    return Posterior(
+        library, alignments, nodes[surviving], of_leaves, samples[order], probability[order]
+    )
 
 
 def log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -163,9 +181,9 @@ def samples_of(
     library: PoseLibrary, leaves: NDArray[np.integer]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Samples (M,) of some leaves (n,), leaf by leaf, and the number of each in that order (M,)."""
-    ends = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
-    samples = library.leaf_samples[concatenated_ranges(*ends)].astype(np.int64)
-    return samples, np.repeat(np.arange(len(leaves)), ends[1] - ends[0])
+    first, last = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
+    samples = library.leaf_samples[concatenated_ranges(first, last)].astype(np.int64)
+    return samples, np.repeat(np.arange(len(leaves)), last - first)
 
 
 def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:

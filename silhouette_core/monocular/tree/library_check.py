@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import check_array
-from silhouette_core.image.distance import WEIGHTINGS
 from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.rendering import SIZES_PX, WINDOW_PX
 
 _LARGEST_ANGLE = 20  # radians, of joints and views
 _LARGEST_PX = 10_000
+_WEIGHTINGS = "xor", "wxor", "nwxor", "balanced"  # of which there was a choice once
 
 
 def check_library(library: PoseLibrary) -> None:
@@ -28,13 +28,14 @@ def check_library(library: PoseLibrary) -> None:
         TypeError: an array has another dtype than `PoseLibrary` states.
         ValueError: an array, which the message names, has another shape, or holds what it cannot.
     """
-    bases, samples, views = len(library.base_angles), len(library), len(library.views)
-    dofs, parts = library.model.dof_count, len(library.model.names)
+    bases, samples, views = library.bases, len(library), len(library.views)
+    poses, dofs, parts = len(bases.angles), library.model.dof_count, len(library.model.names)
+    _check("base_angles", bases.angles, (poses, dofs), np.float32)
+    _check("base_quaternion", bases.quaternion, (poses, 4), np.float32)
+    _check("base_source", bases.source, (poses, 2), np.int32)
+    _check("base_mirrored", bases.mirrored, (poses,), np.bool_)
+    _check("sigma_rad", bases.sigma_rad, (dofs,), np.float32)
     shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
-        "base_angles": ((bases, dofs), np.float32),
-        "base_quaternion": ((bases, 4), np.float32),
-        "base_source": ((bases, 2), np.int32),
-        "base_mirrored": ((bases,), np.bool_),
         "views": ((views, 2), np.float64),
         "sample_base": ((samples,), np.int32),
         "sample_view": ((samples,), np.int16),
@@ -43,23 +44,22 @@ def check_library(library: PoseLibrary) -> None:
         "occluded": ((samples, parts), np.bool_),
         "cut": ((samples,), np.bool_),
         "leaf_samples": ((samples,), np.int32),
-        "sigma_rad": ((dofs,), np.float32),
     }
     for name, (shape, dtype) in shapes.items():
         _check(name, getattr(library, name), shape, dtype)
     if views != library.settings.views_count:
         raise ValueError(f"views are {views}, its settings make {library.settings.views_count}")
-    _within("base_angles", library.base_angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
+    _within("base_angles", bases.angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
     _within("views", library.views, -_LARGEST_ANGLE, _LARGEST_ANGLE)
     _within("pelvis_px", library.pelvis_px, -_LARGEST_PX, _LARGEST_PX)
-    _within("sigma_rad", library.sigma_rad, 1e-6, _LARGEST_ANGLE)
-    _within("root_sigma_rad", np.array([library.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
-    norms = np.linalg.norm(library.base_quaternion.astype(np.float64), axis=1)
+    _within("sigma_rad", bases.sigma_rad, 1e-6, _LARGEST_ANGLE)
+    _within("root_sigma_rad", np.array([bases.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
+    norms = np.linalg.norm(bases.quaternion.astype(np.float64), axis=1)
     _within("lengths of base_quaternion", norms, 0.99, 1.01)
-    _within("sample_base", library.sample_base, 0, bases - 1)
+    _within("sample_base", library.sample_base, 0, poses - 1)
     _within("sample_view", library.sample_view, 0, views - 1)
-    _within("base_source", library.base_source[:, 0], 0, len(library.clips) - 1)
-    _within("base_source", library.base_source[:, 1], 0, np.iinfo(np.int32).max)
+    _within("base_source", bases.source[:, 0], 0, len(bases.clips) - 1)
+    _within("base_source", bases.source[:, 1], 0, np.iinfo(np.int32).max)
     left, top, right, bottom = library.bounds_px
     if not (0 <= left <= right <= WINDOW_PX[0] and 0 <= top <= bottom <= WINDOW_PX[1]):
         raise ValueError(f"bounds_px {library.bounds_px} are not in the window")
@@ -79,7 +79,7 @@ def check_library_settings(settings: LibrarySettings) -> None:
         "mirror": isinstance(settings.mirror, bool),
         "thresholds": len(settings.thresholds) == len(SIZES_PX) and _real(*settings.thresholds),
         "tolerance_deg": _real(settings.tolerance_deg),
-        "weighting": settings.weighting in WEIGHTINGS,
+        "weighting": settings.weighting in _WEIGHTINGS,
     }
     if wrong := [name for name, is_good in good.items() if not is_good]:
         raise ValueError(f"its settings have an impossible {wrong[0]}")
@@ -137,11 +137,11 @@ def _check_neighbours(library: PoseLibrary) -> None:
     """Checks the nearest samples, of which the first is the sample itself."""
     for model in {name.partition(".")[0] for name in library.neighbours}:
         index, square = (library.neighbours[f"{model}.{name}"] for name in ("index", "square"))
-        kept = index.shape[1] if index.ndim == 2 else 0
+        count = index.shape[1] if index.ndim == 2 else 0
         name = f"neighbours.{model}"
-        _check(f"{name}.index", index, (len(library), kept), np.int32)
-        check_array(f"{name}.square", square, (len(library), kept), np.float32)
-        if not kept:
+        _check(f"{name}.index", index, (len(library), count), np.int32)
+        check_array(f"{name}.square", square, (len(library), count), np.float32)
+        if not count:
             raise ValueError(f"{name}.index is empty")
         _within(f"{name}.index", index, 0, len(library) - 1)
         # Infinite where there were too few candidates, but not of all: weights are divided by

@@ -8,8 +8,7 @@ the first pose and of the position, and the threshold of the surviving nodes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +17,14 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
-from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.monocular.silhouette_weights import reduced_weights
 from silhouette_core.monocular.tree.descent import (
     SHIFTS_PX,
+    Alignments,
     Posterior,
     log_sums,
-    sample_poses,
     tree_posterior,
 )
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
@@ -34,32 +32,12 @@ from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
-from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.target import Target
 
 _COARSEST = 4  # pixels of the window in one of the first level
 _MOST_STEPS = 30  # frame intervals without a silhouette that are predicted one by one
-
-
-@dataclass(frozen=True, eq=False)
-class PaperFrame:
-    """Posterior of a frame over M samples of the surviving leaves and C positions.
-
-    Attributes:
-        time_s: of the frame.
-        window: the silhouette as the library's camera would see it.
-        samples: (M,) int64, likeliest first.
-        probability: (M, C) float64, summing to 1.
-        places_m: (C, 3) float64, world, where the middle of the silhouette would be.
-    """
-
-    time_s: float
-    window: Window
-    samples: NDArray[np.int64]
-    probability: NDArray[np.float64]
-    places_m: NDArray[np.float64]
 
 
 class PaperFilter:
@@ -90,9 +68,8 @@ class PaperFilter:
         camera: pinhole camera without distortion.
         distance_m: distance of the person in the first frame.
         first: (N,) prior of a first frame, see `initial_prior`.
-        weighting: pixel weights of the silhouette distance.
-        sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, so that one
-            number suits all weightings; constant from then on.
+        sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, constant
+            from then on.
         interval_s: time between two frames.
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
@@ -109,7 +86,6 @@ class PaperFilter:
         distance_m: float,
         first: NDArray[np.float64],
         backend: Backend,
-        weighting: Weighting = "nwxor",
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
         in_place: bool = False,
@@ -117,57 +93,47 @@ class PaperFilter:
         """Starts without a posterior."""
         self.library, self._transitions, self._camera = library, transitions, camera
         self._distance_m, self._first, self._in_place = distance_m, first, in_place
-        self._weighting: Weighting = weighting
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
         self._shifts_px = np.zeros((1, 2), np.int64) if in_place else _COARSEST * SHIFTS_PX
         self._sigma = 0.0  # until the first frame
-        self._last: PaperFrame | None = None
+        self._last: Posterior | None = None
+        self._last_s = 0.0
 
-    def step(self, time_s: float, mask: NDArray[np.bool_]) -> PaperFrame:
+    def step(self, time_s: float, mask: NDArray[np.bool_]) -> Posterior:
         """Posterior of the next frame given all frames up to it, of which the mask (h, w) bool, not
         empty, is the silhouette. Frames that are left out are predicted across.
         """
         window = self._window(mask, 1.0)
         if self._last is None:
-            weights = pixel_weights(window.mask, self._weighting, self.library.bounds_px)
+            weights = self._weights(window.mask)
             self._sigma = self._share * float(weights[window.mask].sum()) / weights.size
-        middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
-        places_m = window.unproject(middle, window.distance_m)
-        if self._last is None:
-            prior = np.outer(self._first, np.full(len(places_m), 1 / len(places_m)))
+            count = len(self._shifts_px)
+            prior = np.outer(self._first, np.full(count, 1 / count))
         else:
-            prior = self._predict(self._last, time_s, places_m)
-        found = self._update(prior, window)
-        self._last = PaperFrame(time_s, window, found.samples, found.probability, places_m)
+            prior = self._predict(self._last, time_s - self._last_s, window)
+        self._last, self._last_s = self._update(prior, window), time_s
         if not self._in_place:
-            self._follow_distance(mask, found)
+            self._follow_distance(mask, self._last)
         return self._last
 
-    def poses(self, frame: PaperFrame, rows: Sequence[int]) -> PoseArrays:
-        """Samples of some rows of a posterior as poses in the world, where each is likeliest."""
-        cell = frame.probability[rows].argmax(axis=1)
-        return sample_poses(
-            self.library,
-            frame.samples[rows],
-            [frame.window],
-            np.zeros_like(cell),
-            self._shifts_px[cell],
-        )
+    def places_m(self, window: Window) -> NDArray[np.float64]:
+        """Positions (C, 3) in the world, where the middle of a silhouette would be."""
+        middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
+        return window.unproject(middle, window.distance_m)
 
     def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
         """The silhouette as the library's camera would see it at a multiple of the distance."""
         metre_px = STATURE_PX / self.library.model.length_m
         return look_at(self._camera, mask, factor * self._distance_m, metre_px)
 
-    def _predict(
-        self, last: PaperFrame, time_s: float, places_m: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> NDArray[np.float64]:
         """Prior (N, C), eq. (14): the pose moves as the library's transitions, the position at
         random.
         """
-        steps = int(np.clip(round((time_s - last.time_s) / self._interval_s), 1, _MOST_STEPS))
+        steps = int(np.clip(round(elapsed_s / self._interval_s), 1, _MOST_STEPS))
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
-        moved = -0.5 * cdist(last.places_m, places_m, "sqeuclidean") / sigma_m**2
+        before_m = self.places_m(last.alignments.windows[0])
+        moved = -0.5 * cdist(before_m, self.places_m(window), "sqeuclidean") / sigma_m**2
         moved = np.exp(moved - log_sums(moved)[:, None])
         prior = self._transitions[last.samples].T @ (last.probability @ moved)  # eq. (2), (14)
         for _ in range(steps - 1):
@@ -176,19 +142,19 @@ class PaperFilter:
 
     def _update(self, prior: NDArray[np.float64], window: Window) -> Posterior:
         """Posterior by a prior (N, C)."""
-
-        def target_of(reduction: int) -> Target:
-            return self._target(window, reduction)
-
-        return tree_posterior(self.library, prior, target_of, self._sigma, self._backend)
+        alignments = Alignments((window,), self._shifts_px, partial(self._target, window))
+        return tree_posterior(self.library, prior, alignments, self._sigma, self._backend)
 
     def _target(self, window: Window, reduction: int) -> Target:
-        """The silhouette in all positions at a resolution, weighed by eq. (8) or (9)."""
-        bounds_px = self.library.bounds_px
-        mask, weights = reduced_weights(window, self._weighting, reduction, bounds_px)
+        """The silhouette in all positions at a resolution."""
+        mask, weights = window.weighed(reduction, self._weights)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _follow_distance(self, mask: NDArray[np.bool_], found: Posterior) -> None:
+    def _weights(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
+        return nwxor_weights(mask, self.library.bounds_px)
+
+    def _follow_distance(self, mask: NDArray[np.bool_], posterior: Posterior) -> None:
         """Follows the distance by the size in which the silhouettes of the surviving leaves fit
         best, in the mean over their posterior, by XOR, eq. (6).
 
@@ -200,9 +166,10 @@ class PaperFilter:
         masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
         weights = tuple(np.full(one.shape, max(one.sum(), 1) ** -0.5) for one in masks)
         target = Target(masks, weights, self._shifts_px)
-        apart = self._backend.span_distances(target, self.library.levels[-1].spans, found.leaves)
-        by_size = apart.reshape(len(found.leaves), len(masks), -1)
-        mean = np.einsum("kc,ksc->s", found.of_leaves, by_size)
+        leaves, of_leaves = posterior.leaves, posterior.of_leaves
+        distances = self._backend.span_distances(target, self.library.levels[-1].spans, leaves)
+        by_size = distances.reshape(len(leaves), len(masks), -1)
+        mean = np.einsum("kc,ksc->s", of_leaves, by_size)
         self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
 
 

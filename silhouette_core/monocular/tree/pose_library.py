@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
 from silhouette_core.monocular.tuning import TREE
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
@@ -57,7 +57,7 @@ class LibrarySettings:
         mirror: whether every pose's mirror image is added.
         thresholds: T_l of each level, in units of XOR, see `Scorer.threshold` of
             `silhouette_core.monocular.tree.tree`.
-        weighting: of the silhouette distance by which the samples are divided.
+        weighting: of the silhouette distance by which the samples are divided: "nwxor" or "xor".
     """
 
     poses: int = 60_000
@@ -66,7 +66,7 @@ class LibrarySettings:
     pitches_deg: tuple[float, ...] = (8.0,)
     mirror: bool = True
     thresholds: tuple[float, float, float] = TREE.thresholds
-    weighting: Weighting = "nwxor"
+    weighting: str = "nwxor"
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -108,6 +108,50 @@ class LibrarySettings:
         yaw = np.arange(round(360 / self.yaw_step_deg)) * self.yaw_step_deg
         return np.radians([[y, pitch] for pitch in self.pitches_deg for y in yaw])
 
+    def weights(self, mask: NDArray[np.bool_], bounds_px: Rectangle) -> NDArray[np.float32]:
+        r"""Weights (h, w) of the pixels of a silhouette P, (h, w) bool: `nwxor_weights`, or by
+        XOR, the density of the window's pixels W that disagree with a silhouette Q, all 1.
+
+        .. math::
+            :label: okada-6
+
+            d_{XOR}(P, Q) = \frac{1}{|W|} \sum_{x \in W} |P(x) - Q(x)|
+
+        Source: Okada and Stenger, eq. (6).
+        """
+        if self.weighting == "nwxor":
+            return nwxor_weights(mask, bounds_px)
+        return np.ones(mask.shape, np.float32)  # eq. (6)
+
+
+@dataclass(frozen=True, eq=False)
+class BasePoses:
+    """B base poses.
+
+    Attributes:
+        angles: (B, D) float32, joint angles, radians.
+        quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
+        source: (B, 2) int32, index of the clip and number of the frame.
+        mirrored: (B,) bool, whether the pose is the mirror image of its source.
+        clips: names of the clips.
+        sigma_rad: (D,) float32, step sizes of the joint angles within 1/30 s, spacing of the
+            library included, see `base_poses.motion_sigmas`.
+        root_sigma_rad: step size of the pelvis's orientation.
+        spacing_m: least distance along some axis of some joint of any two poses, if the tolerance
+            in degrees left too many; else 0; of a library that was read, too.
+        frames: number of poses before thinning; 0 of a library that was read.
+    """
+
+    angles: NDArray[np.float32]
+    quaternion: NDArray[np.float32]
+    source: NDArray[np.int32]
+    mirrored: NDArray[np.bool_]
+    clips: tuple[str, ...]
+    sigma_rad: NDArray[np.float32]
+    root_sigma_rad: float
+    spacing_m: float
+    frames: int
+
 
 @dataclass(frozen=True, eq=False)
 class PoseLibrary:
@@ -115,10 +159,6 @@ class PoseLibrary:
 
     Attributes:
         model: the body, which faces -y at yaw 0.
-        base_angles: (B, D) float32, joint angles, radians.
-        base_quaternion: (B, 4) float32, w x y z, orientation of the pelvis, heading removed.
-        base_source: (B, 2) int32, index of the clip and number of the frame.
-        base_mirrored: (B,) bool, whether the pose is the mirror image of its source.
         views: (V, 2) float64, yaw and pitch, radians, see `rendering.camera_from_body`.
         sample_base: (N,) int32, base pose of each sample.
         sample_view: (N,) int16, view of each sample.
@@ -130,9 +170,6 @@ class PoseLibrary:
         leaf_offsets: (K_L + 1,) int64; node k of the finest level has the samples leaf_offsets[k]
             to leaf_offsets[k + 1] - 1 of leaf_samples, the representative among them.
         leaf_samples: (N,) int32, samples of all leaves.
-        sigma_rad: (D,) float32, step sizes of the joint angles within 1/30 s, spacing of the
-            library included, see `base_poses.motion_sigmas`.
-        root_sigma_rad: step size of the pelvis's orientation.
         bounds_px: smallest rectangle of the window of 320 x 240 that holds the silhouettes of all
             samples, the outer limit of eq. (9).
         neighbours: nearest samples of every sample, see `transitions.find_neighbours`.
@@ -141,11 +178,7 @@ class PoseLibrary:
 
     model: BodyModel
     settings: LibrarySettings
-    base_angles: NDArray[np.float32]
-    base_quaternion: NDArray[np.float32]
-    base_source: NDArray[np.int32]
-    base_mirrored: NDArray[np.bool_]
-    clips: tuple[str, ...]
+    bases: BasePoses
     views: NDArray[np.float64]
     sample_base: NDArray[np.int32]
     sample_view: NDArray[np.int16]
@@ -156,8 +189,6 @@ class PoseLibrary:
     levels: tuple[Level, ...]
     leaf_offsets: NDArray[np.int64]
     leaf_samples: NDArray[np.int32]
-    sigma_rad: NDArray[np.float32]
-    root_sigma_rad: float
     bounds_px: Rectangle
     neighbours: Mapping[str, NDArray] = field(default_factory=dict)
     proposal: PoseProposal | None = None
@@ -189,8 +220,8 @@ class PoseLibrary:
         base = self.sample_base[samples]
         yaw = self.views[self.sample_view[samples], 0] / 2
         turn = np.stack([np.cos(yaw), 0 * yaw, 0 * yaw, np.sin(yaw)], -1)
-        matrices = rotation_matrices(turn) @ rotation_matrices(self.base_quaternion[base])
-        return quaternions(matrices), self.base_angles[base].astype(np.float64)
+        matrices = rotation_matrices(turn) @ rotation_matrices(self.bases.quaternion[base])
+        return quaternions(matrices), self.bases.angles[base].astype(np.float64)
 
     def render(self, samples: NDArray[np.integer]) -> RenderedViews:
         """Views of samples (n,), rendered again exactly as in the build of the library.
@@ -199,7 +230,7 @@ class PoseLibrary:
         other samples of a leaf look alike by construction.
         """
         base, surface = np.unique(self.sample_base[samples], return_inverse=True)
-        surfaces = pose_surfaces(self.model, self.base_quaternion[base], self.base_angles[base])
+        surfaces = pose_surfaces(self.model, self.bases.quaternion[base], self.bases.angles[base])
         return render_views(self.model, surfaces, surface, self.views[self.sample_view[samples]])
 
 

@@ -15,9 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
 from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.tree.descent import Posterior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
-from silhouette_core.monocular.tree.sample_search import FoundSamples, find_samples
+from silhouette_core.monocular.tree.sample_search import find_samples
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
@@ -70,10 +71,10 @@ def find_root(
         _refined(find_samples(library, camera, mask, backend), views, surface, mask, backend)
         for mask in masks
     ]
-    found = [_settled(surface, frames, root, backend) for root in _likely_roots(frames)]
-    root, held = min(found, key=_error)
+    settled = [_settled(surface, frames, root, backend) for root in _likely_roots(frames)]
+    best = min(settled, key=_error)
     turned = [
-        [_turned(frame, turn, model) for frame in held]
+        [_turned(frame, turn, model) for frame in best[1]]
         for turn in yaw_rotations(np.arange(1, _HEADINGS) * 2 * np.pi / _HEADINGS)
     ]
     others = [
@@ -85,12 +86,12 @@ def find_root(
     ]
     likely = sorted(others, key=_error)[:_HEADINGS_TRIED]
     settled = [_settled(surface, frames, frames[0].poses[0], backend) for _, frames in likely]
-    return min([(root, held), *settled], key=_error)[0]
+    return min([best, *settled], key=_error)[0]
 
 
-def _error(found: tuple[Pose, list[_Frame]]) -> float:
+def _error(placed: tuple[Pose, list[_Frame]]) -> float:
     """Mean over frames of the error of the best pose with a root."""
-    return float(rounded(np.mean([frame.errors.min() for frame in found[1]])))
+    return float(rounded(np.mean([frame.errors.min() for frame in placed[1]])))
 
 
 def _settled(
@@ -127,16 +128,16 @@ def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pos
 
 
 def _refined(
-    found: FoundSamples,
+    posterior: Posterior,
     views: PinholeViews,
     surface: Surface,
     mask: NDArray[np.bool_],
     backend: Backend,
 ) -> _Frame:
     """The best poses of every view, refined with the root free."""
-    poses = found.poses(_best_of_views(found)).poses()
-    observation = Observation.from_masks(views, [mask], found.distance_m)
-    return _fitted(backend, surface, observation, poses, _STARTS, 3, 0.1 * found.distance_m)
+    poses, distance_m = posterior.poses(_best_of_views(posterior)).poses(), posterior.distance_m
+    observation = Observation.from_masks(views, [mask], distance_m)
+    return _fitted(backend, surface, observation, poses, _STARTS, 3, 0.1 * distance_m)
 
 
 def _fitted(
@@ -159,12 +160,12 @@ def _fitted(
     return _Frame(observation, refined, errors)
 
 
-def _best_of_views(found: FoundSamples) -> list[int]:
-    view = found.library.sample_view[found.samples]
+def _best_of_views(posterior: Posterior) -> list[int]:
+    views = posterior.library.sample_view[posterior.samples]
     return [
         row
-        for own in range(len(found.library.views))
-        for row in np.flatnonzero(view == own)[:_OF_EACH_VIEW].tolist()
+        for view in range(len(posterior.library.views))
+        for row in np.flatnonzero(views == view)[:_OF_EACH_VIEW].tolist()
     ]
 
 

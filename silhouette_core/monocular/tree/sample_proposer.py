@@ -35,32 +35,32 @@ class SampleProposal(FrameProposal):
 
     Attributes:
         samples: likeliest first, in the world.
-        away_m: distance of the body.
+        body_distance_m: distance of the body.
         root: place of a root that stands still, with any joint angles; None: it moves.
         different_m: mean distance of the joints within which two samples explain a silhouette
             alike.
     """
 
     samples: PoseArrays
-    away_m: float
+    body_distance_m: float
     root: Pose | None
     different_m: float
 
     @property
     def distance_m(self) -> float:
         """Distance of the body."""
-        return self.away_m
+        return self.body_distance_m
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """The likeliest samples that are different from each other."""
-        model, sigma = surface.model, _deviations(surface.model, self.root is not None)
+        model, root = surface.model, self.root
+        sigma = _deviations(model, root is not None)
         joints = landmarks(model, *place(model, *self.samples.arrays))
         order = np.arange(len(joints))
         chosen = select_different(joints, order, _SEEDS, self.different_m)
         poses = [self.samples.poses()[k] for k in chosen]
-        if self.root is not None:
-            root = self.root.root_m, self.root.root_rotation
-            poses = [Pose(*root, pose.angles_rad) for pose in poses]
+        if root is not None:
+            poses = [Pose(root.root_m, root.root_rotation, pose.angles_rad) for pose in poses]
         return [RefineStart(pose, _FROM_LIBRARY, PosePrior(pose, sigma)) for pose in poses]
 
 
@@ -81,12 +81,14 @@ class SampleProposer(Proposer):
 
     def note(self, time_s: float, person: Person) -> SampleProposal:
         """The frame's proposal."""
-        root, away_m = self._root, None
+        root, root_distance_m = self._root, None
         if root is not None:
-            away_m = float(np.linalg.norm(root.root_m - self._camera.center_m))
-        found = find_samples(self._library, self._camera, person.mask, self._backend, away_m)
-        likeliest = found.poses(slice(_CONSIDERED))
-        return SampleProposal(likeliest, found.distance_m, root, self._different_m)
+            root_distance_m = float(np.linalg.norm(root.root_m - self._camera.center_m))
+        posterior = find_samples(
+            self._library, self._camera, person.mask, self._backend, root_distance_m
+        )
+        likeliest = posterior.poses(slice(_CONSIDERED))
+        return SampleProposal(likeliest, posterior.distance_m, root, self._different_m)
 
     def propose(
         self, notes: Sequence[SampleProposal], people: Sequence[Person], first: bool

@@ -28,7 +28,12 @@ from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.library_check import check_library, check_library_settings
-from silhouette_core.monocular.tree.pose_library import Level, LibrarySettings, PoseLibrary
+from silhouette_core.monocular.tree.pose_library import (
+    BasePoses,
+    Level,
+    LibrarySettings,
+    PoseLibrary,
+)
 
 VERSION = 4
 _BODY = "body."
@@ -43,11 +48,8 @@ _TYPES = {
     "F32": np.float32,
     "F64": np.float64,
 }
+_BASES = "angles", "quaternion", "source", "mirrored"
 _PLAIN = (
-    "base_angles",
-    "base_quaternion",
-    "base_source",
-    "base_mirrored",
     "views",
     "sample_base",
     "sample_view",
@@ -57,7 +59,6 @@ _PLAIN = (
     "cut",
     "leaf_offsets",
     "leaf_samples",
-    "sigma_rad",
 )
 _LARGEST_HEADER = 10_000_000
 _AGAIN = "build the library again (voxelpose library build)"
@@ -67,8 +68,10 @@ _MARKED = 100_000  # the format's name stands within so many bytes
 
 def write_library(library: PoseLibrary, path: Path) -> None:
     """Writes a library atomically."""
-    arrays = {name: getattr(library, name) for name in _PLAIN}
-    arrays["body_shape"], person = library.model.shape, library.model.person
+    bases, person = library.bases, library.model.person
+    arrays = {f"base_{name}": getattr(bases, name) for name in _BASES}
+    arrays |= {name: getattr(library, name) for name in _PLAIN}
+    arrays |= {"sigma_rad": bases.sigma_rad, "body_shape": library.model.shape}
     body: dict[str, object] = {} if person is None else {"sizes": asdict(person)}
     if person is None:
         given, body["tree"] = body_arrays(library.model)
@@ -89,11 +92,11 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         "angles": list(library.model.tree.dof_names),
         "parts": list(library.model.names),
         "settings": asdict(library.settings),
-        "clips": list(library.clips),
+        "clips": list(bases.clips),
         "levels": [
             {"size_px": level.size_px, "threshold": level.threshold} for level in library.levels
         ],
-        "root_sigma_rad": library.root_sigma_rad,
+        "root_sigma_rad": bases.root_sigma_rad,
         "bounds_px": library.bounds_px,
         "checksums": {
             name: zlib.crc32(array.data.cast("B") if array.size else b"")
@@ -183,9 +186,15 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
     return PoseLibrary(
         model=model,
         settings=made_with,
-        clips=tuple(about["clips"]),
+        bases=BasePoses(
+            **{name: arrays[f"base_{name}"] for name in _BASES},
+            clips=tuple(about["clips"]),
+            sigma_rad=arrays["sigma_rad"],
+            root_sigma_rad=float(about["root_sigma_rad"]),
+            spacing_m=0.0,
+            frames=0,
+        ),
         levels=tuple(levels),
-        root_sigma_rad=float(about["root_sigma_rad"]),
         bounds_px=Rectangle(int(edge) for edge in about["bounds_px"]),
         neighbours=_group(arrays, "neighbours."),
         proposal=PoseProposal.from_arrays(learned) if learned else None,

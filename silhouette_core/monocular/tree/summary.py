@@ -20,16 +20,16 @@ _GAP = 4
 def summary(library: PoseLibrary, path: Path) -> str:
     """A few lines on what a library holds."""
     pitches = sorted(set(np.degrees(library.views[:, 1]).round(3).tolist()))
-    mirrored = int(library.base_mirrored.sum())
+    mirrored = int(library.bases.mirrored.sum())
     nodes = " / ".join(f"{len(level):,}" for level in library.levels)
     thresholds = " / ".join(f"{level.threshold:.4f}" for level in library.levels)
-    clips = np.bincount(library.base_source[:, 0], minlength=len(library.clips))
+    clips = np.bincount(library.bases.source[:, 0], minlength=len(library.bases.clips))
     occluded, proposal = library.occluded.mean(axis=0), library.proposal
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB",
         f"body      {describe_body(library.model)}",
         (
-            f"poses     {len(library):,} = {len(library.base_angles):,} ({mirrored:,} of them"
+            f"poses     {len(library):,} = {len(library.bases.angles):,} ({mirrored:,} of them"
             f" mirror images) x {len(library.views)} views"
         ),
         (
@@ -48,8 +48,8 @@ def summary(library: PoseLibrary, path: Path) -> str:
         ),
         "proposal  none" if proposal is None else f"proposal  {proposal.network.modes} modes",
         (
-            f"clips     {int((clips > 0).sum())} of {len(library.clips)} gave poses:"
-            f" {', '.join(library.clips)}"
+            f"clips     {int((clips > 0).sum())} of {len(library.bases.clips)} gave poses:"
+            f" {', '.join(library.bases.clips)}"
         ),
     ]
     return "\n".join(lines)
@@ -89,11 +89,11 @@ def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:
 
 def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Image of one node."""
-    shown = samples[
+    drawn = samples[
         np.unique(np.linspace(0, len(samples) - 1, min(_ACROSS - 1, len(samples))).astype(int))
     ]
     windows = library.render(
-        np.concatenate([[library.levels[0].representative[node]], shown])
+        np.concatenate([[library.levels[0].representative[node]], drawn])
     ).windows
     colours = len(library.model.names) + 1
     hues = (np.arange(colours) * 53 % 180).astype(np.uint8)
@@ -112,7 +112,7 @@ def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray
         for part in palette[windows[:, top : top + high, left : left + wide]]
     ]
     tiles[0][:, -_GAP:] = 255
-    font = cv2.FONT_HERSHEY_SIMPLEX, 0.38, (235, 235, 235), 1, cv2.LINE_AA
-    cv2.putText(tiles[0], f"node {node}: {len(samples)}", (3, 12), *font)
+    label, light = f"node {node}: {len(samples)}", (235, 235, 235)
+    cv2.putText(tiles[0], label, (3, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.38, light, 1, cv2.LINE_AA)
     tiles += [np.full_like(tiles[0], 25)] * (_ACROSS - len(tiles))
     return np.concatenate(tiles, axis=1)

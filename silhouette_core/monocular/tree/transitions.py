@@ -69,11 +69,11 @@ def transitions(
 
     Source: Okada and Stenger, eq. (4); the restriction to neighbours is ours.
     """
-    name, kept = "dm2" if occlusion_aware else "dm1", library.neighbours
-    if f"{name}.index" not in kept:
-        kept = find_neighbours(library, occlusion_aware)
+    name, stored = "dm2" if occlusion_aware else "dm1", library.neighbours
+    if f"{name}.index" not in stored:
+        stored = find_neighbours(library, occlusion_aware)
     index, square = (
-        np.asarray(kept[f"{name}.{array}"])[:, :neighbours] for array in ("index", "square")
+        np.asarray(stored[f"{name}.{array}"])[:, :neighbours] for array in ("index", "square")
     )
     variance = sigma_scale**2 * interval_s * FPS
     weight = np.exp(square.astype(np.float64) / (-2 * variance))  # eq. (4)
@@ -110,7 +110,7 @@ def find_neighbours(
     reporter = reporter or SilentReporter()
     reporter.stage("motion model", len(library))
     orientation = view_orientations(
-        library.base_quaternion[library.sample_base], library.views[library.sample_view]
+        library.bases.quaternion[library.sample_base], library.views[library.sample_view]
     )
     occluded = library.occluded if occlusion_aware else np.zeros_like(library.occluded)
     index = np.empty((len(library), kept), np.int32)
@@ -170,8 +170,8 @@ def step_precisions(
     """
     model = library.model
     factor = np.where(occluded, MOTION_MODEL.magnification, 1.0)  # eq. (5)
-    sigma = factor[:, model.tree.dof_part] * library.sigma_rad
-    root = factor[:, 0] * library.root_sigma_rad
+    sigma = factor[:, model.tree.dof_part] * library.bases.sigma_rad
+    root = factor[:, 0] * library.bases.root_sigma_rad
     return 1 / sigma**2, 1 / root**2
 
 
@@ -185,12 +185,12 @@ def _nearest(
 ) -> None:
     """Fills index and square (n, K) for some sources."""
     per_joint, per_root = step_precisions(library, occluded)
-    angles = library.base_angles.astype(np.float64)
-    own = angles[library.sample_base[sources]]
+    angles = library.bases.angles.astype(np.float64)
+    source_angles = angles[library.sample_base[sources]]
     # (a - b)^2 multiplied out, so that it becomes two matrix products.
     joints = (
-        (per_joint * own**2).sum(axis=1)[:, None]
-        - 2 * (per_joint * own) @ angles.T
+        (per_joint * source_angles**2).sum(axis=1)[:, None]
+        - 2 * (per_joint * source_angles) @ angles.T
         + per_joint @ (angles**2).T
     )
     joints = np.maximum(joints, 0.0)

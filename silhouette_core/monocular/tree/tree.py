@@ -10,8 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from silhouette_core.image.distance import Weighting
 from silhouette_core.image.spans import Rectangle, Spans
+from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.cpu import CpuBackend
@@ -65,21 +65,22 @@ class Scorer:
     Attributes:
         spans: all samples' silhouettes.
         size_px: (width, height).
-        weighting: of the pixels, by the representative's silhouette.
-        bounds_px: rectangle of the library, see `pixel_weights`.
+        settings: weigh the pixels of the representative's silhouette.
+        bounds_px: rectangle of the library, see `PoseLibrary`.
     """
 
     spans: Spans
     size_px: tuple[int, int]
-    weighting: Weighting
-    bounds_px: Rectangle | None = None
+    settings: LibrarySettings
+    bounds_px: Rectangle
 
     def __call__(
         self, representative: int, samples: NDArray[np.int64], threads: bool
     ) -> NDArray[np.float64]:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
-        target = Target.from_mask(mask, self.weighting, self.bounds_px)
+        weights = self.settings.weights(mask, self.bounds_px)
+        target = Target((mask,), (weights,), scale=1 / mask.size)
         # Not what a command chooses: a library is the same whatever scores with it.
         scored = CpuBackend().span_distances(target, self.spans, samples, parallel=threads)
         return scored[:, 0]
@@ -88,16 +89,17 @@ class Scorer:
         """Largest distance of as many pairs of samples as are within `by_xor` by XOR: one rule for
         all weightings, so that their trees have about the same shares of nodes.
         """
-        if self.weighting == "xor":
+        if self.settings.weighting == "xor":
             return by_xor
         everybody = np.arange(len(self.spans), dtype=np.int64)
         drawn = np.random.default_rng(0).permutation(everybody)[:_DRAWN].tolist()
-        own, xor = (
+        xor_scorer = replace(self, settings=replace(self.settings, weighting="xor"))
+        weighted, xor = (
             np.concatenate([score(first, everybody, True) for first in drawn])
-            for score in (self, replace(self, weighting="xor"))
+            for score in (self, xor_scorer)
         )
         within = np.count_nonzero(xor <= by_xor) - 1  # at least every one from itself
-        return float(np.partition(own, within)[within])
+        return float(np.partition(weighted, within)[within])
 
 
 @dataclass(eq=False)

@@ -38,21 +38,11 @@ def exponential_map(vector, rotation, jacobian):
 
 
 @kernel
-def place_parts_and_axes(
-    parents,
-    joints,
-    dof_part,
-    dof_axis,
-    root_rotation,
-    root,
-    angles,
-    part_rotation,
-    part_origin,
-    world_axis,
-):
+def _place_parts(body, root_rotation, root, angles, part_rotation, part_origin, world_axis):
     """Fills part_rotation (P, 3, 3) and part_origin (P, 3), world from part, and world_axis (D, 3):
     angle k moves a point x of its part at the rate world_axis[k] x (x - origin).
     """
+    parents, joints, dof_part, dof_axis = body
     local, jacobian, vector = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     k = 0
     for p in range(parents.shape[0]):
@@ -94,15 +84,6 @@ def place_parts_and_axes(
 
 
 @kernel
-def place_parts(
-    parents, joints, dof_part, dof_axis, root_rotation, root, angles, part_rotation, part_origin
-):
-    """Fills part_rotation and part_origin as `place_parts_and_axes`, without the axes."""
-    body = (parents, joints, dof_part, dof_axis, root_rotation, root, angles)
-    place_parts_and_axes(*body, part_rotation, part_origin, np.empty((dof_part.shape[0], 3)))
-
-
-@kernel
 def place_bodies(
     parents,
     joints,
@@ -116,21 +97,13 @@ def place_bodies(
     world_axes,
 ):
     """Fills part_rotations (K, P, 3, 3), part_origins (K, P, 3) and world_axes (K, D, 3) of K
-    poses, each as `place_parts_and_axes` does.
+    poses: angle d of pose k moves a point x of its part at the rate
+    world_axes[k, d] x (x - origin).
     """
+    body = (parents, joints, dof_part, dof_axis)
     for k in range(angles.shape[0]):
-        place_parts_and_axes(
-            parents,
-            joints,
-            dof_part,
-            dof_axis,
-            root_rotations[k],
-            roots[k],
-            angles[k],
-            part_rotations[k],
-            part_origins[k],
-            world_axes[k],
-        )
+        rotation, origin, axes = part_rotations[k], part_origins[k], world_axes[k]
+        _place_parts(body, root_rotations[k], roots[k], angles[k], rotation, origin, axes)
 
 
 @parallel_kernel
@@ -140,9 +113,8 @@ def place_one_part(
     """Fills rotations (K, 3, 3) and origins (K, 3) of one part for each row of angles (K, D)."""
     for k in prange(angles.shape[0]):
         rotation, origin = np.empty((parents.shape[0], 3, 3)), np.empty((parents.shape[0], 3))
-        place_parts(
-            parents, joints, dof_part, dof_axis, root_rotation, root, angles[k], rotation, origin
-        )
+        body, axes = (parents, joints, dof_part, dof_axis), np.empty((dof_part.shape[0], 3))
+        _place_parts(body, root_rotation, root, angles[k], rotation, origin, axes)
         for i in range(3):
             origins[k, i] = origin[part, i]
             for j in range(3):
@@ -206,14 +178,13 @@ def _solve(matrix, vector):
 
 
 @kernel
-def _solve_frame(
-    parents, joints, dof_part, dof_axis, limits, root, targets, directions, rest, angles
-):
+def _solve_frame(body, limits, root, targets, directions, rest, angles):
     """Improves angles (D,) of one frame in place, as `solve_angles`.
 
     An angle at its limit that is pushed outward is fixed for the step, so that the next part
     takes over what it cannot do.
     """
+    parents, _, dof_part, _ = body
     target_part, target_axis, weight = targets
     count, parts = dof_part.shape[0], parents.shape[0]
     rotation, origin = np.empty((parts, 3, 3)), np.empty((parts, 3))
@@ -223,9 +194,7 @@ def _solve_frame(
     pointing, error = np.empty(3), np.empty(3)
     previous = np.inf
     for _ in range(_STEPS):
-        place_parts_and_axes(
-            parents, joints, dof_part, dof_axis, root, zero, angles, rotation, origin, axes
-        )
+        _place_parts(body, root, zero, angles, rotation, origin, axes)
         cost = 0.0
         normal[:] = 0.0
         for d in range(count):
@@ -279,9 +248,9 @@ def solve_angles(
     parts (K,), axes a (K, 3) in those parts and weights w (K,), with directions t (T, K, 3); roots
     (T, 3, 3) are world from body.
     """
-    body = (parents, joints, dof_part, dof_axis, limits)
+    body = (parents, joints, dof_part, dof_axis)
     for t in range(angles.shape[0]):
         if t > 0:
             for d in range(angles.shape[1]):
                 angles[t, d] = angles[t - 1, d]
-        _solve_frame(*body, roots[t], targets, directions[t], rest, angles[t])
+        _solve_frame(body, limits, roots[t], targets, directions[t], rest, angles[t])

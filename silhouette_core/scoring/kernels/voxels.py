@@ -45,8 +45,8 @@ def voxel_overlap(
     flat, columns = occupancy.reshape(-1), points.T.copy()
     for k in prange(len(rotations)):
         cells = np.empty(len(points), np.int32)
-        grid = origin, per_voxel, occupancy.shape
-        _number_cells(columns, rotations[k], translations[k], *grid, cells)
+        turn, move = rotations[k], translations[k]
+        _number_cells(columns, turn, move, origin, per_voxel, occupancy.shape, cells)
         full, empty = 0.0, 0.0
         for p in range(len(cells)):
             if cells[p] >= 0 and flat[cells[p]]:
@@ -67,8 +67,8 @@ def voxel_cover(numbers, origin, per_voxel, points, rotations, translations, bit
     flat, columns = numbers.reshape(-1), points.T.copy()
     for k in prange(len(rotations)):
         cells = np.empty(len(points), np.int32)
-        grid = origin, per_voxel, numbers.shape
-        _number_cells(columns, rotations[k], translations[k], *grid, cells)
+        turn, move = rotations[k], translations[k]
+        _number_cells(columns, turn, move, origin, per_voxel, numbers.shape, cells)
         missed, shared = 0, 0
         for w in range(bits.shape[1]):
             bits[k, w] = np.uint64(0)

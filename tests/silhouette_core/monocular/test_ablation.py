@@ -40,7 +40,7 @@ def expected_error_m(tracker, frame, truth):
     """Mean distance of the joints about the pelvis, expected over the posterior."""
     rows = np.arange(min(200, len(frame.samples)))
     model = tracker.library.model
-    joints = landmarks(model, *place(model, *tracker.poses(frame, rows).arrays))
+    joints = landmarks(model, *place(model, *frame.poses(rows).arrays))
     apart = np.linalg.norm((joints - joints[:, :1]) - (truth - truth[:1]), axis=-1).mean(axis=1)
     return np.average(apart, weights=frame.probability[rows].sum(axis=1))
 
@@ -54,8 +54,8 @@ def facing(library, frame):
 class WithoutMotion(PaperFilter):
     """After the first frame, every pose is as likely before."""
 
-    def _predict(self, last, time_s, places_m):
-        even = super()._predict(last, time_s, places_m).sum(axis=0) / len(self.library)
+    def _predict(self, last, elapsed_s, window):
+        even = super()._predict(last, elapsed_s, window).sum(axis=0) / len(self.library)
         return np.tile(even, (len(self.library), 1))
 
 

@@ -69,8 +69,8 @@ def test_the_distance_of_a_body_is_found_by_its_silhouettes_area(library, filmed
 
 def test_poses_from_one_side_look_as_the_camera_sees_them(library, filmed):
     pose, mask = filmed[0][7], filmed[1][7]
-    given = replace(library, base_angles=np.array([pose.angles_rad] * 2, np.float32))
-    seen = _from_one_side(given, False, CAMERA, pose)
+    bases = replace(library.bases, angles=np.array([pose.angles_rad] * 2, np.float32))
+    seen = _from_one_side(replace(library, bases=bases), False, CAMERA, pose)
     assert len(seen) == len(seen.views) * 2 == 2
     distance_m = float(np.linalg.norm(pose.root_m - CAMERA.center_m))
     window = look_at(CAMERA, mask, distance_m, STATURE_PX / desk_lamp().length_m)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.monocular.occlusion import occluded_parts, standing_areas, usual_areas
-from silhouette_core.monocular.silhouette_weights import SignedWeights
+from silhouette_core.monocular.tracking.silhouette_weights import SignedWeights
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.window import look_at
 from silhouette_core.scoring.cpu import CpuBackend

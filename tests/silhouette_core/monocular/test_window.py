@@ -25,12 +25,12 @@ def seen(place, ground, base, library, heading=0.5):
     camera = camera_at(place, size=(640, 480))
     half = heading / 2
     turn = rotation_matrices(np.array([[np.cos(half), 0, 0, np.sin(half)]]))[0]
-    rotation = turn @ rotation_matrices(library.base_quaternion[[base]].astype(float))[0]
+    rotation = turn @ rotation_matrices(library.bases.quaternion[[base]].astype(float))[0]
     surface = pose_surfaces(
-        library.model, library.base_quaternion[[base]], library.base_angles[[base]]
+        library.model, library.bases.quaternion[[base]], library.bases.angles[[base]]
     )
     height_m = -float(surface[..., 2].min())
-    pose = Pose(np.array([*ground, height_m]), rotation, library.base_angles[base].astype(float))
+    pose = Pose(np.array([*ground, height_m]), rotation, library.bases.angles[base].astype(float))
     return camera, pose, silhouette(library.model, pose, camera)
 
 
@@ -64,7 +64,7 @@ def test_a_pose_anywhere_looks_as_in_the_library(library, place, ground):
 
 def from_library(library, base, yaw, pitch):
     surfaces = pose_surfaces(
-        library.model, library.base_quaternion[[base]], library.base_angles[[base]]
+        library.model, library.bases.quaternion[[base]], library.bases.angles[[base]]
     )
     return render_views(library.model, surfaces, np.zeros(1, int), np.array([[yaw, pitch]]))
 

@@ -9,14 +9,11 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PARENTS, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.kernels.kinematics import (
-    exponential_map,
-    place_one_part,
-    place_parts_and_axes,
-)
+from silhouette_core.motion.kernels.kinematics import exponential_map, place_one_part
 from silhouette_core.motion.kinematics import (
     forward,
     landmarks,
+    place_with_axes,
     quaternions,
     rotation_matrices,
     skin,
@@ -93,23 +90,10 @@ def test_at_rest_nothing_moves(model):
 
 def test_axes_are_the_derivatives_of_the_joints(model, clip):
     root, quaternion, angles = (array[0] for array in clip)
-    arrays = (
-        model.tree.parents,
-        model.joints_m,
-        model.tree.dof_part,
-        model.tree.dof_axis,
-        rotation_matrices(quaternion),
-        root,
-    )
 
     def placed(q):
-        rotation, origin, axis = (
-            np.empty((27, 3, 3)),
-            np.empty((27, 3)),
-            np.empty((model.dof_count, 3)),
-        )
-        place_parts_and_axes(*arrays, q, rotation, origin, axis)
-        return rotation, origin, axis
+        matrix = rotation_matrices(quaternion)
+        return [one[0] for one in place_with_axes(model, root[None], matrix[None], q[None])]
 
     _, origin, axis = placed(angles)
     step = 1e-6

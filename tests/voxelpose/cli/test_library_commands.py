@@ -43,14 +43,16 @@ def test_build_and_info(clips, desk, capsys):
     )
     out = capsys.readouterr().out
     library = read_library(desk / "me.vplib")
-    assert library.clips == ("wave_1",)
+    assert library.bases.clips == ("wave_1",)
     assert 0 < len(library) <= 12 and library.model.sizes.stature_m == 1.7
     np.testing.assert_allclose(np.degrees(library.views), [[0, 4], [120, 4], [240, 4]])
     assert sorted(path.name for path in desk.iterdir() if path.name != "site") == [
         "clips",
         "me.vplib",
     ]
-    assert f"{len(library)} = {len(library.base_angles)} (0 of them mirror images) x 3 views" in out
+    assert (
+        f"{len(library)} = {len(library.bases.angles)} (0 of them mirror images) x 3 views" in out
+    )
     assert run(["library", "info", str(desk / "me.vplib"), "--png", str(desk / "sheet.png")]) == 0
     assert "stature 1.7 m" in capsys.readouterr().out
     assert (desk / "sheet.png").read_bytes().startswith(b"\x89PNG")

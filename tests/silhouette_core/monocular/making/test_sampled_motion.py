@@ -56,7 +56,7 @@ def test_a_library_keeps_a_body_that_is_no_persons(tmp_path):
         and read.model.tree.dof_names == made.model.tree.dof_names
     )
     np.testing.assert_array_equal(read.model.vertices_m, made.model.vertices_m)
-    np.testing.assert_array_equal(read.base_angles, made.base_angles)
+    np.testing.assert_array_equal(read.bases.angles, made.bases.angles)
     damaged = replace(made, model=replace(desk_lamp(), vertices_m=np.full((3, 3), np.nan)))
     write_library(damaged, tmp_path / "damaged.vplib")
     with pytest.raises(InputError, match=r"damaged\.vplib is damaged"):
@@ -85,7 +85,7 @@ def test_a_library_is_built_from_motions_of_the_body_itself(tmp_path):
     assert list(clips) == ["one", "two"] and len(clips["two"]) == 60
     settings = replace(SETTINGS, mirror=True)
     library = make_library(clips, desk_lamp(), tmp_path / "l.vplib", settings)
-    assert library.proposal is None and not library.base_mirrored.any()
+    assert library.proposal is None and not library.bases.mirrored.any()
     assert library.settings.weighting == "xor"
     with pytest.raises(InputError, match=r"two\.safetensors is the motion of a body with other"):
         read_clips(paths[1:], robot_arm())

@@ -47,22 +47,32 @@ def with_one(array, value, place=-1):
     return array
 
 
+def array_of(library, name):
+    return getattr(library if hasattr(library, name) else library.bases, name.removeprefix("base_"))
+
+
+def with_array(library, name, array):
+    if hasattr(library, name):
+        return replace(library, **{name: array})
+    return replace(library, bases=replace(library.bases, **{name.removeprefix("base_"): array}))
+
+
 @pytest.mark.parametrize("name", ONE_WRONG)
 def test_one_wrong_number_is_named(made, tmp_path, name):
     place = 3 if name == "leaf_offsets" else 0 if name == "base_source" else -1
-    wrong = replace(made, **{name: with_one(getattr(made, name), ONE_WRONG[name], place)})
+    wrong = with_array(made, name, with_one(array_of(made, name), ONE_WRONG[name], place))
     assert name in refusal(wrong, tmp_path / "me.vplib")
 
 
 @pytest.mark.parametrize("name", [*ONE_WRONG, "areas", "occluded", "cut", "base_mirrored"])
 def test_other_shapes_and_types_are_named(made, tmp_path, name):
-    array = getattr(made, name)
+    array = array_of(made, name)
     path = tmp_path / "me.vplib"
     if name not in ("base_angles", "sample_base"):  # whose lengths the others must have
-        assert name in refusal(replace(made, **{name: array[:-1]}), path)
-    assert name in refusal(replace(made, **{name: array[..., None]}), path)
+        assert name in refusal(with_array(made, name, array[:-1]), path)
+    assert name in refusal(with_array(made, name, array[..., None]), path)
     other = np.float64 if array.dtype != np.float64 else np.float32
-    assert name in refusal(replace(made, **{name: array.astype(other)}), path)
+    assert name in refusal(with_array(made, name, array.astype(other)), path)
 
 
 @pytest.mark.parametrize("name", RUNS)

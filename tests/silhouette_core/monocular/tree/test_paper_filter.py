@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from silhouette_core.image.distance import pixel_weights
 from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
@@ -51,8 +51,8 @@ class Watched(PaperFilter):
 def follow(library, camera, matrix, masks, numbers=None, sigma=0.05, backend=None, **options):
     """The filter after some frames, and its posteriors."""
     first = initial_prior(library)
-    scored = first, backend or CpuBackend(), "nwxor", sigma
-    tracker = Watched(library, matrix, camera, DISTANCE_M, *scored, **options)
+    backend = backend or CpuBackend()
+    tracker = Watched(library, matrix, camera, DISTANCE_M, first, backend, sigma, **options)
     numbers = range(len(masks)) if numbers is None else numbers
     frames = [tracker.step(k * INTERVAL_S, mask) for k, mask in zip(numbers, masks, strict=True)]
     return tracker, frames
@@ -87,9 +87,7 @@ def literal_posterior(library, window, prior, sigma):
     masks, reached = silhouette_levels(window.mask), silhouette_levels(window.seen)
     survivors, numbers = np.ones(1, bool), []
     for depth, level in enumerate(library.levels):
-        weights = pixel_weights(masks[depth], "nwxor", library.bounds_px) * reached[depth].astype(
-            float
-        )
+        weights = nwxor_weights(masks[depth], library.bounds_px) * reached[depth].astype(float)
         shown = masks_of(level.spans, np.arange(len(level)), level.size_px)
         # The weight of P, and over Q that of what P lacks less that of what it has: instead of
         # every Q the weights are moved, the other way.
@@ -116,11 +114,11 @@ def test_posterior_is_the_literal_one(library, camera, in_place, sigma):
     stay = identity(len(library), format="csr")
     masks = [seen(library, 7), seen(library, 8), seen(library, 150)]
     tracker, frames = follow(library, camera, stay, masks, sigma=sigma, in_place=in_place)
-    first = frames[0].window.mask
-    weight = pixel_weights(first, "nwxor", library.bounds_px).astype(float)[first].sum()
+    first = frames[0].alignments.windows[0].mask
+    weight = nwxor_weights(first, library.bounds_px).astype(float)[first].sum()
     pruned = 0
     for frame, prior in zip(frames, tracker.priors, strict=True):
-        given = frame.window, prior, sigma * weight / first.size
+        given = frame.alignments.windows[0], prior, sigma * weight / first.size
         expected, numbers = literal_posterior(library, *given)
         result = np.zeros_like(expected)
         result[frame.samples] = frame.probability
@@ -145,12 +143,14 @@ def test_the_position_is_a_random_walk(library, camera):
     """The joint prior of pose and position, summed over both as they were."""
     stay = identity(len(library), format="csr")
     tracker, (frame,) = follow(library, camera, stay, [seen(library, 5)], sigma=0.3)
-    places = frame.places_m + np.array([0.02, 0.0, 0.01])
-    prior = tracker._predict(frame, 2 * INTERVAL_S, places)
+    (window,) = frame.alignments.windows
+    moved = replace(window, center_m=window.center_m + np.array([0.02, 0.0, 0.01]))
+    places = tracker.places_m(moved)
+    prior = tracker._predict(frame, 2 * INTERVAL_S, moved)
     assert prior.sum() == pytest.approx(1)
     for row in (0, 1):
         expected = np.zeros(len(places))
-        for before, share in zip(frame.places_m, frame.probability[row], strict=True):
+        for before, share in zip(tracker.places_m(window), frame.probability[row], strict=True):
             square = np.square(places - before).sum(axis=1) / (2 * ROOT_STEP_M**2)
             expected += share * np.exp(-0.5 * square) / np.exp(-0.5 * square).sum()
         np.testing.assert_allclose(prior[frame.samples[row]], expected, rtol=1e-6)
@@ -164,8 +164,9 @@ def test_a_pose_is_where_its_silhouette_was_moved_to(library, camera):
         probability = np.zeros((1, 9))
         probability[0, cell] = 1.0
         moved = replace(frame, samples=frame.samples[:1], probability=probability)
-        roots.append(tracker.poses(moved, [0]).root_m[0])
-    np.testing.assert_allclose(roots - roots[4], frame.places_m - frame.places_m[4], atol=1e-9)
+        roots.append(moved.poses([0]).root_m[0])
+    places = tracker.places_m(frame.alignments.windows[0])
+    np.testing.assert_allclose(roots - roots[4], places - places[4], atol=1e-9)
     assert np.ptp(np.array(roots)[:, 0]) > 0.05
 
 
@@ -200,8 +201,8 @@ def test_somebody_who_walks_is_followed(library, camera):
     """The root moves as the silhouette does, and keeps its place where that stands still."""
     matrix = transitions(library, True)
     masks = [seen(library, 5, (3 * k, 0)) for k in range(8)]
-    tracker, frames = follow(library, camera, matrix, masks)
-    roots = np.concatenate([tracker.poses(frame, [0]).root_m for frame in frames])
+    _, frames = follow(library, camera, matrix, masks)
+    roots = np.concatenate([frame.poses([0]).root_m for frame in frames])
     step_m = 3 * DISTANCE_M / 264
     assert np.diff(roots[:, 0]).mean() == pytest.approx(step_m, rel=0.2)
     assert np.ptp(roots[:, 2]) < 0.03
@@ -215,9 +216,9 @@ def test_a_wrong_distance_is_mended(library, factor):
     near = replace(there, matrix=there.matrix @ np.diag([factor, factor, 1]))
     matrix = transitions(library, True)
     _, frames = follow(library, near, matrix, [seen(library, 5)] * 12)
-    assert abs(frames[-1].window.distance_m / DISTANCE_M / factor - 1) < 0.4 * abs(factor - 1)
+    assert abs(frames[-1].distance_m / DISTANCE_M / factor - 1) < 0.4 * abs(factor - 1)
     # Each time by a share of a step, first toward the true one.
-    moved = np.diff(np.log([frame.window.distance_m for frame in frames]))
+    moved = np.diff(np.log([frame.distance_m for frame in frames]))
     steps = moved / (DISTANCES.gain * DISTANCES.step)
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
     assert np.abs(steps).max() == pytest.approx(1) and steps[0] == pytest.approx(
@@ -234,7 +235,7 @@ def test_a_wrong_pose_is_neither_drawn_nearer_nor_farther(library, camera):
         tracker = PaperFilter(library, stay, camera, DISTANCE_M, first, CpuBackend())
         for frame in range(10):
             last = tracker.step(frame * INTERVAL_S, seen(library, true))
-        away.append(np.log(last.window.distance_m / DISTANCE_M))
+        away.append(np.log(last.distance_m / DISTANCE_M))
     assert np.ptp(away) > 0.1 and abs(np.mean(away)) < 0.05
 
 
@@ -242,7 +243,7 @@ def test_leaves_have_the_posterior_of_their_samples(library, camera):
     matrix = transitions(library, True)
     masks = [seen(library, 5), seen(library, 9)]
     tracker, (_, frame) = follow(library, camera, matrix, masks, sigma=0.5)
-    found = tracker._update(tracker.priors[1], frame.window)
+    found = tracker._update(tracker.priors[1], frame.alignments.windows[0])
     assert len(found.leaves) > 3 and found.of_leaves.sum() == pytest.approx(1)
     for leaf, expected in zip(found.leaves, found.of_leaves, strict=True):
         inside = library.leaf_samples[slice(*library.leaf_offsets[leaf : leaf + 2])]

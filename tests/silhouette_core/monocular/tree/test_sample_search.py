@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.monocular.silhouette_weights import relative_weights
+from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree import sample_search
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.monocular.tree.sample_search import find_samples
@@ -33,7 +33,7 @@ def likelihoods(library, found, leaves):
     """Likelihoods (K,) of some leaves, up to a factor, every pixel looked at."""
     level, likelihood = library.levels[-1], np.zeros(len(leaves))
     images = masks_of(level.spans, leaves).reshape(len(leaves), -1).astype(np.float32)
-    for window in found.windows:
+    for window in found.alignments.windows:
         picture, weights = relative_weights(window, 1)
         signed = np.where(picture, -weights, weights).astype(np.float32)
         for shift in itertools.product((-1, 0, 1), repeat=2):
@@ -61,17 +61,18 @@ def test_somebody_who_comes_nearer_is_seen_to(walk, found):
 
 def test_a_distance_that_is_told_is_kept(library, walk):
     found = find_samples(library, CAMERA, walk[1][0], CpuBackend(), 3.9)
-    assert found.distance_m == pytest.approx(3.9) and len(found.windows) == 1
+    assert found.distance_m == pytest.approx(3.9) and len(found.alignments.windows) == 1
 
 
 def test_poses_stand_where_their_silhouettes_are_moved_to(library, found):
     one, rows = found[0], [0, 1, 2, 7]
     poses = one.poses(rows)
+    number, shift = np.divmod(one.probability.argmax(axis=1), 9)
     for row, root_m in zip(rows, poses.root_m, strict=True):
-        pelvis_px = library.pelvis_px[one.samples[row]] + one.shift_px[row]
-        window = one.windows[one.number[row]]
+        pelvis_px = library.pelvis_px[one.samples[row]] + (shift[row] % 3 - 1, shift[row] // 3 - 1)
+        window = one.alignments.windows[number[row]]
         np.testing.assert_allclose(window_pixels(window, root_m)[0], pelvis_px, atol=1e-3)
-    assert one.shift_px.any() and len(set(one.number.tolist())) > 1
+    assert (shift != 4).any() and len(set(number.tolist())) > 1
     np.testing.assert_allclose(np.linalg.det(poses.root_rotation), 1.0, atol=1e-6)
     assert poses.angles_rad.shape == (4, library.model.dof_count)
 
@@ -84,7 +85,7 @@ def test_views_of_another_pitch_are_unlikely(library, walk, monkeypatch):
         "tree_posterior",
         lambda *given: priors.append(given[1]) or posterior(*given),
     )
-    window = find_samples(library, CAMERA, walk[1][0], CpuBackend(), 4.0).windows[0]
+    window = find_samples(library, CAMERA, walk[1][0], CpuBackend(), 4.0).alignments.windows[0]
     away_deg = np.where(np.arange(len(library.views)) % 2, 0.0, 16.0)
     pitch_rad = window.pitch_rad + np.radians(away_deg)
     other = replace(library, views=np.column_stack([library.views[:, 0], pitch_rad]))

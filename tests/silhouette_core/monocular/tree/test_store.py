@@ -28,18 +28,17 @@ def path(made, tmp_path):
 def test_what_is_read_is_what_was_written(made, path):
     read = read_library(path)
     assert [file.name for file in path.parent.iterdir()] == ["me.vplib"]
-    assert read.settings == made.settings and read.clips == made.clips
+    assert read.settings == made.settings and read.bases.clips == made.bases.clips
+    for name in ("angles", "quaternion", "source", "mirrored", "sigma_rad"):
+        array, written = (getattr(one.bases, name) for one in (read, made))
+        assert (array == written).all() and array.dtype == written.dtype
     for name in (
-        "base_angles",
-        "base_quaternion",
-        "base_source",
         "areas",
         "occluded",
         "cut",
         "pelvis_px",
         "views",
         "leaf_samples",
-        "sigma_rad",
     ):
         array = getattr(read, name)
         assert (array == getattr(made, name)).all() and array.dtype == getattr(made, name).dtype

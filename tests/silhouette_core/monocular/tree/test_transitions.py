@@ -25,8 +25,8 @@ def dense_squares(library, occlusion_aware):
     result = np.full((len(library), len(library)), np.inf)
     for i in range(len(library)):
         occluded = library.occluded[i] if occlusion_aware else np.zeros(27, bool)
-        sigma = library.sigma_rad * np.where(occluded[library.model.tree.dof_part], 5, 1)
-        root = library.root_sigma_rad * (5 if occluded[0] else 1)
+        sigma = library.bases.sigma_rad * np.where(occluded[library.model.tree.dof_part], 5, 1)
+        root = library.bases.root_sigma_rad * (5 if occluded[0] else 1)
         apart = (((angles - angles[i]) / sigma) ** 2).sum(1) + (
             (rotation[i].inv() * rotation).magnitude() / root
         ) ** 2

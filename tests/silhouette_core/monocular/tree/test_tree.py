@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silhouette_core.image.distance import pixel_weights
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.tree.build import build_library
+from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.tree import PoseSpace
 from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
@@ -36,7 +36,7 @@ def literal_tree(library):
 
     def distances(representative, masks, samples):
         mask = masks[representative]
-        weights = pixel_weights(mask, "nwxor", library.bounds_px).astype(float)
+        weights = nwxor_weights(mask, library.bounds_px).astype(float)
         return {s: weights[mask ^ masks[s]].sum() / mask.size for s in samples}
 
     sets, result = [list(everybody)], []
@@ -115,7 +115,7 @@ def test_as_many_pairs_are_within_the_thresholds_by_any_distance():
     levels = silhouette_levels(library.render(np.arange(len(library))).windows > 0)
     for masks, level, by_xor in zip(levels, library.levels, settings.thresholds, strict=True):
         within = sum((one ^ masks).mean(axis=(1, 2)) <= by_xor for one in masks).sum()
-        weights = [pixel_weights(one, "nwxor", library.bounds_px).astype(float) for one in masks]
+        weights = [nwxor_weights(one, library.bounds_px).astype(float) for one in masks]
         own = [
             ((one ^ masks) * weight).mean(axis=(1, 2))
             for one, weight in zip(masks, weights, strict=True)

@@ -1,12 +1,13 @@
-"""Pixel weights of a window's silhouette, relative to it."""
+"""Balanced pixel weights of a window's silhouette, relative to it."""
 
 import numpy as np
 import pytest
 
-from silhouette_core.image.distance import pixel_weights
-from silhouette_core.monocular.silhouette_weights import relative_weights
+from silhouette_core.image.distance import distances_to, relative_depths
+from silhouette_core.monocular.tracking.silhouette_weights import balanced_weights, relative_weights
 from silhouette_core.monocular.tree.rendering import STATURE_PX, silhouette_levels
 from silhouette_core.monocular.window import look_at
+from tests.silhouette_core.image.drawn_figures import figure
 from tests.silhouette_core.monocular.filming import STATURE_M, camera_at, films, performed
 
 
@@ -17,9 +18,21 @@ def window():
     return look_at(camera, films(performed("wave"), camera, [20])[0], 4.0, STATURE_PX / STATURE_M)
 
 
+@pytest.mark.parametrize("height", [30, 60, 120])
+def test_weights_outside_grow_over_a_twentieth_of_the_height(height):
+    mask = figure(np.random.default_rng(height), (height, height * 4 // 3))
+    expected = relative_depths(mask) + np.minimum(distances_to(mask) / (0.05 * height), 1)
+    np.testing.assert_allclose(balanced_weights(mask), expected, rtol=2e-5)
+
+
+def test_silhouettes_without_a_contour_weigh_one():
+    for mask in (np.zeros((6, 8), bool), np.ones((6, 8), bool)):
+        assert (balanced_weights(mask) == 1).all()
+
+
 def test_weights_are_the_balanced_ones_over_the_silhouettes_own(window):
     picture, weights = relative_weights(window, 1)
-    balanced = pixel_weights(window.mask, "balanced")
+    balanced = balanced_weights(window.mask)
     assert (picture == window.mask).all()
     assert weights[picture].sum() == pytest.approx(1.0)
     np.testing.assert_allclose(

@@ -9,31 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from silhouette_core.image.cleanup import reduce_silhouette
-from silhouette_core.image.distance import Weighting, pixel_weights
-from silhouette_core.image.spans import Rectangle
+from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.monocular.window import SIZE, Window
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import summable
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.silhouette_error import posed_meshes
 
+# Distance, as a fraction of the window's height, at which the balanced weight outside is 1: about
+# half the width of a trunk.
+_REACH = 12 / 240
 
-def reduced_weights(
-    window: Window,
-    weighting: Weighting,
-    reduction: int,
-    bounds_px: Rectangle | None = None,
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """The silhouette (h, w) bool of a window at a resolution, and d_P (h, w) float64; 0 where the
-    camera does not reach: what it does not show speaks neither for nor against a pose. Arguments as
-    of `relative_weights` and `pixel_weights`.
+
+def balanced_weights(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Weights (h, w) float32 of the pixels of a silhouette (h, w) bool: inside as by eq. (9);
+    outside the distance from it over a twentieth of the window's height, at most 1; all 1 where it
+    has no contour. By (9) what is just outside costs next to nothing, so that a larger body always
+    fits better; where the size is estimated as well, that must not be.
     """
-    mask, seen = window.mask, window.seen
-    for _ in range(int(np.log2(reduction))):
-        mask, seen = reduce_silhouette(mask), reduce_silhouette(seen)
-    weights = np.where(seen, pixel_weights(mask, weighting, bounds_px), np.float32(0.0))
-    return mask, weights.astype(np.float64)
+    if not mask.any() or mask.all():
+        return np.ones(mask.shape, np.float32)
+    outside = distances_to(mask) / np.float32(_REACH * len(mask))
+    return np.minimum(outside, np.float32(1.0)) + relative_depths(mask)
 
 
 def relative_weights(
@@ -50,11 +47,9 @@ def relative_weights(
 
     Returns:
         The silhouette (h, w) bool at that resolution, and d_P (h, w) float64 over the sum of d_P in
-        the silhouette, see `reduced_weights`.
-
-    Source: Okada and Stenger, eq. (6)-(9).
+        the silhouette, see `Window.weighed`.
     """
-    mask, weights = reduced_weights(window, "balanced", reduction)
+    mask, weights = window.weighed(reduction, balanced_weights)
     return mask, weights / max(float(weights[mask].sum()), 1e-6)
 
 
@@ -116,8 +111,7 @@ class SignedWeights:
     def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
         """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
-        mesh = model.faces, model.face_part
-        return self.backend.part_images(meshes, *mesh, self.matrix, size)
+        return self.backend.part_images(meshes, model.faces, model.face_part, self.matrix, size)
 
     def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
         """Meshes (K, V, 3) of poses in the virtual camera."""
