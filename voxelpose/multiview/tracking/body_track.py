@@ -140,7 +140,7 @@ class BodyTrack:
     def with_limbs(self, observation: Observation) -> BodyTrack:
         """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
-        if moved is self.fit:
+        if moved.error >= self.fit.error:
             return self
         return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
 

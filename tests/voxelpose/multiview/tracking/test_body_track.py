@@ -69,20 +69,20 @@ def test_a_frame_that_fits_badly_is_refined_again_from_the_last_pose(refined):
     errors += [0.3, 0.2]
     found = step(track_at(0.1), 1)
     assert (found.fit.error, found.fit.pose.root_m[0]) == (0.2, pytest.approx(0.1))
-    assert priors[1].pose.root_m[0] == pytest.approx(0.1)
+    assert priors[1] is None
     errors[:] = [0.3, 0.4]
     priors.clear()
     assert step(track_at(0.1), 1).fit.error == 0.3
 
 
-def test_a_longer_time_between_frames_is_given_longer_steps_and_reaches(refined):
+def test_a_longer_time_between_frames_is_given_longer_steps(refined):
     errors, priors, reaches = refined
     errors += [0.1, 0.1]
     for frames in (1, 4):
         step(track_at(0.1), frames)
     np.testing.assert_allclose(priors[0].sigma, pose_step_sigma(HUMAN))
     np.testing.assert_allclose(priors[1].sigma, 4 * pose_step_sigma(HUMAN))
-    assert reaches == pytest.approx([REFINEMENT.predicted_m, REFINEMENT.searched_m])
+    assert reaches == pytest.approx([REFINEMENT.predicted_m] * 2)
 
 
 def test_without_a_velocity_a_step_reaches_as_far_as_after_a_search(refined):
@@ -92,7 +92,7 @@ def test_without_a_velocity_a_step_reaches_as_far_as_after_a_search(refined):
     assert reaches == pytest.approx([REFINEMENT.searched_m])
 
 
-@pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.099, False), (0.05, True)])
+@pytest.mark.parametrize(("found", "better"), [(0.2, False), (0.1, False), (0.05, True)])
 def test_searched_limbs_have_to_explain_more(monkeypatch, found, better):
     moved = PoseFit(at(0.5), found)
     monkeypatch.setattr(body_track, "move_limbs", lambda *given: moved)
