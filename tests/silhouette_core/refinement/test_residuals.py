@@ -55,7 +55,7 @@ def step(index: int, size: float) -> np.ndarray:
     return size * np.eye(SIZE)[index]
 
 
-@pytest.mark.parametrize("reach", [0.1, 0.3])
+@pytest.mark.parametrize("reach", [0.15, 0.3])
 def test_a_residual_weighs_less_the_larger_it_is(seen, reach):
     posed = SURFACE.posed(stance(MODEL))
     rows = residuals(SURFACE, posed, seen, reach, SETTINGS)
