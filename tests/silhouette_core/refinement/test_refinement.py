@@ -216,7 +216,7 @@ def test_proportions_of_somebody_else_are_found_in_part(surface):
         for model, fitted in ((surface.model, plain), (adapted.model, result))
     ]
     # Clothes, of which there are none, take a little of what the girths explain.
-    assert errors[1] < errors[0] + 0.001 and errors[1] < 0.015
+    assert errors[1] < errors[0] + 0.001 and errors[1] < 0.017
 
 
 def test_without_evidence_the_expected_proportions_stay(surface):

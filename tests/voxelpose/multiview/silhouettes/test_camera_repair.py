@@ -16,21 +16,29 @@ from voxelpose.multiview.silhouettes.mask_store import MaskStore
 FRAMES, FPS = 40, 25.0
 
 
-@pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig_of(count: int) -> Rig:
     # On two heights, or four cameras on one circle would hardly see each other's roll.
     raised = [
         replace(camera, translation=camera.translation - camera.rotation @ (0, 0, 0.5 * (k % 2)))
-        for k, camera in enumerate(ring(4, (320, 240)))
+        for k, camera in enumerate(ring(count, (320, 240)))
     ]
     return Rig(tuple(raised))
 
 
-@pytest.fixture(scope="module")
-def film(rig) -> list[list[np.ndarray]]:
+def film_of(rig: Rig) -> list[list[np.ndarray]]:
     """Silhouettes of every frame, one per camera."""
     films = [figure_masks(camera, range(FRAMES)) for camera in rig]
     return [list(masks) for masks in zip(*films, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return rig_of(4)
+
+
+@pytest.fixture(scope="module")
+def film(rig) -> list[list[np.ndarray]]:
+    return film_of(rig)
 
 
 def turned(rig: Rig, degrees: float) -> Rig:
@@ -69,6 +77,19 @@ def test_a_turned_camera_is_put_right(rig, film):
     assert "put right" in result.words[0]
     for other in rig.names[:2]:
         assert result.rig[other] is rig[other]
+
+
+def test_a_camera_that_misses_limbs_keeps_no_other_from_being_put_right():
+    rig = rig_of(5)
+    film = film_of(rig)
+    for t, masks in enumerate(film):  # now of one side of the body, now of the other
+        left, *_, right = np.flatnonzero(masks[4].any(axis=0))
+        masks[4][:, slice(0, left + 20) if t % 2 else slice(right - 20, None)] = False
+    result = checked(turned(rig, 1.5), film)
+    name = rig.names[2]
+    assert pose_difference(result.rig[name], rig[name])[1] < 0.3
+    assert result.words[0].startswith(f"{name} was turned by about 1.")
+    assert result.rig.cameras[4] is rig.cameras[4]
 
 
 def test_a_late_camera_is_put_in_step(rig, film):
