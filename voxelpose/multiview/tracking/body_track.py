@@ -17,12 +17,11 @@ from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.dynamics import MOMENTUM, elapsed_steps, pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.refine import PosePrior
+from silhouette_core.refinement.refine import PosePrior, RefineSettings
 from silhouette_core.tuning import REFINEMENT
 from voxelpose.multiview.carving.observe import observation_at
 from voxelpose.multiview.matching.pose_search import (
     SEARCHED,
-    STEP,
     BodyGeometry,
     PoseFit,
     move_limbs,
@@ -128,7 +127,12 @@ class BodyTrack:
     def step(self, observation: Observation, time_s: float) -> BodyTrack:
         """Track with the next frame."""
         prior = self.predict(time_s)
-        settings = SEARCHED if self.before is None else STEP
+        # The longer since the last frame, the farther it may have moved.
+        reach_m = REFINEMENT.searched_m
+        if self.before is not None:
+            steps = max(elapsed_steps(self.time_s, time_s), 1.0)
+            reach_m = min(steps * REFINEMENT.predicted_m, reach_m)
+        settings = RefineSettings(REFINEMENT.reaches_m(reach_m))
         fit = refine_fit(self.body, observation, prior.pose, prior, settings)
         if self.is_poor(fit.error):
             # It moved farther than expected, or otherwise: from the last pose, nothing is expected.
