@@ -135,8 +135,9 @@ class BodyTrack:
         settings = RefineSettings(REFINEMENT.reaches_m(reach_m))
         fit = refine_fit(self.body, observation, prior.pose, prior, settings)
         if self.is_poor(fit.error):
-            # It moved farther than expected, or otherwise: from the last pose, nothing is expected.
-            again = refine_fit(self.body, observation, self.fit.pose, None, SEARCHED)
+            # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
+            prior = PosePrior(self.fit.pose, prior.sigma)
+            again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
             fit = min(fit, again, key=lambda one: one.error)
         errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)

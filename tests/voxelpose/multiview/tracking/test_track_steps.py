@@ -63,8 +63,7 @@ class Rules:
 
     def refine_fit(self, body, observation, start, prior, settings):
         self.refined.append(observation)
-        pose = start if prior is None else prior.pose
-        return PoseFit(pose, self.error(observation, pose))
+        return PoseFit(prior.pose, self.error(observation, prior.pose))
 
     def move_limbs(self, body, observation, fit):
         return fit
