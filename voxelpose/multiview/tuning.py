@@ -78,8 +78,8 @@ class Carving:
     """m³. A person's hull is up to so large; larger ones count for less. standing4: board and man
     have 0.37 and 0.15."""
     person_m: float = 1.6
-    """m. In most poses it is so long; shorter ones count for less. As `person_m3`. Of static things,
-    what is so long may be the person, and the body that of something else."""
+    """m. In most poses it is so long; shorter ones count for less. As `person_m3`. Of static
+    things, what is so long may be the person, and the body that of something else."""
     near_m: float = 1.0
     """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
     unlikely: float = 2.5
@@ -248,8 +248,8 @@ class StaticObjectSearch:
     seen: float = 0.25
     """1. Share of frames in which the body does not hide it."""
     apart_m: float = 0.15
-    """m. From the body's surface: what is farther away in all frames is no limb (standing4). While no
-    part of the body goes so far, anything may seem static."""
+    """m. From the body's surface: what is farther away in all frames is no limb (standing4). While
+    no part of the body goes so far, anything may seem static."""
 
 
 @dataclass(frozen=True)
