@@ -13,6 +13,7 @@ from silhouette_core.progress import SilentReporter, StageClock
 from silhouette_core.refinement.adaptation import Stature, stature_of
 from tests.voxelpose.multiview.matching_scenes import (
     STATURE_M,
+    joint_errors_m,
     other_body,
     photograph,
     stance,
@@ -22,7 +23,7 @@ from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose
 from voxelpose.multiview.person import body_choice
 from voxelpose.multiview.person.body_choice import Start, adapted, anchor_frames, choose_body
 from voxelpose.multiview.person.posterior import (
@@ -138,3 +139,30 @@ def test_of_a_known_body_only_the_clothes_are_adapted():
     np.testing.assert_allclose(shape[IS_CLOTHING], clothes[IS_CLOTHING], atol=0.004)
     assert tracker.body is kept.body
     np.testing.assert_array_equal(kept.body.model.shape, known.shape)
+
+
+def test_the_body_is_adapted_to_the_poses_that_were_followed():
+    """Tracking began with a usual body, whose joints are elsewhere."""
+    bent = {"left_thigh.flexion": 40.0, "left_shin.flexion": 50.0}
+    person, turns = other_body(1), [{}, bent, {"right_upper_arm.abduction": 45.0}]
+    usual = BodyModel.from_sizes(BodySizes(STATURE_M, sex=person.sizes.sex))
+    first, poses = BodyGeometry.from_model(usual, 0.04, "cpu"), [stance(person, t) for t in turns]
+    prior = ShapePrior(Stature(STATURE_M, 0.02), usual.shape, np.diag(SHAPE_SIGMA**2))
+    candidate = Candidate(STATURE_M, None, usual.sizes.sex)
+    start = Start(candidate, first, prior, StatureEvidence(STATURE_M), {}, {}, {})
+    errors_m = []
+    with filmed(person, turns) as store:  # a second is between the stances
+        tracker = PoseTracker(first, store, 1.0, MatchSettings(), StageClock(), lambda: None)
+        tracker.follow((t, PoseFit(pose, 0.1)) for t, pose in enumerate(poses))
+        for _ in range(2):
+            tracker.smooth()
+            pairs = zip(tracker.poses, poses, strict=True)
+            errors_m.append(
+                [
+                    joint_errors_m(tracker.body.model, own, person, true)
+                    for own, true in pairs
+                    if own
+                ]
+            )
+            refit(tracker, start)
+    assert np.mean(errors_m[1]) < 0.8 * np.mean(errors_m[0])
