@@ -37,38 +37,25 @@ class ScratchFile:
         with self._lock:
             start = self._end
             self._end += len(content)
-            self._put(start, content)
+            with _said():
+                self._file.seek(start)
+                left = memoryview(content)
+                while left:
+                    left = left[self._file.write(left) :]
         return start
 
-    def write_at(self, start: int, content: bytes) -> None:
-        """Writes from a byte on.
-
-        Raises:
-            InputError: the disk is full.
-        """
-        with self._lock:
-            self._end = max(self._end, start + len(content))
-            self._put(start, content)
-
     def read_at(self, start: int, size: int) -> bytes:
-        """Reads `size` bytes from a byte on; what was never written is zero."""
+        """Reads `size` bytes from a byte on, fewer at the end."""
         with self._lock, _said():
             self._file.seek(start)
             content = b""
             while len(content) < size and (more := self._file.read(size - len(content))):
                 content += more
-        return content.ljust(size, b"\0")
+        return content
 
     def close(self) -> None:
         """Removes the file."""
         self._file.close()
-
-    def _put(self, start: int, content: bytes) -> None:
-        with _said():
-            self._file.seek(start)
-            left = memoryview(content)
-            while left:
-                left = left[self._file.write(left) :]
 
 
 @contextmanager

@@ -34,7 +34,7 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
     prepare_silhouettes,
 )
-from voxelpose.multiview.tracking.recording_track import TrackWork
+from voxelpose.multiview.tracking.recording_track import OnePerson, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
@@ -132,12 +132,12 @@ class MultiViewEstimator:
             if people != 1:
                 places_m, things_m = people_places(prepared, people, clock, reporter)
             if len(places_m) < 2:
-                tracked = [work.track(prepared, kept)]
+                tracked = [OnePerson(work, prepared, kept).track()]
             else:
                 if known is not None or settings != settings.of_anybody:
                     reporter.note(ONE_PERSONS)
-                people_track = PeopleTrack(work.of_anybody(), prepared, places_m, things_m)
-                tracked = people_track.track(kept)
+                anybody = work.of_anybody()
+                tracked = PeopleTrack(anybody, prepared, places_m, things_m, kept).track()
             motions = [
                 _motion(tracker, settings, prepared.numbers, prepared.times_s, clock, reporter)
                 for tracker, _ in tracked

@@ -35,11 +35,16 @@ from voxelpose.multiview.people.recognition import looks_of, never_at_once, rejo
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
-from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES, Tracked, TrackWork
+from voxelpose.multiview.tracking.recording_track import (
+    REFIT_FRAMES,
+    Facts,
+    Tracked,
+    TrackWork,
+    alternated,
+)
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING, PEOPLE
 
-_ROUNDS = 2  # in which everybody is followed again beside the others as they were found
 _TOGETHER = 16  # frames
 
 
@@ -148,29 +153,45 @@ def absences(places_m: NDArray[np.float64]) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class PeopleTrack:
-    """Tracking of N people of one recording.
+    """Alternation of N people: where others' bodies are, nothing is known of a person.
 
     Attributes:
         work: of each alone.
         prepared: silhouettes of everybody.
         places_m: (N, T, 3) float64, about where each is; NaN: not there.
         things_m: (M, T, 3) float64, the same of things.
+        kept: closes what the trackers need.
     """
 
     work: TrackWork
     prepared: PreparedSilhouettes
     places_m: NDArray[np.float64]
     things_m: NDArray[np.float64]
+    kept: ExitStack
 
-    def track(self, kept: ExitStack) -> list[tuple[PoseTracker, dict[str, object]]]:
-        """Poses of everybody in all frames, and facts; `kept` closes what the trackers need."""
-        found = self.followed(kept)
-        facts = [self.work.finished(*one) for one in found]
-        unexplained = self._unexplained([tracker for tracker, _ in found])
-        return [
-            (tracker, own | {"unexplained_frames": unexplained})
-            for (tracker, _), own in zip(found, facts, strict=True)
-        ]
+    def track(self) -> list[tuple[PoseTracker, Facts]]:
+        """Poses of everybody in all frames, and facts."""
+        people = alternated(self)
+        facts = [self.work.finished(tracked) for tracked in people]
+        trackers = [tracked.tracker for tracked in people]
+        unexplained: Facts = {"unexplained_frames": self._unexplained(trackers)}
+        return [(one, own | unexplained) for one, own in zip(trackers, facts, strict=True)]
+
+    def first(self) -> list[Tracked]:
+        """See `Alternation.first`; beside the others' pieces of hull, which hide more of a person
+        than bodies do.
+        """
+        return [self.work.tracked(seen) for seen in self._observations(self._hull_pieces())]
+
+    def again(self, tracked: list[Tracked]) -> list[Tracked]:
+        """See `Alternation.again`; beside the others' bodies, with the bodies as they are."""
+        trackers = [one.tracker for one in tracked]
+        observed = self._observations(self._drawn_pieces(trackers))
+        for one, seen in zip(tracked, observed, strict=True):
+            one.tracker.observations = seen
+            # Limbs that pieces of hull hid are searched where bodies hide less.
+            self.work.again(one.tracker, [*one.start.errors])
+        return tracked
 
     def _unexplained(self, trackers: Sequence[PoseTracker]) -> float:
         """Share of the frames in which a person, or a thing of that size, is seen beside all."""
@@ -189,29 +210,9 @@ class PeopleTrack:
             lefts.append(np.mean(left))
         return float(np.mean(np.array(lefts) > PEOPLE.needed))
 
-    def followed(self, kept: ExitStack) -> list[Tracked]:
-        """Everybody followed: beside the others' pieces of hull first, which hide more of a person
-        than bodies do, then beside their bodies; `kept` as above.
-        """
-        stack = kept.enter_context(ExitStack())
-        found = [self.work.tracked(seen) for seen in self._observations(self._hull_pieces(), stack)]
-        for number in range(_ROUNDS):
-            trackers = [tracker for tracker, _ in found]
-            before, stack = stack, kept.enter_context(ExitStack())
-            observed = self._observations(self._drawn_pieces(trackers), stack)
-            for tracker, seen in zip(trackers, observed, strict=True):
-                tracker.observations = seen
-            for tracker, start in found:
-                # Limbs that pieces of hull hid are searched where bodies hide less.
-                self.work.again(tracker, [] if number else [*start.errors])
-            before.close()
-        return found
-
-    def _observations(
-        self, pieces: Iterator[Sequence[Masks | None]], kept: ExitStack
-    ) -> list[ObservationStore]:
+    def _observations(self, pieces: Iterator[Sequence[Masks | None]]) -> list[ObservationStore]:
         """Observations of each person among others that are seen where `pieces` says."""
-        observer, work = self.prepared.observer, self.work
+        observer, work, kept = self.prepared.observer, self.work, self.kept
         each = silhouettes_of(self.prepared.store, pieces, self.places_m, observer.views)
         return [
             kept.enter_context(

@@ -1,7 +1,8 @@
-"""Silhouettes of a recording, kept on disk as bits."""
+"""Silhouettes of a recording, kept on disk as compressed bits."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 
@@ -11,9 +12,9 @@ from silhouette_core.scratch_file import ScratchFile
 
 
 class MaskStore:
-    """Silhouettes of all frames, one scratch file per camera, one bit per pixel.
+    """Silhouettes of all frames in a scratch file, as compressed bits.
 
-    Memory does not grow with the number of frames.
+    Memory holds only where each begins.
 
     Args:
         sizes: (width, height) of each camera's silhouettes.
@@ -21,61 +22,53 @@ class MaskStore:
     """
 
     def __init__(self, sizes: list[tuple[int, int]], count: int):
-        """Creates the scratch files; `close` or the end of the process removes them."""
-        self._widths = [width for width, _ in sizes]
-        self._shapes = [(height, (width + 7) // 8) for width, height in sizes]
-        self._files = [ScratchFile() for _ in sizes]
-        self._count = count
+        """Creates the scratch file; `close` or the end of the process removes it."""
+        self._shapes = [(height, width) for width, height in sizes]
+        self._file = ScratchFile()
+        self._places = np.zeros((count, len(sizes), 2), np.int64)  # begin and bytes
 
     def __len__(self) -> int:
         """Number of frames."""
-        return self._count
+        return len(self._places)
 
     def __getitem__(self, t: int) -> list[np.ndarray]:
         """Silhouettes (h, w) bool of one frame, one per camera; empty before they are stored."""
-        return [
-            np.unpackbits(
-                np.frombuffer(self._bits(camera, t), np.uint8).reshape(shape), axis=1, count=width
-            ).view(bool)
-            for camera, (shape, width) in enumerate(zip(self._shapes, self._widths, strict=True))
-        ]
+        if not 0 <= t < len(self):
+            raise IndexError(f"there is no frame {t} of {len(self)}")
+        pairs = zip(self._shapes, self._places[t].tolist(), strict=True)
+        return [self._mask(shape, *place) for shape, place in pairs]
 
     def put(self, t: int, masks: list[np.ndarray]) -> None:
         """Stores one frame's silhouettes, (h, w) bool, one per camera."""
         for camera, mask in enumerate(masks):
-            self._put(camera, t, np.packbits(mask, axis=1).tobytes())
+            bits = zlib.compress(np.packbits(mask).tobytes(), 1)
+            self._places[t, camera] = self._file.append(bits), len(bits)
 
     def advance(self, late: Sequence[int]) -> None:
         """Gives each frame the silhouettes that the cameras showed so many frames later, as far as
         there are any; earlier where negative.
         """
-        last = self._count - 1
         for camera, frames in enumerate(late):
-            order = range(last + 1) if frames > 0 else range(last, -1, -1)
-            for t in order if frames else ():
-                self._put(camera, t, self._bits(camera, min(max(t + frames, 0), last)))
+            later = np.clip(np.arange(len(self)) + frames, 0, len(self) - 1)
+            self._places[:, camera] = self._places[later, camera]
 
     def pixels(self) -> np.ndarray:
         """(C,) int64, pixels in the foreground of all frames."""
-        cameras, frames = range(len(self._files)), range(self._count)
-        return np.array(
-            [sum(int.from_bytes(self._bits(c, t)).bit_count() for t in frames) for c in cameras]
+        return sum(
+            (np.array([mask.sum() for mask in masks]) for masks in self),
+            start=np.zeros(len(self._shapes), np.int64),
         )
 
     def close(self) -> None:
-        """Removes the scratch files."""
-        for file in self._files:
-            file.close()
+        """Removes the scratch file."""
+        self._file.close()
 
-    def _bits(self, camera: int, t: int) -> bytes:
-        height, row = self._shapes[camera]
-        if not 0 <= t < self._count:
-            raise IndexError(f"there is no frame {t} of {self._count}")
-        return self._files[camera].read_at(t * height * row, height * row)
-
-    def _put(self, camera: int, t: int, bits: bytes) -> None:
-        height, row = self._shapes[camera]
-        self._files[camera].write_at(t * height * row, bits)
+    def _mask(self, shape: tuple[int, int], start: int, size: int) -> np.ndarray:
+        """A silhouette, by where its bits begin and how many bytes they have; 0: it is empty."""
+        if not size:
+            return np.zeros(shape, np.bool_)
+        bits = np.frombuffer(zlib.decompress(self._file.read_at(start, size)), np.uint8)
+        return np.unpackbits(bits, count=shape[0] * shape[1]).view(bool).reshape(shape)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,50 @@ from voxelpose.multiview.tracking.tracking import PoseTracker
 
 REFIT_FRAMES = 12
 """Frames of a recording to which the body is adapted again, and by which tracks are compared."""
-_ROUNDS = 2  # in which something that stands beside the person is left out
-_Facts = dict[str, object]
-Tracked = tuple[PoseTracker, Start]
-"""Somebody who was followed, and from which start."""
+_ROUNDS = 2  # of silhouettes given the bodies, and of bodies and poses given those
+Facts = dict[str, object]
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Somebody who was followed.
+
+    Attributes:
+        start: the body and the first poses.
+        objects: what was left out of the silhouettes.
+    """
+
+    tracker: PoseTracker
+    start: Start
+    objects: StaticObjects | None = None
+
+    @property
+    def cost(self) -> float:
+        """Negative log-probability of the body by errors that are spread over the recording."""
+        return self.start.cost_of(spread_errors(self.tracker))
+
+
+class Alternation(Protocol):
+    """Silhouettes given bodies and poses, and bodies and poses given silhouettes."""
+
+    def first(self) -> list[Tracked]:
+        """Everybody followed while nobody's body is known."""
+        ...
+
+    def again(self, tracked: list[Tracked]) -> list[Tracked] | None:
+        """Everybody followed in the silhouettes that the bodies leave; None: no better."""
+        ...
+
+
+def alternated(alternation: Alternation) -> list[Tracked]:
+    """Everybody followed, in silhouettes that the bodies have changed twice at most."""
+    tracked = alternation.first()
+    for _ in range(_ROUNDS):
+        again = alternation.again(tracked)
+        if again is None:
+            break
+        tracked = again
+    return tracked
 
 
 def refit(tracker: PoseTracker, start: Start) -> None:
@@ -69,32 +110,19 @@ class TrackWork:
     reporter: Reporter
     numbers: NDArray[np.int64] | None = None  #: of the frames; None: none is left out.
 
-    def track(
-        self, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[PoseTracker, dict[str, object]]:
-        """Poses of all frames, and facts for the summary; `kept` closes what the tracker needs."""
-        if self.known is not None and self.known.person is None:
-            return self._given(self._observations(prepared, kept), self.known)
-        tracker, start, objects = self._person(prepared, kept)
-        facts = self.finished(tracker, start)
-        if objects is not None:
-            pairs = zip(prepared.rig.names, objects.pixels, strict=True)
-            shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
-            facts |= {"objects_share": shares, "objects_apart": objects.apart}
-        return tracker, facts
-
     def of_anybody(self) -> TrackWork:
         """The same of somebody of whom nothing was told: what was, is one person's of several."""
         return replace(self, settings=self.settings.of_anybody, known=None)
 
-    def finished(self, tracker: PoseTracker, start: Start) -> dict[str, object]:
+    def finished(self, tracked: Tracked) -> Facts:
         """Adapts the body a last time and refines every pose; facts for the summary."""
+        tracker, start = tracked.tracker, tracked.start
         self.reporter.stage("proportions")
         with self.clock("proportions"):
             refit(tracker, start)
         self._smooth(tracker)
         names = [axis.name for axis in SHAPE_AXES]
-        facts: _Facts = {
+        facts: Facts = {
             "stature_m": stature_of(tracker.body.model),
             "stature_given": self.settings.stature_m is not None or self.known is not None,
             "sex_template": tracker.body.model.sizes.sex,
@@ -103,45 +131,10 @@ class TrackWork:
         }
         return facts | _found(tracker, start.poses)
 
-    def _person(
-        self, prepared: PreparedSilhouettes, kept: ExitStack
-    ) -> tuple[PoseTracker, Start, StaticObjects | None]:
-        """Tracks a person; while improbable, again without what stands beside; keeps the best."""
-        tracker, start = self.tracked(self._observations(prepared, kept))
-        objects = None
-        for _ in range(_ROUNDS):
-            wrong = is_improbable(spread_errors(tracker))
-            if objects is None and not wrong:
-                break
-            with self.clock("objects"):
-                static = find_static_objects(
-                    tracker.body.model,
-                    tracker.poses,
-                    prepared.store,
-                    prepared.observer,
-                    behind=wrong,
-                )
-            if static is None:
-                break
-            without = kept.enter_context(prepared.without(static.pixels))
-            second, other = self.tracked(self._observations(without, kept), objects=True)
-            if other.cost_of(spread_errors(second)) >= start.cost_of(spread_errors(tracker)):
-                break
-            objects, tracker, start = static, second, other
-        if objects is not None:
-            self.reporter.note(
-                "something stands apart from the person all the time: it is left out"
-                if objects.apart
-                else "something stands beside the person all the time, as a chair does: it is left"
-                " out, and what it hides; look at the contact sheet whether it is no part of the"
-                " person"
-            )
-        return tracker, start, objects
-
     def tracked(
-        self, observations: ObservationStore, *, objects: bool = False
-    ) -> tuple[PoseTracker, Start]:
-        """Tracks the most probable person."""
+        self, observations: ObservationStore, objects: StaticObjects | None = None
+    ) -> Tracked:
+        """Tracks the most probable person, in silhouettes without some objects."""
         settings, known = self.settings, self.known
         with self.clock("first poses"):
             start = choose_body(
@@ -152,15 +145,13 @@ class TrackWork:
                 self.fps,
                 known,
                 keep_clothes=known is not None and names_result(str(settings.options["body"])),
-                objects=objects,
+                objects=objects is not None,
             )
         fits = {t: PoseFit(pose, start.errors[t]) for t, pose in start.poses.items()}
-        return self._followed(start.body, observations, fits), start
+        return Tracked(self._followed(start.body, observations, fits), start, objects)
 
-    def _given(
-        self, observations: ObservationStore, model: BodyModel
-    ) -> tuple[PoseTracker, dict[str, object]]:
-        """As `track`, with a body that no person's measurements make."""
+    def given(self, observations: ObservationStore, model: BodyModel) -> tuple[PoseTracker, Facts]:
+        """Poses of all frames of a body that no person's measurements make, and facts."""
         with self.clock("first poses"):
             body, fits = start_given(
                 observations, self.settings, self.matching, self.reporter, model
@@ -168,16 +159,6 @@ class TrackWork:
         tracker = self._followed(body, observations, fits)
         self._smooth(tracker)
         return tracker, _found(tracker, fits)
-
-    def _observations(self, prepared: PreparedSilhouettes, kept: ExitStack) -> ObservationStore:
-        observations = carved_observations(
-            prepared.observer,
-            prepared.store,
-            self.clock,
-            self.reporter,
-            seen=prepared.footage.joints,
-        )
-        return kept.enter_context(observations)
 
     def _followed(
         self, body: BodyGeometry, observations: ObservationStore, fits: dict[int, PoseFit]
@@ -227,3 +208,68 @@ def _found(tracker: PoseTracker, anchors: Iterable[int]) -> dict[str, object]:
         "anchor_frames": sorted(anchors),
         "silhouette_error": {"median": float(np.median(errors)) if len(errors) else None},
     }
+
+
+@dataclass(frozen=True, eq=False)
+class OnePerson:
+    """Alternation of one person: what stands beside the body all the time is left out."""
+
+    work: TrackWork
+    prepared: PreparedSilhouettes
+    kept: ExitStack  #: closes what the trackers need.
+
+    def first(self) -> list[Tracked]:
+        """See `Alternation.first`."""
+        return [self.work.tracked(self.observations(self.prepared))]
+
+    def again(self, tracked: list[Tracked]) -> list[Tracked] | None:
+        """See `Alternation.again`; while improbable, or to find the rest of what stands there."""
+        (last,) = tracked
+        wrong = is_improbable(spread_errors(last.tracker))
+        if last.objects is None and not wrong:
+            return None
+        prepared = self.prepared
+        with self.work.clock("objects"):
+            static = find_static_objects(
+                last.tracker.body.model,
+                last.tracker.poses,
+                prepared.store,
+                prepared.observer,
+                behind=wrong,
+            )
+        if static is None:
+            return None
+        without = self.kept.enter_context(prepared.without(static.pixels))
+        second = self.work.tracked(self.observations(without), static)
+        return [second] if second.cost < last.cost else None
+
+    def track(self) -> tuple[PoseTracker, Facts]:
+        """Poses of all frames, and facts for the summary."""
+        known = self.work.known
+        if known is not None and known.person is None:
+            return self.work.given(self.observations(self.prepared), known)
+        (tracked,) = alternated(self)
+        facts, objects = self.work.finished(tracked), tracked.objects
+        if objects is not None:
+            self.work.reporter.note(
+                "something stands apart from the person all the time: it is left out"
+                if objects.apart
+                else "something stands beside the person all the time, as a chair does: it is left"
+                " out, and what it hides; look at the contact sheet whether it is no part of the"
+                " person"
+            )
+            pairs = zip(self.prepared.rig.names, objects.pixels, strict=True)
+            shares = {name: round(float(pixels.mean()), 4) for name, pixels in pairs}
+            facts |= {"objects_share": shares, "objects_apart": objects.apart}
+        return tracked.tracker, facts
+
+    def observations(self, prepared: PreparedSilhouettes) -> ObservationStore:
+        """Hulls of all frames, carved."""
+        carved = carved_observations(
+            prepared.observer,
+            prepared.store,
+            self.work.clock,
+            self.work.reporter,
+            seen=prepared.footage.joints,
+        )
+        return self.kept.enter_context(carved)

@@ -1,6 +1,7 @@
 """Two people followed beside each other, from silhouettes to motion."""
 
 from pathlib import Path
+from contextlib import ExitStack
 from types import SimpleNamespace as namespace
 
 import numpy as np
@@ -115,7 +116,8 @@ def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
     volume = VoxelGrid.from_bounds((-1.5, -1.5, 0), (1.5, 1.5, 2), 0.05)
     observer = namespace(views=VIEWS, volume=volume)
     prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
-    track = PeopleTrack(namespace(), prepared, np.zeros((2, 1, 3)), np.zeros((0, 1, 3)))
+    places_m = np.zeros((2, 1, 3)), np.zeros((0, 1, 3))
+    track = PeopleTrack(namespace(), prepared, *places_m, ExitStack())
     assert track._unexplained(trackers) == 0
     assert track._unexplained(trackers[:1]) == 1
 
@@ -128,7 +130,8 @@ def test_a_thing_is_seen_where_its_hull_is_beside_the_bodies():
     unseen = namespace(people_masks=lambda t: [[]] * 5)
     prepared = namespace(store=[[a | b for a, b in people]], observer=observer, footage=unseen)
     places = [np.array([[(*place, 1.0)]]) for place in PLACES]
-    ((body, thing),) = PeopleTrack(namespace(), prepared, *places)._drawn_pieces(trackers)
+    track = PeopleTrack(namespace(), prepared, *places, ExitStack())
+    ((body, thing),) = track._drawn_pieces(trackers)
     own, other = (photograph(VIEWS, *one) for one in PEOPLE)
     for k in range(5):
         assert np.array_equal(body[k], own[k])
