@@ -1,7 +1,7 @@
 """Two people followed beside each other, from silhouettes to motion."""
 
-from pathlib import Path
 from contextlib import ExitStack
+from pathlib import Path
 from types import SimpleNamespace as namespace
 
 import numpy as np

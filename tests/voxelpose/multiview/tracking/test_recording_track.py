@@ -28,4 +28,4 @@ def test_silhouettes_and_bodies_alternate_while_it_gets_better_and_twice_at_most
         def again(self, tracked):
             return [tracked[0] + 1] if tracked[0] < better else None
 
-    assert alternated(Counted()) == [expected]
+    assert alternated(Counted()) == [expected]  # type: ignore[arg-type]
