@@ -51,7 +51,7 @@ from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings, match
-from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fit
+from voxelpose.multiview.proposers.pose_search import SEARCHED, BodyGeometry, find_pose, refine_fit
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,

@@ -29,8 +29,8 @@ from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
-from voxelpose.multiview.matching.pose_search import FEW_PLACEMENTS
 from voxelpose.multiview.people.pose_followers import PoseFollowers
+from voxelpose.multiview.proposers.pose_search import FEW_PLACEMENTS
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.multiview.tracking.follower import PoseFollower, search
 from voxelpose.recording.folder import Recording

@@ -12,8 +12,8 @@ class Tracking:
     lost: float = 0.45
     """1. Largest error of a pose that is kept. Chosen by eye; right ones have 0.06 to 0.10."""
     longest_steps: float = 6.0
-    """1 / FPS. Time after which process noise grows no more. Tuned on walk4 by
-    `python -m benchmarks.follower --every 3 --late 2`."""
+    """1 / FPS. Time after which process noise grows no more, and no step reaches the pose. Tuned on
+    walk4 by `python -m benchmarks.follower --every 3 --late 2`."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,6 @@ class OffLine:
 class Live:
     """What the live follower does beside the step (`tracking.follower`, `tracking.track_jobs`)."""
 
-    longest_gap_s: float = 0.5
-    """s. Time after which a track is given up. Chosen by eye."""
-    longest_gap: float = 3.5
-    """Frames of a slow camera after which it is given up. Tuned on walk4 with `--every 3`."""
     poor_again_s: float = 0.7
     """s. Least time between searches where poses are bad. Chosen by eye."""
     limbs_again_s: float = 3.0
@@ -46,9 +42,6 @@ class Live:
     """s. Time between these, for a first adaptation and for later ones. Chosen by eye."""
     foreground: float = 0.002
     """1. Least fraction of a picture that a person takes. Chosen by eye."""
-    longest_step_s: float = 0.14
-    """s. Longest step of a track that catches up: frames are passed over up to it. Tuned on walk4
-    by `python -m benchmarks.follower --every 3 --late 2`."""
 
 
 @dataclass(frozen=True)

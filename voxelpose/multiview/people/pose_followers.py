@@ -20,10 +20,10 @@ from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.matching.pose_search import PoseFit
 from voxelpose.multiview.people import PEOPLE_CAMERAS
 from voxelpose.multiview.people.own_silhouettes import Masks, hull_pieces, own_and_unknown
 from voxelpose.multiview.people.presence import ASKED_HZ, HIDDEN_S, PresenceSearch, moving_costs
+from voxelpose.multiview.proposers.pose_search import PoseFit
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import PoseFollower
 from voxelpose.multiview.tuning import CARVING, LIVE, PEOPLE
@@ -68,7 +68,7 @@ class PoseFollowers:
         if len(self.people) == 1:
             return [_found(self.people[0], moment, self._rig)]
         time_s, views, masks = moment.time_s, moment.views(self._rig), [*moment.masks().values()]
-        tracks = [one.expected(time_s) for one in self.people]
+        tracks = [one.expected for one in self.people]
         for k, track in enumerate(tracks):
             if track is not None:
                 self._note(k, track.fit.pose.root_m[:2], track.time_s)

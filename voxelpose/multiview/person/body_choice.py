@@ -27,18 +27,6 @@ from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import (
-    HEADINGS,
-    MORE_PLACEMENTS,
-    SEARCHED,
-    STEP,
-    BodyGeometry,
-    PoseFit,
-    find_pose,
-    move_limbs,
-    refine_fits,
-)
-from voxelpose.multiview.matching.torso_search import find_torso
 from voxelpose.multiview.person.posterior import (
     GIRTH_CAMERAS,
     POSTURES,
@@ -53,6 +41,18 @@ from voxelpose.multiview.person.posterior import (
 )
 from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
 from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
+from voxelpose.multiview.proposers.pose_search import (
+    HEADINGS,
+    MORE_PLACEMENTS,
+    SEARCHED,
+    STEP,
+    BodyGeometry,
+    PoseFit,
+    find_pose,
+    move_limbs,
+    refine_fits,
+)
+from voxelpose.multiview.proposers.torso_search import find_torso
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tuning import PERSON_COST, PERSON_SEARCH
 

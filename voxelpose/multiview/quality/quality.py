@@ -39,7 +39,7 @@ from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.matcher import MatchSettings, match
-from voxelpose.multiview.matching.pose_search import SEARCHED, STEP, BodyGeometry, refine_fits
+from voxelpose.multiview.proposers.pose_search import SEARCHED, STEP, BodyGeometry, refine_fits
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import QUALITY
 

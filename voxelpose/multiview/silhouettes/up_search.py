@@ -26,7 +26,7 @@ from silhouette_core.progress import Reporter
 from silhouette_core.ranking import rounded
 from silhouette_core.tuning import MEASURING
 from voxelpose.multiview.carving.observe import HullObserver
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.tuning import UP_SEARCH
 

@@ -20,14 +20,14 @@ from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import PosePrior, RefineSettings
 from silhouette_core.tuning import REFINEMENT
 from voxelpose.multiview.carving.observe import observation_at
-from voxelpose.multiview.matching.pose_search import (
+from voxelpose.multiview.person.posterior import is_unusual
+from voxelpose.multiview.proposers.pose_search import (
     SEARCHED,
     BodyGeometry,
     PoseFit,
     move_limbs,
     refine_fit,
 )
-from voxelpose.multiview.person.posterior import is_unusual
 from voxelpose.multiview.tuning import TRACKING
 
 Masks = Mapping[str, NDArray[np.bool_]]
@@ -160,6 +160,11 @@ class BodyTrack:
 def process_noise(tree: KinematicTree, steps: float) -> NDArray[np.float64]:
     """Standard deviations (6 + D,) of a pose's coordinates after a time in units of 1 / `FPS`."""
     return min(steps, TRACKING.longest_steps) * pose_step_sigma(tree)
+
+
+def is_near(first_s: float, second_s: float) -> bool:
+    """Whether a step from one time to another, s, reaches a pose: process noise still grows."""
+    return elapsed_steps(first_s, second_s) <= TRACKING.longest_steps
 
 
 @lru_cache(maxsize=64)

@@ -24,13 +24,6 @@ from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from voxelpose.multiview.carving.bounds import LEAST_CAMERAS, place_grid
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
-from voxelpose.multiview.matching.pose_search import (
-    FEW_PLACEMENTS,
-    PLACEMENTS,
-    BodyGeometry,
-    PoseFit,
-    find_pose,
-)
 from voxelpose.multiview.person.posterior import (
     GIRTH_CAMERAS,
     chest_from_hull,
@@ -39,9 +32,18 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
     is_unusual,
 )
+from voxelpose.multiview.proposers.pose_search import (
+    FEW_PLACEMENTS,
+    PLACEMENTS,
+    BodyGeometry,
+    PoseFit,
+    find_pose,
+)
 from voxelpose.multiview.tracking.body_track import (
+    RECENT,
     BodyTrack,
     Moment,
+    is_near,
     observed_near,
 )
 from voxelpose.multiview.tuning import CARVING, LIVE, PERSON_COST, TRACKING
@@ -119,7 +121,7 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
     """
     usual, waiting, searched, wrong = track.usual, list(moments), False, 0
     while waiting:
-        near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
+        near = [one for one in waiting[:2] if is_near(track.time_s, one.time_s)]
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
         track = followed(rig, track, moment)
@@ -136,8 +138,8 @@ def followed(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack:
     """Track with the next frame of pinhole cameras. Where few frames come, the person has gone
     farther than a step reaches: then also from where the silhouettes are now.
     """
-    near, passed_s = track.follow(rig, moment), moment.time_s - track.time_s
-    if passed_s <= LIVE.longest_step_s or not track.is_poor(near.fit.error):
+    near = track.follow(rig, moment)
+    if is_near(track.time_s, moment.time_s) or not track.is_poor(near.fit.error):
         return near
     frame = _hull(rig, moment)
     if frame is None:
@@ -172,11 +174,6 @@ def _hull(rig: Rig, moment: Moment) -> FrameObservation | None:
     except InputError:
         return None
     return HullObserver(views, grid, CARVING.voxel_m, rule).observe(images)
-
-
-def _longest_s(gap_s: float) -> float:
-    """Time after which a track is given up, where so much is between two frames."""
-    return max(LIVE.longest_gap_s, LIVE.longest_gap * gap_s)
 
 
 _Searched = Future[BodyTrack | None]
@@ -219,6 +216,7 @@ class PoseFollower:
         self._person = _Followed()
         self._job: _Searched | None = None
         self._since: list[Moment] = []
+        self._missed = 0  # frames since the last pose
         self._previous_s = 0.0
         self.rough = False
 
@@ -232,27 +230,24 @@ class PoseFollower:
         """Whether a long job was begun, and its result is not taken yet."""
         return self._job is not None
 
-    def expected(self, time_s: float) -> BodyTrack | None:
-        """Track that may go on at a time, perhaps after some frames without a pose."""
-        latest = self._track or self._lost
-        longest_s = _longest_s(time_s - self._previous_s)
-        return latest if latest is not None and time_s - latest.time_s <= longest_s else None
+    @property
+    def expected(self) -> BodyTrack | None:
+        """Track that may go on, perhaps after some frames without a pose."""
+        return self._track or self._lost
 
     def step(self, moment: Moment) -> PoseFit | None:
         """Pose in the next frame, of two cameras at least, or None where nobody is found; cameras
         that are missing at the moment are left out.
         """
-        time_s = moment.time_s
-        gap_s, self._previous_s = time_s - self._previous_s, time_s
-        longest_s = _longest_s(gap_s)
-        latest, self._track = self._track or self._lost, None
+        time_s, previous_s = moment.time_s, self._previous_s
+        latest, self._track, self._previous_s = self.expected, None, time_s
         found, later = self._found()
         behind = len(later) > _CAUGHT_UP
-        if found is not None and behind and gap_s <= LIVE.longest_step_s:
+        if found is not None and behind and is_near(previous_s, time_s):
             self._catch_up(found, later)
             found = None
-        for track, most_s in ((latest, longest_s), (found, np.inf)):
-            if track is not None and time_s - track.time_s <= most_s:
+        for track in (latest, found):
+            if track is not None:
                 stepped = followed(self.rig, track, moment)
                 best = self._track
                 least = TRACKING.lost if best is None else best.fit.error
@@ -260,7 +255,8 @@ class PoseFollower:
                     self._track = stepped
         if found is not None and behind and self._track is None:
             self._catch_up(found, later)
-        self._lost = latest if self._track is None else None
+        self._missed = 0 if self._track is not None else self._missed + 1
+        self._lost = latest if 0 < self._missed <= RECENT else None
         if self._job is None:
             self._begin_job(moment)
         else:

@@ -19,9 +19,9 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.adaptation import stature_of
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.person.body_choice import Start, adapted, choose_body, start_given
 from voxelpose.multiview.person.posterior import is_improbable, is_unusual
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore, carved_observations
 from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.silhouettes.static_objects import StaticObjects, find_static_objects

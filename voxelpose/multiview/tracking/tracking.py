@@ -15,7 +15,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silhouette_core.motion.dynamics import elapsed_steps, pose_step_sigma
+from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
@@ -26,10 +26,10 @@ from silhouette_core.tracking.trajectory_fit import FrameEvidence, fit_trajector
 from silhouette_core.tuning import STEPS
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose, move_limbs
 from voxelpose.multiview.person.posterior import is_improbable, is_unusual
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit, find_pose, move_limbs
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.body_track import BodyTrack
+from voxelpose.multiview.tracking.body_track import BodyTrack, is_near
 from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
@@ -198,7 +198,7 @@ class PoseTracker:
         """
         while 0 <= (t := t + direction) < len(self.poses):
             time_s = float(self._times_s[t])
-            if elapsed_steps(track.time_s, time_s) > TRACKING.longest_steps:
+            if not is_near(track.time_s, time_s):
                 break
             frame = self.observations.observe(t, track.fit.pose.root_m)
             if frame is None:

@@ -18,10 +18,10 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.people import pose_followers
 from voxelpose.multiview.people.pose_followers import PoseFollowers
 from voxelpose.multiview.people.presence import PeopleSets
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import PoseFollower, search
 

@@ -23,7 +23,6 @@ from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose
 from voxelpose.multiview.person import body_choice
 from voxelpose.multiview.person.body_choice import Start, adapted, anchor_frames, choose_body
 from voxelpose.multiview.person.posterior import (
@@ -32,6 +31,7 @@ from voxelpose.multiview.person.posterior import (
     StatureEvidence,
     hull_height_m,
 )
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.recording_track import refit

@@ -24,15 +24,15 @@ from silhouette_core.refinement.refine import (
 from tests.voxelpose.multiview.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import (
+from voxelpose.multiview.person import body_choice
+from voxelpose.multiview.person.body_choice import start_given
+from voxelpose.multiview.proposers.pose_search import (
     SEARCHED,
     BodyGeometry,
     PoseFit,
     find_pose,
     refine_fits,
 )
-from voxelpose.multiview.person import body_choice
-from voxelpose.multiview.person.body_choice import start_given
 
 VOXEL_M = 0.03
 

@@ -20,7 +20,7 @@ from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry
+from voxelpose.multiview.proposers.pose_search import BodyGeometry
 from voxelpose.multiview.quality.quality import (
     FILE,
     MotionEvidence,

@@ -19,8 +19,8 @@ from tests.voxelpose.multiview.matching_scenes import (
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.person.body_choice import find_sitting_pose
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, find_pose
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.static_objects import find_static_objects
 

@@ -11,7 +11,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT
 from tests.voxelpose.multiview.matching_scenes import fitting_model, photograph, stance, views
-from voxelpose.multiview.matching.pose_search import PoseFit
+from voxelpose.multiview.proposers.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
 from voxelpose.multiview.tuning import TRACKING

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.pose import Pose
-from voxelpose.multiview.matching.pose_search import PoseFit
+from voxelpose.multiview.proposers.pose_search import PoseFit
 from voxelpose.multiview.tracking import follower
-from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
+from voxelpose.multiview.tracking.body_track import RECENT, BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import catch_up
 
 
@@ -53,7 +53,7 @@ def test_every_other_frame_is_passed_over_but_not_the_last_ones():
 
 def test_of_frames_far_apart_none_is_passed_over():
     track = Track()
-    assert catch_up(None, track, moments(4, 0.1)) is not None  # type: ignore[arg-type]
+    assert catch_up(None, track, moments(4, 0.15)) is not None  # type: ignore[arg-type]
     assert len(track.steps) == 4
 
 
@@ -61,13 +61,13 @@ def test_of_frames_far_apart_none_is_passed_over():
     ("wrong", "lost"), [((1, 2, 3, 4, 5), True), ((1, 2, 3, 4, 6, 7, 8, 9), False)]
 )
 def test_a_track_that_is_wrong_in_five_frames_running_is_lost(wrong, lost):
-    later = moments(9, 0.1)
+    later = moments(9, 0.15)
     track = Track({later[k - 1].time_s: 0.2 for k in wrong})
     assert (catch_up(None, track, later) is None) == lost  # type: ignore[arg-type]
 
 
 def test_a_track_that_explains_nothing_is_lost():
-    later = moments(3, 0.1)
+    later = moments(3, 0.15)
     assert catch_up(None, Track({later[1].time_s: 0.5}), later) is None  # type: ignore[arg-type]
 
 
@@ -124,3 +124,15 @@ def test_at_low_rates_what_was_found_counts_at_once(monkeypatch, gap_s, at_once)
     fit = one.step(Moment(5 * gap_s, {}))
     assert (fit is not None) == at_once
     assert submitted == ([] if at_once else [catch_up])
+
+
+def test_a_lost_track_is_looked_for_a_while(monkeypatch):
+    one = follower.PoseFollower(None, None, None)  # type: ignore[arg-type]
+    one._track = track = SimpleNamespace(time_s=0.0, fit=SimpleNamespace(error=0.6))
+    monkeypatch.setattr(one, "_begin_job", lambda moment: None)
+    monkeypatch.setattr(follower, "followed", lambda rig, track, moment: track)
+    for k in range(1, RECENT + 1):
+        assert one.step(Moment(k / 30, {})) is None
+        assert one.expected is track
+    one.step(Moment(1.0, {}))
+    assert one.expected is None

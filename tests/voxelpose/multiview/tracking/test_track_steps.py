@@ -10,7 +10,7 @@ from silhouette_core.motion.dynamics import MOMENTUM
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import fitting_model, stance
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import PoseFit
+from voxelpose.multiview.proposers.pose_search import PoseFit
 from voxelpose.multiview.tracking import body_track, tracking
 from voxelpose.multiview.tracking.tracking import PoseTracker
 

@@ -21,7 +21,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.tracking import PoseTracker

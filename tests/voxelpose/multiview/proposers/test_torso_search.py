@@ -7,7 +7,7 @@ from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other_body, stance, views
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.proposers.torso_search import find_torso
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 

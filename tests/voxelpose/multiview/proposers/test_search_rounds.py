@@ -7,9 +7,9 @@ import pytest
 
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.matching_scenes import fitting_model, stance
-from voxelpose.multiview.matching import pose_search
 from voxelpose.multiview.matching.limbs import CHAINS
-from voxelpose.multiview.matching.pose_search import PoseFit, find_pose, move_limbs
+from voxelpose.multiview.proposers import pose_search
+from voxelpose.multiview.proposers.pose_search import PoseFit, find_pose, move_limbs
 
 MODEL = fitting_model()
 VOLUME = SimpleNamespace(is_person=True, chains=CHAINS)

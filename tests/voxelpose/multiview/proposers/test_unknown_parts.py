@@ -21,8 +21,8 @@ from tests.voxelpose.multiview.matching_scenes import (
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver, body_rule
-from voxelpose.multiview.matching.limb_search import _pixel_values
-from voxelpose.multiview.matching.pose_search import SEARCHED, BodyGeometry, refine_fit
+from voxelpose.multiview.proposers.limb_search import _pixel_values
+from voxelpose.multiview.proposers.pose_search import SEARCHED, BodyGeometry, refine_fit
 from voxelpose.multiview.quality.quality import frame_evidence
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
 

@@ -14,7 +14,7 @@ from tests.outside import METHODS
 from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, photograph, stance, views
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, find_pose
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, find_pose
 
 
 def test_a_search_hands_over_the_same_objects(monkeypatch):

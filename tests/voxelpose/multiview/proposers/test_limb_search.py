@@ -12,8 +12,8 @@ from tests.voxelpose.multiview.matching_scenes import (
     views,
 )
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.limb_search import _scores, place_limb
 from voxelpose.multiview.matching.limbs import CHAINS, within_limits
+from voxelpose.multiview.proposers.limb_search import _scores, place_limb
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(4)

@@ -26,9 +26,9 @@ from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.matcher import MatchSettings, match
-from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.proposers.limb_search import place_limb
+from voxelpose.multiview.proposers.torso_search import find_torso
 from voxelpose.multiview.tuning import MATCHING
 
 HEADINGS = 12

@@ -25,11 +25,11 @@ from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.limb_search import place_limb
 from voxelpose.multiview.matching.limbs import CHAINS
 from voxelpose.multiview.matching.matcher import MatchSettings
-from voxelpose.multiview.matching.pose_search import BodyGeometry, PoseFit, find_pose, standing
-from voxelpose.multiview.matching.torso_search import find_torso
+from voxelpose.multiview.proposers.limb_search import place_limb
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit, find_pose, standing
+from voxelpose.multiview.proposers.torso_search import find_torso
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
 from voxelpose.multiview.tracking.tracking import PoseTracker

@@ -1,0 +1,1 @@
+"""Poses of one frame without a prior: the torso, paper B, and limbs on the silhouettes."""
