@@ -42,6 +42,9 @@ class Live:
     """s. Time between these, for a first adaptation and for later ones. Chosen by eye."""
     foreground: float = 0.002
     """1. Least fraction of a picture that a person takes. Chosen by eye."""
+    longest_step_s: float = 0.14
+    """s. Longest step of a track that catches up: frames are passed over up to it. With 0.2 walk4 is
+    lost in `python -m benchmarks.follower --every 3 --late 2`."""
 
 
 @dataclass(frozen=True)

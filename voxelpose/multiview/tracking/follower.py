@@ -121,7 +121,7 @@ def catch_up(rig: Rig, track: BodyTrack, moments: Sequence[Moment]) -> BodyTrack
     """
     usual, waiting, searched, wrong = track.usual, list(moments), False, 0
     while waiting:
-        near = [one for one in waiting[:2] if is_near(track.time_s, one.time_s)]
+        near = [one for one in waiting[:2] if one.time_s - track.time_s < LIVE.longest_step_s]
         moment = near[-1] if len(near) == 2 and len(waiting) > 2 else waiting[0]
         waiting = [one for one in waiting if one.time_s > moment.time_s]
         track = followed(rig, track, moment)

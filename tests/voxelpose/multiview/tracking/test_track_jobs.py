@@ -53,7 +53,7 @@ def test_every_other_frame_is_passed_over_but_not_the_last_ones():
 
 def test_of_frames_far_apart_none_is_passed_over():
     track = Track()
-    assert catch_up(None, track, moments(4, 0.15)) is not None  # type: ignore[arg-type]
+    assert catch_up(None, track, moments(4, 0.1)) is not None  # type: ignore[arg-type]
     assert len(track.steps) == 4
 
 
@@ -61,13 +61,13 @@ def test_of_frames_far_apart_none_is_passed_over():
     ("wrong", "lost"), [((1, 2, 3, 4, 5), True), ((1, 2, 3, 4, 6, 7, 8, 9), False)]
 )
 def test_a_track_that_is_wrong_in_five_frames_running_is_lost(wrong, lost):
-    later = moments(9, 0.15)
+    later = moments(9, 0.1)
     track = Track({later[k - 1].time_s: 0.2 for k in wrong})
     assert (catch_up(None, track, later) is None) == lost  # type: ignore[arg-type]
 
 
 def test_a_track_that_explains_nothing_is_lost():
-    later = moments(3, 0.15)
+    later = moments(3, 0.1)
     assert catch_up(None, Track({later[1].time_s: 0.5}), later) is None  # type: ignore[arg-type]
 
 
