@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, Float32Array, FloatArray
 from calib.errors import InputError
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import (
@@ -160,7 +160,7 @@ class _Tracking:
         source, name = self.source, self.source.rig.names[0]
         self.reporter.stage("people", source.frame_count)
 
-        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_], list[NDArray[np.bool_]]]]:
+        def seen() -> Iterator[tuple[Frame, BoolArray, list[BoolArray]]]:
             for step, (_, _, frames) in enumerate(source):
                 mask = self.silhouettes.of(frames, step=step)[name]
                 yield frames[name], mask, self.silhouettes.of_people(name, step)
@@ -232,9 +232,7 @@ class HypothesisStore:
         self._frames, self._counts = array("q"), array("q")
         self._joints = 0
 
-    def put(
-        self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
-    ) -> None:
+    def put(self, frame: int, probability: FloatArray, joints_m: FloatArray) -> None:
         """Stores a frame's n hypotheses: probabilities (n,) and joints (n, L, 3), m."""
         joints_m = self._upright.world_points(joints_m)
         self._joints = joints_m.shape[1]
@@ -245,7 +243,7 @@ class HypothesisStore:
         self._frames.append(frame)
         self._counts.append(len(rows))
 
-    def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
+    def __iter__(self) -> Iterator[tuple[int, Float32Array, Float32Array]]:
         """Yields frame number, probabilities (n,) and joints (n, L, 3), world, m."""
         start, width = 0, 1 + 3 * self._joints
         for frame, count in zip(self._frames, self._counts, strict=True):
@@ -301,10 +299,7 @@ def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFr
 
 
 def _people(
-    source: FrameSource,
-    silhouettes: Silhouettes,
-    finder: PersonFinder,
-    clock: StageClock,
+    source: FrameSource, silhouettes: Silhouettes, finder: PersonFinder, clock: StageClock
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it."""
     name = source.rig.names[0]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import Float32Array, IndexArray, RealArray
 from silhouette_core.monocular.tuning import VIRTUAL_DEFECTS as DEFECTS
 
 _LONGEST_BOUT = 30  # frames
@@ -17,8 +18,8 @@ _HOLES = 3  # at random places of the body, at most
 
 
 def passing_defects(
-    places_px: NDArray[np.floating], rng: np.random.Generator, strange: bool = True
-) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
+    places_px: RealArray, rng: np.random.Generator, strange: bool = True
+) -> tuple[NDArray[np.int8], Float32Array]:
     """Defects that last for some frames, at the same places of the body.
 
     Args:
@@ -55,8 +56,8 @@ def passing_defects(
 
 
 def wall_coloured_places(
-    places_px: NDArray[np.floating], colour: NDArray[np.integer], rng: np.random.Generator
-) -> NDArray[np.float32]:
+    places_px: RealArray, colour: IndexArray, rng: np.random.Generator
+) -> Float32Array:
     """Places of one colour that are missing in most frames of some takes.
 
     Args:
@@ -74,9 +75,7 @@ def wall_coloured_places(
     return np.concatenate([places, radii[..., None]], axis=2).astype(np.float32)
 
 
-def cast_shadow(
-    surface: NDArray[np.float32], rng: np.random.Generator
-) -> NDArray[np.float32] | None:
+def cast_shadow(surface: Float32Array, rng: np.random.Generator) -> Float32Array | None:
     """Surface (T, V, 3) of a shadow on the floor at 0, of the lower part of a body or of all of it.
 
     Args:

@@ -8,9 +8,9 @@ people and clothes do, another wanders, and the rest is new in every frame.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from calib.checks import Float32Array, FloatArray, RealArray
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.pose_network import FILE
 from silhouette_core.image.seen_joints import deviations_m
@@ -19,21 +19,19 @@ from silhouette_core.monocular.proposal.silhouette_features import seen_codes
 _STATURE_MM = 1750  # of the people by whom deviations are measured
 
 
-def virtual_seen_joints(
-    places: NDArray[np.floating], rng: np.random.Generator
-) -> NDArray[np.float32]:
+def virtual_seen_joints(places: RealArray, rng: np.random.Generator) -> Float32Array:
     """Codes (T, 45) float32, see `seen_codes`, of joints at places (T, 15, 2) in the window."""
     count, joints = places.shape[:2]
     *shares, steady, uneven, together_mm, hidden, spread, lost, often_lost = seen_errors()
     steadily, slow, new = np.sqrt(shares)
 
-    def wandering(columns: int) -> NDArray[np.float64]:
+    def wandering(columns: int) -> FloatArray:
         """(T, columns) of deviation 1: each a share of the last frame's, and something new."""
         drawn = rng.normal(0, 1, (count, columns))
         drawn[1:] *= np.sqrt(1 - steady**2)
         return np.asarray(lfilter([1.0], [1.0, -steady], drawn, axis=0), np.float64)
 
-    def errors(joints: int) -> NDArray[np.float64]:
+    def errors(joints: int) -> FloatArray:
         """Errors (T, joints, 2) of deviation 1."""
         shape = count, joints, 2
         constant = steadily * rng.normal(0, 1, (joints, 2)) + new * rng.normal(0, 1, shape)

@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
@@ -52,7 +52,7 @@ class HypothesisTracker:
         self,
         model: BodyModel,
         camera: Camera,
-        usual_areas: NDArray[np.float64],
+        usual_areas: FloatArray,
         settings: TrackerSettings,
         backend: Backend,
     ):
@@ -75,11 +75,7 @@ class HypothesisTracker:
         self.surface = Surface(model, self.settings.surface_points)
 
     def observe(
-        self,
-        mask: NDArray[np.bool_],
-        distance_m: float,
-        time_s: float,
-        window: Window | None = None,
+        self, mask: BoolArray, distance_m: float, time_s: float, window: Window | None = None
     ) -> ObservedFrame:
         """Prepares a frame.
 

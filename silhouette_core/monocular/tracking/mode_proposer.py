@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
@@ -100,7 +100,7 @@ class ModeProposer:
             self._sexes = ()
         return modes
 
-    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+    def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
             self._colours.learn([person], [joints_m], HEAD.kept)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
@@ -139,7 +140,7 @@ def _joined(parts: Sequence[Arrays]) -> dict[str, NDArray]:
 def _render_all(
     bases: BasePoses,
     model: BodyModel,
-    views: NDArray[np.float64],
+    views: FloatArray,
     checkpoint: Checkpoint,
     reporter: Reporter,
 ) -> Arrays:
@@ -155,9 +156,7 @@ def _render_all(
     return _joined(parts)
 
 
-def _render_some(
-    bases: BasePoses, model: BodyModel, views: NDArray[np.float64], which: slice
-) -> Arrays:
+def _render_some(bases: BasePoses, model: BodyModel, views: FloatArray, which: slice) -> Arrays:
     """Arrays of some of the base poses, from all views, see `_render_all`."""
     surfaces = pose_surfaces(model, bases.quaternion[which], bases.angles[which])
     parts: list[Arrays] = []

@@ -11,12 +11,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
+from calib.checks import BoolArray, Float32Array, FloatArray
 from silhouette_core.monocular.tree.descent import (
     SHIFTS_PX,
     Alignments,
@@ -84,7 +84,7 @@ class PaperFilter:
         transitions: csr_matrix,
         camera: Camera,
         distance_m: float,
-        first: NDArray[np.float64],
+        first: FloatArray,
         backend: Backend,
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
@@ -99,7 +99,7 @@ class PaperFilter:
         self._last: Posterior | None = None
         self._last_s = 0.0
 
-    def step(self, time_s: float, mask: NDArray[np.bool_]) -> Posterior:
+    def step(self, time_s: float, mask: BoolArray) -> Posterior:
         """Posterior of the next frame given all frames up to it, of which the mask (h, w) bool, not
         empty, is the silhouette. Frames that are left out are predicted across.
         """
@@ -116,17 +116,17 @@ class PaperFilter:
             self._follow_distance(mask, self._last)
         return self._last
 
-    def places_m(self, window: Window) -> NDArray[np.float64]:
+    def places_m(self, window: Window) -> FloatArray:
         """Positions (C, 3) in the world, where the middle of a silhouette would be."""
         middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
         return window.unproject(middle, window.distance_m)
 
-    def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
+    def _window(self, mask: BoolArray, factor: float) -> Window:
         """The silhouette as the library's camera would see it at a multiple of the distance."""
         metre_px = STATURE_PX / self.library.model.length_m
         return look_at(self._camera, mask, factor * self._distance_m, metre_px)
 
-    def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> NDArray[np.float64]:
+    def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> FloatArray:
         """Prior (N, C), eq. (14): the pose moves as the library's transitions, the position at
         random.
         """
@@ -140,7 +140,7 @@ class PaperFilter:
             prior = self._transitions.T @ prior
         return prior
 
-    def _update(self, prior: NDArray[np.float64], window: Window) -> Posterior:
+    def _update(self, prior: FloatArray, window: Window) -> Posterior:
         """Posterior by a prior (N, C)."""
         alignments = Alignments((window,), self._shifts_px, partial(self._target, window))
         return tree_posterior(self.library, prior, alignments, self._sigma, self._backend)
@@ -150,11 +150,11 @@ class PaperFilter:
         mask, weights = window.weighed(reduction, self._weights)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _weights(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _weights(self, mask: BoolArray) -> Float32Array:
         """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
         return nwxor_weights(mask, self.library.bounds_px)
 
-    def _follow_distance(self, mask: NDArray[np.bool_], posterior: Posterior) -> None:
+    def _follow_distance(self, mask: BoolArray, posterior: Posterior) -> None:
         """Follows the distance by the size in which the silhouettes of the surviving leaves fit
         best, in the mean over their posterior, by XOR, eq. (6).
 
@@ -173,7 +173,7 @@ class PaperFilter:
         self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
 
 
-def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:
+def initial_prior(library: PoseLibrary) -> FloatArray:
     """Prior of a first frame: a Gaussian about the upright pose that faces the camera.
 
     Args:

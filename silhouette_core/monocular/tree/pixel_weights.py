@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, Float32Array
 from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.image.spans import Rectangle
 from silhouette_core.monocular.window import SIZE
 
 
-def nwxor_weights(mask: NDArray[np.bool_], bounds_px: Rectangle) -> NDArray[np.float32]:
+def nwxor_weights(mask: BoolArray, bounds_px: Rectangle) -> Float32Array:
     r"""Weights of the pixels of a silhouette's window.
 
     Every pixel counts by its distance from the contour of the silhouette P, :math:`D_P` inside and

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, Proposer
@@ -31,20 +31,13 @@ _FROM_LIBRARY = RefineSettings(reaches_m=REFINEMENT.near_reaches_m)
 
 @dataclass(frozen=True, eq=False)
 class SampleProposal(FrameProposal):
-    """Samples of one frame: nobody knows which poses such a body usually takes.
+    """Samples of one frame: nobody knows which poses such a body usually takes."""
 
-    Attributes:
-        samples: likeliest first, in the world.
-        body_distance_m: distance of the body.
-        root: place of a root that stands still, with any joint angles; None: it moves.
-        different_m: mean distance of the joints within which two samples explain a silhouette
-            alike.
-    """
-
-    samples: PoseArrays
-    body_distance_m: float
-    root: Pose | None
+    samples: PoseArrays  #: likeliest first, in the world.
+    body_distance_m: float  #: distance of the body.
+    root: Pose | None  #: place of a root that stands still, with any joint angles; None: it moves.
     different_m: float
+    """Mean distance of the joints within which two samples explain a silhouette alike."""
 
     @property
     def distance_m(self) -> float:
@@ -97,7 +90,7 @@ class SampleProposer(Proposer):
         return notes
 
 
-def _deviations(model: BodyModel, held: bool) -> NDArray[np.float64]:
+def _deviations(model: BodyModel, held: bool) -> FloatArray:
     """Deviations (6 + D,) of a pose from the library's; of a held root, those of a step."""
     sigma = np.concatenate(
         [

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray
 from silhouette_core.monocular.person import area_distance
 from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
 from silhouette_core.monocular.tree.descent import SHIFTS_PX, Alignments, Posterior, tree_posterior
@@ -22,7 +22,7 @@ _COUNT = 9  # distances tried
 def find_samples(
     library: PoseLibrary,
     camera: Camera,
-    mask: NDArray[np.bool_],
+    mask: BoolArray,
     backend: Backend,
     distance_m: float | None = None,
 ) -> Posterior:
