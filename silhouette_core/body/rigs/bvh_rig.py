@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from calib.documents import load_text
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
@@ -99,7 +99,7 @@ def _dofs(joint: BvhJoint, table: RigTable) -> tuple[Dof, ...]:
     return tuple(dofs)
 
 
-def _positions(joints: list[BvhJoint], unit_m: float) -> NDArray[np.float64]:
+def _positions(joints: list[BvhJoint], unit_m: float) -> FloatArray:
     """Positions (P, 3) at rest, the root where its offset says."""
     positions = np.zeros((len(joints), 3))
     for number, joint in enumerate(joints):
@@ -108,9 +108,7 @@ def _positions(joints: list[BvhJoint], unit_m: float) -> NDArray[np.float64]:
     return positions
 
 
-def _capsule(
-    start: NDArray[np.float64], end: NDArray[np.float64], radius_m: float | None
-) -> Capsule:
+def _capsule(start: FloatArray, end: FloatArray, radius_m: float | None) -> Capsule:
     length = float(np.linalg.norm(end - start))
     first, last = tuple(start.tolist()), tuple(end.tolist())
     return Capsule(first, last, MEASURING.bone_radius * length if radius_m is None else radius_m)

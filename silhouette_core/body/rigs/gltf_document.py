@@ -29,15 +29,11 @@ _KNOWN = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_specula
 
 @dataclass(frozen=True, eq=False)
 class GltfDocument:
-    """A document of bounded size.
-
-    Attributes:
-        buffers: content of its buffers, as far as they are needed.
-    """
+    """A document of bounded size."""
 
     path: Path
     content: dict[str, Any]
-    buffers: dict[int, bytes]
+    buffers: dict[int, bytes]  #: content of its buffers, as far as they are needed.
 
     @classmethod
     def read(cls, path: Path) -> GltfDocument:
