@@ -66,8 +66,7 @@ def _per_dof_rad(
     return np.radians(values)
 
 
-RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)
-"""(D,) joint angles of a person's resting stance."""
+RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)  #: (D,) joint angles of a person's resting stance.
 
 
 def is_person_tree(tree: KinematicTree) -> bool:
