@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import IntArray, check_array
 from silhouette_core.image.raster import NEAR_M, render_many
 from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
 from silhouette_core.scoring.kernels import pixels, voxels
@@ -122,9 +121,7 @@ class CpuBackend(Backend):
         return bits, empty, taken
 
 
-def _windows(
-    meshes: FloatArray, size: tuple[int, int]
-) -> tuple[NDArray[np.int64], tuple[int, int]]:
+def _windows(meshes: FloatArray, size: tuple[int, int]) -> tuple[IntArray, tuple[int, int]]:
     """Upper left corners (K, C, 2) of windows of one size (width, height) within images of a given
     size, that hold meshes (K, C, V, 3) given in pixels times depth.
     """
