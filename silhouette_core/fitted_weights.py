@@ -11,11 +11,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calib.checks import FloatArray
 
 
 @cache
-def fitted_weights(path: Path) -> Mapping[str, NDArray[np.float64]]:
+def fitted_weights(path: Path) -> Mapping[str, FloatArray]:
     """Weights (n,) of a file's regressions by name, read once."""
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     return {name: np.array(table["weights"], float) for name, table in tables.items()}

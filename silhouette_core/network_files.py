@@ -15,26 +15,18 @@ from platformdirs import user_data_path
 
 from calib.errors import InputError
 
-NetworkUse = Literal["auto", "off"]
-"""Whether the network is used where it is installed."""
+NetworkUse = Literal["auto", "off"]  #: Whether the network is used where it is installed.
 FOLDER_VARIABLE = "VOXELPOSE_NETWORK"
 
 
 @dataclass(frozen=True)
 class NetworkFile:
-    """A file of a wheel.
+    """A file of a wheel."""
 
-    Attributes:
-        name: under which it is installed.
-        member: of the wheel.
-        size: bytes.
-        sha256: of its content.
-    """
-
-    name: str
-    member: str
-    size: int
-    sha256: str
+    name: str  #: under which it is installed.
+    member: str  #: of the wheel.
+    size: int  #: bytes.
+    sha256: str  #: of its content.
 
     def matches(self, content: bytes) -> bool:
         """Whether this is its content."""
