@@ -3,8 +3,6 @@
 A file has a table per regression: `data`, `command`, `seed`, `date` and `weights`.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from functools import cache

@@ -3,8 +3,6 @@
 Nothing is downloaded here; `voxelpose network install` does that when it is asked to.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 with backend, processor and threads, would choose between equal ones.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scratch files: without a name, so that they end with the process however that ends."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -2,8 +2,6 @@
 other machines.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """Distances of pixels from silhouettes, and thinning."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2

@@ -6,8 +6,6 @@ Source: own; colour histograms after Jones and Rehg, Statistical color models wi
 skin detection (2002).
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter

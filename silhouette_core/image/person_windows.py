@@ -5,8 +5,6 @@ overlap the network sees either. Who is not known yet is looked for where the pi
 in squares of it, a few in each frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

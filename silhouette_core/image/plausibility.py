@@ -1,7 +1,5 @@
 """Whether silhouettes can be those of a person at all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the pose network sees of the people in a recording, camera by camera and frame by frame."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

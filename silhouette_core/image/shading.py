@@ -7,8 +7,6 @@ recording is. Source: own, after Horn, Shape from shading (1970); Okada and Sten
 the inside of the outline as further work.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

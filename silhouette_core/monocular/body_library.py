@@ -4,8 +4,6 @@ A root that stands still is found first; the body's poses are then seen from whe
 to it, one view of each, and so many more of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

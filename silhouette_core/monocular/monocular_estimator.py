@@ -1,7 +1,5 @@
 """Monocular estimator: motion from the silhouettes of one camera."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext

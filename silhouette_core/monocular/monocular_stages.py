@@ -1,7 +1,5 @@
 """Stages of one camera, frame by frame, for recordings and for live pictures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

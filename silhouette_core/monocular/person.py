@@ -1,7 +1,5 @@
 """Person in a foreground image, and the distance at which a person of that size stands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

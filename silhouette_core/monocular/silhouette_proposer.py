@@ -2,8 +2,6 @@
 for whoever has silhouettes, and no track yet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

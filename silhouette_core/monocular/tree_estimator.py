@@ -1,7 +1,5 @@
 """Estimator of paper A, whole: silhouettes, tree, filter, likeliest sample."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from contextlib import suppress

@@ -4,8 +4,6 @@ A unit of 1 is a ratio, a probability or a logarithm. Angles are in degrees, as 
 "By eye" says that a number was chosen when its method was written and never varied on its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 Range = tuple[float, float]

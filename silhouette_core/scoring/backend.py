@@ -11,8 +11,6 @@ chooses it by name. docs/architecture.md says what it does not cover, and why; e
 backend written by this page, and `silhouette_core.scoring.conformance` tests any.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, Protocol, runtime_checkable

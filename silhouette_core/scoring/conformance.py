@@ -7,8 +7,6 @@ in a file of tests, or `BackendConformance.run(MyBackend())` without any. Rules 
 missed have a case each with a known answer; the rest is compared with `cpu` on random cases.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """The scoring backend in compiled loops over CPU threads."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.checks import IntArray, check_array

@@ -1,7 +1,5 @@
 """Observed silhouettes prepared for comparison with many others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Library files from motion files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,6 @@ recording on the body of another, and slow deviations of all joints, make poses 
 but that a body can take; so do bodies that lean, lie or turn over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ like the background, and foreground where the background has changed; clothes of
 come apart; and shadows on the floor are taken for the person.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

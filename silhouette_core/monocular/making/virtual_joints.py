@@ -5,8 +5,6 @@ How far they are off is measured (`image.seen_joints`): a share of it stays for 
 people and clothes do, another wanders, and the rest is new in every frame.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 

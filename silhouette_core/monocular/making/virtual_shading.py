@@ -5,8 +5,6 @@ the head, of the clothes above and below, and of the shoes; now and then two of 
 not as bright. The renderer draws labels, each of which is a colour and a brightness.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -3,8 +3,6 @@
 All lengths are in statures, so that what is learned serves every body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

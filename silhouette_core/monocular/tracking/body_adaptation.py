@@ -1,7 +1,5 @@
 """The body of the person seen by one camera: build and sex from the clearest frames of a take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

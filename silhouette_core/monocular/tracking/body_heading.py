@@ -4,8 +4,6 @@ Seen from the front and from behind, silhouettes are nearly alike; the frames th
 the others, by a hidden Markov model whose states are headings. Beyond paper A.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

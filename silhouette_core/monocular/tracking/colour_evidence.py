@@ -6,8 +6,6 @@ others of its colour, tells which way it faces. Beyond paper A, which names the 
 outline as further work (section 7).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -6,8 +6,6 @@ frame, are refined on the silhouette. Viterbi's recursion runs over the refined 
 paper A.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

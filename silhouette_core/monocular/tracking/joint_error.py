@@ -16,8 +16,6 @@ weights stand in joint_error.toml, which `python -m benchmarks.joint_error ... -
 Source: textbook (linear regression); the evidence is this project's.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Beyond paper A. The network reads silhouettes through a window at the person's d
 corrects itself, and as soon as the head is found its colours, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a frame shows, prepared once for all that compares poses with it; what it should show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -3,8 +3,6 @@
 Beyond paper A. The proposal reads 0.8 s of silhouettes about a frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

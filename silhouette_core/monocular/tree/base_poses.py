@@ -1,7 +1,5 @@
 """Base poses of a library, selected from recorded motion, and the motion's step sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Build of a library from base poses: views from all sides, and the tree."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

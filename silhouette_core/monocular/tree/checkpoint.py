@@ -1,7 +1,5 @@
 """Checkpoints of a library build, so that an interrupted build resumes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Mapping

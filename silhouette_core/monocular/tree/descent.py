@@ -1,7 +1,5 @@
 """Posterior of one frame: the tree is descended level by level."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Right checksums say that a file is as it was written, not that a library was written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any

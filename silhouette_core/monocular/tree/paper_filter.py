@@ -6,8 +6,6 @@ body always fits better. What the paper does not state is chosen here: the devia
 the first pose and of the position, and the threshold of the surviving nodes.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pixel weights of paper A's silhouette distance, nwXOR."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.checks import BoolArray, Float32Array

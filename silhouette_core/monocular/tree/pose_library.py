@@ -1,7 +1,5 @@
 """Pose library: recorded poses seen from all sides, and the tree over their silhouettes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -7,8 +7,6 @@ is moved by whole pixels until the silhouette's centroid is in the middle of a w
 and cut off at the window's border.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Each frame by itself leaves open where the root is and which way it faces: the d
 joint that turns about the vertical makes up for any heading. All frames have the same root.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

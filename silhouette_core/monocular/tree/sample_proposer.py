@@ -1,7 +1,5 @@
 """Proposals of the poses of a body that is no person's: samples that explain a silhouette."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Samples of a library that explain one frame: of bodies of which nobody knows how they move."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from calib.camera import Camera

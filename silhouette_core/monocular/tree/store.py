@@ -4,8 +4,6 @@ The arrays are read through a memory map: a library of any size opens at once an
 memory than the parts that are used. The metadata hold checksums of all arrays and of themselves.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import mmap

@@ -1,7 +1,5 @@
 """Summary of a library as text, and a contact sheet of its tree's nodes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 
