@@ -8,7 +8,7 @@ come apart; and shadows on the floor are taken for the person.
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import Float32Array, IndexArray, RealArray
+from calib.checks import ByteArray, Float32Array, IndexArray, RealArray
 from silhouette_core.monocular.tuning import VIRTUAL_DEFECTS as DEFECTS
 
 _LONGEST_BOUT = 30  # frames
@@ -25,7 +25,7 @@ def passing_defects(
         strange: whether there is foreground beside the body, too.
 
     Returns:
-        Edges (T,) and discs (T, D, 3), px, for `kernels.spoil_silhouettes`.
+        Edges (T,) and discs (T, D, 3), px, for `spoil_silhouettes`.
     """
     count, slots = len(places_px), _HOLES + len(DEFECTS.large_holes) + 1
     edges, discs = np.zeros(count, np.int8), np.zeros((count, slots, 3), np.float32)
@@ -53,6 +53,27 @@ def passing_defects(
     return edges, discs
 
 
+def spoil_silhouettes(masks: ByteArray, edges: NDArray[np.int8], discs: Float32Array) -> None:
+    """Changes silhouettes masks (N, H, W), 0 or 1, in place.
+
+    Where edges (N,) is 1, the silhouette grows by a pixel to the right and down, where it is -1 it
+    shrinks from the left and from above; the image's first row and column stay. Discs (N, D, 3) of
+    x, y and radius, px, are then erased in turn, or made foreground where the radius is negative.
+    """
+    y, x = np.ogrid[: masks.shape[1], : masks.shape[2]]
+    for mask, edge, of_frame in zip(masks, edges, discs, strict=True):
+        if edge:
+            spreading = mask == (edge > 0)
+            mask[1:, 1:][spreading[:-1, 1:] | spreading[1:, :-1]] = edge > 0
+        for u, v, radius in of_frame[of_frame[:, 2] != 0]:
+            rows, columns = (
+                slice(max(int(at - abs(radius)), 0), max(int(at + abs(radius)) + 2, 0))
+                for at in (v, u)
+            )
+            near = (x[:, columns] - u) ** 2 + (y[rows] - v) ** 2 <= radius**2
+            mask[rows, columns][near] = radius < 0
+
+
 def wall_coloured_places(
     places_px: RealArray, colour: IndexArray, rng: np.random.Generator
 ) -> Float32Array:
@@ -63,7 +84,7 @@ def wall_coloured_places(
         colour: (V,), number of each vertex's colour.
 
     Returns:
-        Discs (T, D, 3), px, for `kernels.spoil_silhouettes`.
+        Discs (T, D, 3), px, for `spoil_silhouettes`.
     """
     alike = np.flatnonzero(colour == rng.choice(np.unique(colour)))
     number = int(rng.integers(*DEFECTS.places)) * (rng.random() < DEFECTS.alike)

@@ -14,10 +14,10 @@ from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES, PAR
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_many
-from silhouette_core.monocular.making.kernels import virtual_views as kernels
 from silhouette_core.monocular.making.virtual_defects import (
     cast_shadow,
     passing_defects,
+    spoil_silhouettes,
     wall_coloured_places,
 )
 from silhouette_core.monocular.making.virtual_joints import virtual_seen_joints
@@ -159,9 +159,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
         fallen = _viewed(shadow - centre.astype(np.float32), camera_from_world, focal)
         masks |= render_many(fallen, model.faces, labels, _MATRIX, _SIZE, cull_back=False) > 0
     _spoil(masks, bare, viewed, part_colours(bare_parts)[_main_parts(model)], rng)
-    coverage = np.empty((count, *GRID), np.uint8)
-    corners = np.empty((count, 2), np.int32)
-    kernels.centre_coverage(masks, coverage, corners)
+    corners = _window_corners(masks)
     # The window's middle, relative to the canvas's.
     middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
     ray = np.column_stack([middle / focal[:, None], np.ones(count)])
@@ -169,7 +167,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     places /= _STATURE_PX
     relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
     return VirtualTake(
-        coverage,
+        window_coverage(masks, corners),
         feet_grid(masks.astype(bool)),
         _skin_grids(bare & masks, masks, corners, rng),
         _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
@@ -286,6 +284,18 @@ def _shading_grids(
     return shading_grid(sums + covered * (exposure + noise))
 
 
+def _window_corners(masks: ByteArray) -> NDArray[np.int32]:
+    """First pixels (T, 2), x and y, of windows about the centroids, rounded to whole pixels, of
+    masks (T, H, W), 0 or 1; of an empty one about the image's middle.
+    """
+    corners, count = np.empty((len(masks), 2), np.int32), masks.sum(axis=(1, 2), dtype=np.int64)
+    for k, pixels in enumerate(masks.shape[:0:-1]):
+        sums = masks.sum(axis=1 + k, dtype=np.int64) @ np.arange(pixels)
+        middle = np.where(count > 0, sums / np.maximum(count, 1), (pixels - 1) / 2)
+        corners[:, k] = np.floor(middle - (2 * GRID[1 - k] - 1) / 2 + 0.5)
+    return corners
+
+
 def window_coverage(masks: NDArray, corners: IndexArray) -> NDArray:
     """Coverage (T, 60, 80), 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first pixels, x
     and y, are at corners (T, 2); outside the masks it is 0. Of other images: the sums of the cells.
@@ -351,9 +361,9 @@ def _spoil(
     places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
     edges, discs = passing_defects(places, rng)
     alike = wall_coloured_places(places, colour, rng)
-    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
+    spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
     edges, discs = passing_defects(places, rng, strange=False)
-    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
+    spoil_silhouettes(bare, np.zeros_like(edges), discs)
 
 
 def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:

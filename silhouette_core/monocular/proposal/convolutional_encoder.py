@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from calib.checks import Float32Array, check_array
-from silhouette_core.monocular.proposal.kernels import patches as kernels
 from silhouette_core.monocular.proposal.silhouette_features import GRID, product, scaled_components
 
 SIZES = (5, 3, 3)  #: Side of the filters of every convolution, in cells.
@@ -188,27 +188,30 @@ def _halved(cells: int) -> int:
     return -(-cells // STRIDE)
 
 
-def _before(cells: int, size: int) -> int:
-    """Cells that the first of the filters on a row of cells reads before it."""
-    return max((_halved(cells) - 1) * STRIDE + size - cells, 0) // 2
+def _margins(shape: tuple[int, ...], size: int) -> list[tuple[int, int]]:
+    """Cells before and after a state of a shape (N, h, w, C) that the filters read beyond it."""
+    beyond = [(_halved(cells) - 1) * STRIDE + size - cells for cells in shape[1:3]]
+    return [(0, 0), *((cells // 2, cells - cells // 2) for cells in beyond), (0, 0)]
 
 
 def _patches(state: Float32Array, size: int) -> Float32Array:
     """Patches (N, h / 2, w / 2, size, size, C) of a state (N, h, w, C)."""
-    count, height, width, channels = state.shape
-    patches = np.empty((count, _halved(height), _halved(width), size, size, channels), state.dtype)
-    kernels.gather_patches(state, _before(height, size), _before(width, size), STRIDE, patches)
-    return patches
+    windows = sliding_window_view(np.pad(state, _margins(state.shape, size)), (size, size), (1, 2))
+    return np.ascontiguousarray(np.moveaxis(windows[:, ::STRIDE, ::STRIDE], 3, -1))
 
 
 def _spread(slope: Float32Array, patches: tuple[int, ...], shape: tuple[int, ...]) -> Float32Array:
     """Gradient with respect to a state of a shape (N, h, w, C) from that with respect to its
     patches.
     """
-    state, size = np.zeros(shape, slope.dtype), patches[3]
-    rows, columns = _before(shape[1], size), _before(shape[2], size)
-    kernels.scatter_patches(slope.reshape(patches), rows, columns, STRIDE, state)
-    return state
+    (_, rows, columns, size), margins = patches[:4], _margins(shape, patches[3])
+    size_with_margins = [cells + sum(more) for cells, more in zip(shape, margins, strict=True)]
+    wide, of_patches = np.zeros(size_with_margins, slope.dtype), slope.reshape(patches)
+    for i, j in list(np.ndindex(size, size))[::-1]:  # every sum in the order of its patches
+        reach = slice(i, i + STRIDE * rows, STRIDE), slice(j, j + STRIDE * columns, STRIDE)
+        wide[:, *reach] += of_patches[:, :, :, i, j]
+    (top, _), (left, _) = margins[1:3]
+    return wide[:, top : top + shape[1], left : left + shape[2]]
 
 
 def layer_grid(layer: int) -> tuple[int, int]:
