@@ -79,10 +79,7 @@ class EmptyScene:
         unseen = moments == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
         mean[unseen] = cv2.inpaint(
-            np.rint(mean.clip(0, 255)).astype(np.uint8),
-            unseen.view(np.uint8),
-            5,
-            cv2.INPAINT_TELEA,
+            np.rint(mean.clip(0, 255)).astype(np.uint8), unseen.view(np.uint8), 5, cv2.INPAINT_TELEA
         )[unseen]
         variance[unseen] = SCENE.guess**2
         if backdrop is not None:

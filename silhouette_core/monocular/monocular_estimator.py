@@ -24,11 +24,7 @@ from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
-from silhouette_core.monocular.body_library import (
-    body_of_track,
-    library_of_body,
-    some_silhouettes,
-)
+from silhouette_core.monocular.body_library import body_of_track, library_of_body, some_silhouettes
 from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
     PoseStages,
@@ -192,11 +188,7 @@ class _Tracking:
         estimates = _estimates(frames, stages, absent, source.frame_count, self.reporter)
         with nullcontext() if settings.smooth else fewer_threads():
             motion = _motion(
-                estimates,
-                stages.trajectory,
-                hypotheses,
-                source.fps,
-                settings.applied_conditioning,
+                estimates, stages.trajectory, hypotheses, source.fps, settings.applied_conditioning
             )
         if motion is None:
             raise InputError(

@@ -10,12 +10,7 @@ from calib.camera import Camera
 from calib.checks import BoolArray
 from silhouette_core.monocular.person import find_person
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.tracking.pose_modes import (
-    MEMORY_S,
-    FrameModes,
-    ModeFinder,
-    ModeView,
-)
+from silhouette_core.monocular.tracking.pose_modes import MEMORY_S, FrameModes, ModeFinder, ModeView
 
 
 class SilhouetteProposer:

@@ -16,12 +16,7 @@ from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
-from silhouette_core.monocular.tracking.pose_modes import (
-    MEMORY_S,
-    FrameModes,
-    ModeFinder,
-    ModeView,
-)
+from silhouette_core.monocular.tracking.pose_modes import MEMORY_S, FrameModes, ModeFinder, ModeView
 from silhouette_core.monocular.tuning import HEAD
 from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock

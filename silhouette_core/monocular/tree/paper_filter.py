@@ -22,8 +22,7 @@ from silhouette_core.monocular.tree.descent import (
     log_sums,
     tree_posterior,
 )
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
-from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.pose_library import PoseLibrary, nwxor_weights
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.monocular.window import Window, look_at

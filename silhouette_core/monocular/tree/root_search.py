@@ -16,7 +16,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.tree.descent import Posterior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
-from silhouette_core.monocular.tree.sample_search import find_samples
+from silhouette_core.monocular.tree.sample_proposer import find_samples
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
