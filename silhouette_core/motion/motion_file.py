@@ -80,16 +80,9 @@ def write_motion(motion: Motion, path: Path) -> None:
     settings of filter and filling. A body that is not made from a person's measurements is written
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
     """
-    arrays = {
-        "root_m": motion.root_m,
-        "root_quaternion": motion.root_quaternion,
-        "angles_rad": motion.angles_rad,
-        "frames": motion.frames,
-        "time_s": motion.time_s,
-        "body_shape": motion.model.shape,
-        "up": motion.up,
-        **{_QUALITY + name: array for name, array in motion.quality.items()},
-    }
+    arrays = {name: getattr(motion, name) for name in (*_POSES, "frames", "time_s", "up")}
+    arrays |= {_QUALITY + name: array for name, array in motion.quality.items()}
+    arrays["body_shape"] = motion.model.shape
     if motion.filled.any():
         arrays["filled"] = motion.filled
     if motion.unfiltered is not None:
@@ -207,11 +200,8 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     motion = Motion(
         fps=float(about["fps"]),
         model=_model(about, arrays),
-        root_m=arrays["root_m"],
-        root_quaternion=arrays["root_quaternion"],
-        angles_rad=arrays["angles_rad"],
-        frames=arrays["frames"],
-        time_s=arrays["time_s"],
+        unfiltered=None,
+        **{name: arrays[name] for name in (*_POSES, "frames", "time_s")},
         quality={
             name.removeprefix(_QUALITY): array
             for name, array in arrays.items()
