@@ -1,6 +1,4 @@
-"""Workers that share tasks which do not depend on each other: this process, several processes, or
-other machines.
-"""
+"""Workers that share independent tasks: this process, several processes, or other machines."""
 
 import multiprocessing
 import os

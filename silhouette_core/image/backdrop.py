@@ -117,9 +117,7 @@ def _fields(median: Float32Array, rim: BoolArray, inside: BoolArray) -> list[Flo
 def _field(
     median: Float32Array, powers: FloatArray, start: BoolArray, left: BoolArray
 ) -> Float32Array:
-    """Field (h, w, 3) of most of a side of the picture, then of what else it explains (weights of
-    Geman and McClure).
-    """
+    """Field (h, w, 3) of most of a side, then of what else it explains (Geman-McClure weights)."""
     solution = np.zeros((powers.shape[-1], 3))
     solution[0] = np.median(median[start], axis=0)
     at, colours = powers[start], median[start]

@@ -1,6 +1,4 @@
-"""Removal of specks and pinholes from a silhouette, cropping to a region of interest, widening,
-halving.
-"""
+"""Silhouettes without specks and pinholes, cropped to a region of interest, widened, halved."""
 
 import cv2
 import numpy as np
@@ -72,9 +70,7 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
 
 
 def bounding_box(mask: BoolArray, margin: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of the bounding box of a mask (H, W) bool and a margin, px; of an empty
-    mask all.
-    """
+    """Rows and columns of the box about a mask (H, W) bool and a margin, px; all if it is empty."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return slice(None), slice(None)

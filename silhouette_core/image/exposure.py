@@ -84,9 +84,7 @@ class Aligner:
         coefficients: FloatArray,
         window: tuple[slice, slice] = (slice(None), slice(None)),
     ) -> ByteArray:
-        """What of a frame is in a window of rows and columns, (h, w, 3) uint8, with the exposure of
-        the reference.
-        """
+        """What of a frame is in a window, (h, w, 3) uint8, with the exposure of the reference."""
         if not coefficients.any():
             return part
         field = np.exp(-coefficients @ self._powers).T.reshape(*self._size[::-1], 3)

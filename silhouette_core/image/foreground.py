@@ -142,9 +142,7 @@ def segmented(
 
 
 def _sharpen(view: FrameView, mask: BoolArray) -> BoolArray:
-    """Mask with edges moved by at most `radius` pixels, to where person and background each make up
-    half of a pixel.
-    """
+    """Mask with edges moved by at most `radius` pixels, to where half of a pixel is the person."""
     radius = view.background.radius
     near, shrunk = grown(mask, radius), ~grown(~mask, radius)
     gap = max(1, radius // 2)  # pixels at the edge are mixed: they show neither colour

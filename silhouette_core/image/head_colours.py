@@ -64,9 +64,7 @@ def coarse_histogram(bins: NDArray[np.uint16]) -> FloatArray:
 
 
 def unlikeness(first: FloatArray, second: FloatArray) -> FloatArray:
-    """How different histograms (..., n) of shares are, (...) float64 from 0 to 1: Hellinger's
-    distance.
-    """
+    """How different histograms (..., n) of shares are, (...) from 0 to 1: Hellinger's distance."""
     return np.asarray(np.sqrt(np.maximum(1 - np.sqrt(first * second).sum(axis=-1), 0)), float)
 
 

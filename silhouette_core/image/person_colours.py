@@ -37,9 +37,7 @@ class PersonColours:
         self._counts += cv2.calcHist([picture], (0, 1, 2), inside, EVEN.shape, (0, 256) * 3)
 
     def density(self) -> Float32Array | None:
-        """Logarithm of the density (32, 32, 32) of the colours so far, each of 256; None before any
-        pixel.
-        """
+        """Log density (32, 32, 32) of the colours so far, each of 256; None before any pixel."""
         counts = self._counts.astype(np.float64)
         total = counts.sum()
         if not total:

@@ -184,9 +184,7 @@ def _chains(events: Sequence[_Event]) -> Iterator[list[_Event]]:
 
 
 def _placements(points: WalkerPoints, events: Sequence[_Event]) -> list[FloatArray]:
-    """Where the heel of each contact stands, (2,) m: where it is slowest until the other foot's
-    contact.
-    """
+    """Where the heel of each contact stands, (2,) m: where it is slowest until the next contact."""
     placed, contacts = [], [event for event in events if event.contact]
     longest = max((b.time_s - a.time_s for a, b in pairwise(contacts)), default=0.0)
     for k, (time, side, _) in enumerate(contacts):

@@ -140,9 +140,7 @@ class _Block:
 
 
 def _before_normalising(gradient: RealArray, normal: RealArray, deviation: RealArray) -> RealArray:
-    """Gradient (N, K) with respect to vectors, from that with respect to what `normalised` makes
-    of them.
-    """
+    """Gradient (N, K) with respect to vectors, from that of what `normalised` makes of them."""
     along = (gradient * normal).mean(axis=1, keepdims=True)
     return (gradient - gradient.mean(axis=1, keepdims=True) - normal * along) / deviation
 

@@ -201,9 +201,7 @@ def _patches(state: Float32Array, size: int) -> Float32Array:
 
 
 def _spread(slope: Float32Array, patches: tuple[int, ...], shape: tuple[int, ...]) -> Float32Array:
-    """Gradient with respect to a state of a shape (N, h, w, C) from that with respect to its
-    patches.
-    """
+    """Gradient with respect to a state of a shape (N, h, w, C) from that of its patches."""
     (_, rows, columns, size), margins = patches[:4], _margins(shape, patches[3])
     size_with_margins = [cells + sum(more) for cells, more in zip(shape, margins, strict=True)]
     wide, of_patches = np.zeros(size_with_margins, slope.dtype), slope.reshape(patches)

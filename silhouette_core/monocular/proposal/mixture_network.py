@@ -121,9 +121,7 @@ class MixtureNetwork:
 
 
 def normalised(state: RealArray) -> tuple[RealArray, RealArray]:
-    """Vectors (N, K) less the means of their elements and divided by their deviations, and these
-    deviations (N, 1).
-    """
+    """Vectors (N, K) less the means of their elements, over their deviations, and these (N, 1)."""
     centred = state - state.mean(axis=1, keepdims=True)
     deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(1e-5))
     return centred / deviation, deviation

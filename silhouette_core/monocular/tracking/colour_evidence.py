@@ -124,9 +124,7 @@ class ColourEvidence:
 
 
 def _half_size(window: Window) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
-    """Matrix, rotation from the world, height and width of a window's virtual camera at half the
-    size.
-    """
+    """Matrix, rotation from the world, height and width of a window's camera at half the size."""
     rows, columns = 2 * GRID[0], 2 * GRID[1]
     focal = window.focal_px / 2
     matrix = np.array([[focal, 0, (columns - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])

@@ -124,9 +124,7 @@ class ModeFinder:
         return seen_codes(places * window.focal_px / STATURE_PX, joints.visibility)
 
     def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
-        """View of a frame with what lies inside the silhouette in its window, grids (60, 80); None:
-        that is not known.
-        """
+        """View of a frame with what lies inside the silhouette, grids (60, 80); None: not known."""
         if inside is None:
             return view
         codes = self.proposal.encoding.with_inside(view.codes, inside.with_mirror_image())

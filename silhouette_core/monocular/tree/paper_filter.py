@@ -124,9 +124,7 @@ class PaperFilter:
         return look_at(self._camera, mask, factor * self._distance_m, metre_px)
 
     def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> FloatArray:
-        """Prior (N, C), eq. (14): the pose moves as the library's transitions, the position at
-        random.
-        """
+        """Prior (N, C), eq. (14): the library's transitions move the pose, chance the position."""
         steps = int(np.clip(round(elapsed_s / self._interval_s), 1, _MOST_STEPS))
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
         before_m = self.places_m(last.alignments.windows[0])
