@@ -40,9 +40,7 @@ class SilentReporter:
 
 
 class OverallProgress:
-    """How far work of several stages is, by the share of the time that each of them usually takes,
-    in their order.
-    """
+    """How far work of several stages is, by the share of the time that each usually takes."""
 
     def __init__(self, shares: Mapping[str, float]) -> None:
         self._shares, self._part = shares, 0.0

@@ -243,9 +243,7 @@ def interrupts_put_off() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Ends this process once the one that began it is gone, even if that was killed; for a thread
-    of its own.
-    """
+    """Ends this process once its parent is gone, even if killed; for a thread of its own."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

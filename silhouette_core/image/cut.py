@@ -53,9 +53,7 @@ class SceneColours:
         return cls(np.log(_any_colour(even, others)), np.ones_like(others), others, reduced)
 
     def wearing(self, density: Float32Array) -> "SceneColours":
-        """The same with a person's colours, as of `PersonColours`, as far as they are known: half
-        is yet to be seen.
-        """
+        """The same with colours of a person, as of `PersonColours`, not all of which were seen."""
         unseen = _any_colour(even_colours(self.background), self.others)
         person = CUT.seen * np.exp(density) + (1 - CUT.seen) * unseen
         return replace(self, person=np.log(person))

@@ -66,9 +66,7 @@ def joints_of_silhouette(
 
 
 def point_rays(person: PersonSeen, camera: Camera) -> FloatArray:
-    """Viewing rays (33, 3) of the points in axes of the camera, of depth 1; NaN where its lens
-    shows no such place.
-    """
+    """Viewing rays (33, 3) of the points in camera axes, of depth 1; NaN where there are none."""
     pixels = camera.undistort(person.points_px)
     matrix = np.linalg.inv(camera.pinhole(1.0).matrix)
     return np.column_stack([pixels, np.ones(len(pixels))]) @ matrix.T

@@ -448,9 +448,7 @@ class UndistortedView:
         return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
 
     def undistort_unknown(self, mask: BoolArray) -> BoolArray:
-        """Unknown places (h, w) bool as the pinhole camera sees them, pixels that are so in part
-        included.
-        """
+        """Unknown places (h, w) bool as the pinhole camera sees them, also where in part."""
         if self.maps is None:
             return mask
         return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 0

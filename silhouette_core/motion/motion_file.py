@@ -117,9 +117,7 @@ def write_motion(motion: Motion, path: Path) -> None:
 
 
 def _with_ordered_metadata(data: bytes) -> bytes:
-    """The same file with its metadata in order, which safetensors leaves to chance: equal motions
-    make equal files.
-    """
+    """The same file, its metadata in order, not as chance has it: equal motions, equal files."""
     start = 8 + int.from_bytes(data[:8], "little")
     header = json.loads(data[8:start])
     header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
@@ -170,9 +168,7 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 
 def _arrays(file: Any) -> dict[str, NDArray[Any]]:
-    """Arrays of an open file that belong to a motion, whose shapes and dtypes are checked before
-    anything is read.
-    """
+    """Arrays of an open file that belong to a motion, of shapes and dtypes checked before."""
     types = _TYPES | {_BODY + name: kind for name, kind in BODY_TYPES.items()}
     names = [name for name in file.keys() if name in types or name.startswith(_QUALITY)]  # noqa: SIM118 (not a dict)
     shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}

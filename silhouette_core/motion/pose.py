@@ -20,9 +20,7 @@ class Pose:
     angles_rad: np.ndarray  #: (D,) float64, in the order of `KinematicTree.dof_names`.
 
     def moved(self, step: np.ndarray) -> Pose:
-        """Pose after a step (6 + D,): root position (m), root rotation vector in the world (rad),
-        joint angles (rad).
-        """
+        """Pose after a step (6 + D,): root position (m), turn in the world and angles (rad)."""
         turn = Rotation.from_rotvec(step[3:6]).as_matrix()
         return Pose(self.root_m + step[:3], turn @ self.root_rotation, self.angles_rad + step[6:])
 

@@ -228,9 +228,7 @@ def mirrored_seen_codes(codes: RealArray) -> RealArray:
 
 
 def level_axes(heading_rad: RealArray) -> FloatArray:
-    """Right, away and up (T, 3, 3), as rows in the world, of level cameras that look along
-    headings (T,), atan2(y, x).
-    """
+    """Right, away and up (T, 3, 3), as rows, of level cameras along headings (T,), atan2(y, x)."""
     heading = np.asarray(heading_rad, float)
     cosine, sine, none = np.cos(heading), np.sin(heading), np.zeros(len(heading))
     return np.stack(

@@ -21,9 +21,7 @@ _LEFT, _RIGHT = (
 
 
 def body_headings(joints: FloatArray) -> FloatArray:
-    """Headings (…,), radians, of the axis from right to left hip and shoulder of joints
-    (…, 15, 3).
-    """
+    """Headings (…,), rad, of the axis from right to left hip and shoulder, of joints (…, 15, 3)."""
     across = (joints[..., _LEFT, :] - joints[..., _RIGHT, :]).sum(axis=-2)
     return np.arctan2(across[..., 1], across[..., 0])
 
@@ -99,9 +97,7 @@ class HeadingFilter:
 
 
 def _observed(heading_rad: FloatArray, probability: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Density (…, M, 72) of the heading about every mode, and likelihood (…, 72) of the headings
-    with modes (…, M).
-    """
+    """Density (…, M, 72) of headings about the modes (…, M), and likelihood (…, 72) of each."""
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
     kernel = np.exp(-0.5 * (apart / np.radians(HEADING.sigma_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)

@@ -152,9 +152,7 @@ class PoseTrajectory:
     def _both_ways(
         self, observed: list[ObservedFrame], proposals: Sequence[FrameProposal], beams: list[Beam]
     ) -> list[Beam]:
-        """Hypotheses tracked back from the last frame as well: what a later frame shows is carried
-        to those before it.
-        """
+        """Hypotheses tracked back from the last frame, too: what it shows helps those before it."""
         step, backward = self.tracker.step, list[Beam]()
         frames = list(zip(observed, proposals, beams, strict=True))
         for seen, proposal, known in reversed(frames):

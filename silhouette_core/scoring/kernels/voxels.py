@@ -13,9 +13,7 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 @kernel
 def _number_cells(columns, rotation, translation, origin, per_voxel, shape, cells):
-    """Fills cells (P,): the voxel of each point of columns (3, P), counted through the grid; -1
-    outside of it.
-    """
+    """Fills cells (P,): the voxel, counted through the grid, of columns (3, P); -1 outside it."""
     xs, ys, zs = columns[0], columns[1], columns[2]
     nx, ny, nz = shape
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
