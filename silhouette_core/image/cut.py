@@ -135,16 +135,14 @@ class SceneColours:
         """Odds of the person (h, w), nats, in each pixel of a reduced frame, as of `cut`."""
         back = self.background
         view = FrameView.of(frame, back)
-        odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
+        odds = np.empty(frame.shape[:2], np.float32)
         flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
         scale, shades = np.float32(noise or noise_scale(view)), rising_shades(back.shadow)
         uneven, spread = without_tint(view)
-        densities = self.person, self.others
+        densities = self.person, self.others, self.worn
         foreground.log_odds(
             *view.arrays, scale, flicker, shades, uneven, spread, densities, SHIFT, back.known, odds
         )
-        foreground.look_up(frame, self.worn, SHIFT, weight)
-        odds = np.where(odds < 0, odds * weight, odds)
         return odds if evidence is None else odds + evidence
 
     def silhouette(

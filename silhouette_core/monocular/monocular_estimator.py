@@ -182,7 +182,10 @@ class _Tracking:
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
         stages = PoseStages(tracked, self.camera, settings, options, clock, root)
         people = read_ahead(_people(source, self.silhouettes, finder, clock))
-        frames = _noted(people, stages)
+        frames = (
+            (number, None if person is None else stages.noted(number, seconds, person))
+            for number, seconds, person in people
+        )
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
         estimates = _estimates(frames, stages, absent, source.frame_count, self.reporter)
@@ -300,14 +303,6 @@ def _people(
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
         yield number, seconds, person
-
-
-def _noted(
-    people: Iterable[tuple[int, float, Person | None]], stages: PoseStages
-) -> Iterator[tuple[int, PendingFrame | None]]:
-    """Number of every frame, and what is kept of it if it shows a person."""
-    for number, seconds, person in people:
-        yield number, None if person is None else stages.noted(number, seconds, person)
 
 
 def _estimates(

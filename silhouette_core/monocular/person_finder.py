@@ -19,6 +19,7 @@ from calib.camera import Camera
 from calib.checks import BoolArray, FloatArray
 from calib.components import MaskComponents, label_components
 from silhouette_core.estimator import Frame
+from silhouette_core.image.cleanup import bounding_box
 from silhouette_core.image.head_colours import ColourCrop, coarse_histogram, unlikeness
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.person import LEAST_PX, Person, find_person, slenderness
@@ -354,10 +355,7 @@ def _mixed(old: Averaged, new: Averaged) -> Averaged:
 
 def _colours(lens: UndistortedView, picture: Frame, mask: BoolArray) -> ColourCrop:
     """Colours in the rectangle that holds a silhouette."""
-    (top, bottom), (left, right) = (
-        (int(lines[0]), int(lines[-1]) + 1)
-        for lines in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    )
-    return ColourCrop.of(
-        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
-    )
+    rows, columns = bounding_box(mask)
+    corner = columns.start, rows.start
+    size = columns.stop - columns.start, rows.stop - rows.start
+    return ColourCrop.of(lens.undistort_part(picture, corner, size), corner)

@@ -69,22 +69,11 @@ class SilhouetteCodes:
     @classmethod
     def joined(cls, parts: Sequence[SilhouetteCodes]) -> SilhouetteCodes:
         """Codes of several sequences of silhouettes, one after the other."""
-        return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("outline", "feet", "inside", "coloured", "joints")
-            )
-        )
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
     def __getitem__(self, rows: IndexArray | slice) -> SilhouetteCodes:
         """Codes of some of the silhouettes."""
-        return SilhouetteCodes(
-            self.outline[rows],
-            self.feet[rows],
-            self.inside[rows],
-            self.coloured[rows],
-            self.joints[rows],
-        )
+        return SilhouetteCodes(*(codes[rows] for codes in vars(self).values()))
 
     def __len__(self) -> int:
         """Number of silhouettes."""
