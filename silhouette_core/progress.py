@@ -15,15 +15,12 @@ class Reporter(Protocol):
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Begins a stage of `total` steps (None: unknown) and ends the previous one."""
-        ...
 
     def advance(self, steps: int = 1) -> None:
         """Counts finished steps of the stage."""
-        ...
 
     def note(self, text: str) -> None:
         """Informs the user of something that is no error, such as an assumption."""
-        ...
 
 
 class SilentReporter:

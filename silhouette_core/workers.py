@@ -73,7 +73,6 @@ class Workers(Protocol):
         Returns:
             Numbers and results of the tasks, in the order in which they become ready.
         """
-        ...
 
 
 class OwnProcess:

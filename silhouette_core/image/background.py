@@ -61,7 +61,6 @@ class BackgroundModel:
     """
 
     def __init__(self, mean: FloatArray, variance: FloatArray, directions: _Directions | None):
-        """Prepares the model; use the constructors `from_...`."""
         self.method: Method = "refined" if directions is None else "paper"
         self.mean: Float32Array = np.ascontiguousarray(mean, np.float32)
         noise = np.maximum(np.sqrt(variance.mean(axis=2)), BACKGROUND.noise)

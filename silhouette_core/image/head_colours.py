@@ -72,7 +72,6 @@ class HeadColours:
     """Histograms of the colours of the head and of the rest of a person."""
 
     def __init__(self) -> None:
-        """Starts without any picture."""
         size = int(np.prod(_BINS))
         self._head, self._rest = np.zeros(size), np.zeros(size)
 

@@ -131,7 +131,6 @@ class PoseNetwork:
     """The network, for one thread."""
 
     def __init__(self, path: Path) -> None:
-        """Reads the network's file."""
         # OpenCV 5's new engine gives outputs of wrong shapes.
         engine = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
         self._net = cv2.dnn.readNetFromTFLite(str(path), *(() if engine is None else (engine,)))

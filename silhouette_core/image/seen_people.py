@@ -26,11 +26,9 @@ class People(Protocol):
 
     def look(self, step: int, frames: Mapping[str, Frame]) -> None:
         """Looks at the frames of a time step, (H, W, 3) uint8, BGR, by camera name."""
-        ...
 
     def of(self, name: str, step: int) -> Mapping[int, PersonSeen]:
         """People in a frame of a camera, by number; nobody where it was not looked at."""
-        ...
 
 
 class SeenPeople:

@@ -33,7 +33,6 @@ class ColourBrightness:
     """Mean brightness of every colour of a person."""
 
     def __init__(self) -> None:
-        """Starts without any picture."""
         self._count, self._sum = np.zeros((2, _BINS**2))
 
     def add(self, colours: NDArray[np.uint16], grey: ByteArray) -> None:

@@ -29,7 +29,6 @@ class Spans:
     offsets: IntArray  #: (K + 1,) int64.
 
     def __post_init__(self) -> None:
-        """Checks every value once."""
         count = len(self.rows)
         check_array("starts", self.starts, (count,))
         check_array("ends", self.ends, (count,))

@@ -35,12 +35,10 @@ class Grid(Protocol):
     @property
     def origin_m(self) -> FloatArray:
         """(3,) world, m: the lower corner of voxel (0, 0, 0)."""
-        ...
 
     @property
     def voxel_size_m(self) -> float:
         """Edge of a voxel, m."""
-        ...
 
 
 @runtime_checkable
@@ -100,7 +98,6 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, eq. (6)-(9).
         """
-        ...
 
     def part_images(
         self,
@@ -126,7 +123,6 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, 3.1.
         """
-        ...
 
     def drawn_weights(
         self, weights: FloatArray, vertices_cam: FloatArray, faces: IndexArray, matrix: FloatArray
@@ -148,7 +144,6 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, eq. (7)-(9), rearranged.
         """
-        ...
 
     def silhouette_errors(
         self,
@@ -175,7 +170,6 @@ class Backend(Protocol):
         Returns:
             (K,) float64, 0 perfect, 1 apart.
         """
-        ...
 
     def pixel_scores(
         self,
@@ -197,7 +191,6 @@ class Backend(Protocol):
         Returns:
             (K,) int64.
         """
-        ...
 
     def voxel_overlap(
         self,
@@ -220,7 +213,6 @@ class Backend(Protocol):
 
         Source: Iiyama, Kameda and Minoh, section 2, the overlap of a part with the voxels.
         """
-        ...
 
     def voxel_cover(
         self,
@@ -244,7 +236,6 @@ class Backend(Protocol):
 
         Source: Iiyama, Kameda and Minoh, section 3, sets of voxels with several candidate parts.
         """
-        ...
 
 
 @cache

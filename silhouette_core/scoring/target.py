@@ -26,7 +26,6 @@ class Target:
     scale: float = 1.0  #: Factor on the weighted disagreement.
 
     def __post_init__(self) -> None:
-        """Makes all sums of weights exact."""
         object.__setattr__(self, "weights", tuple(map(summable, self.weights)))
 
     @property

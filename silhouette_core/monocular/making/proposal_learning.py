@@ -179,7 +179,6 @@ class FramePool:
     """Frames of several takes, one after the other; nothing is copied before it is asked for."""
 
     def __init__(self, takes: Sequence[VirtualTake]) -> None:
-        """Keeps the takes."""
         self._takes = takes
         self._ends = np.cumsum([len(take) for take in takes])
 

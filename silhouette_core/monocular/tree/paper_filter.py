@@ -87,7 +87,6 @@ class PaperFilter:
         interval_s: float = 1 / FPS,
         in_place: bool = False,
     ):
-        """Starts without a posterior."""
         self.library, self._transitions, self._camera = library, transitions, camera
         self._distance_m, self._first, self._in_place = distance_m, first, in_place
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
