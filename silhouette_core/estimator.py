@@ -88,8 +88,7 @@ class Settings:
 
     stature_m: float | None = None  #: height of the person, metres; None: estimated.
     chest_m: float | None = None  #: chest girth, metres; None: usual for the stature.
-    sex: Literal["male", "female", "unknown"] = "unknown"
-    """Sex of the person, which decides the proportions."""
+    sex: Literal["male", "female", "unknown"] = "unknown"  #: It decides the proportions.
     background: BackgroundKind = "auto"  #: see `BackgroundKind`.
     network: NetworkUse = "auto"
     """Either "auto", which uses the pose network where it is installed, see
@@ -97,11 +96,9 @@ class Settings:
     up: tuple[float, float, float] | None = None
     """Direction of up in the world, three numbers; None: as the calibration states, else found from
     the cameras and the person."""
-    smooth: bool = True
-    """Use later frames, and filter the finished motion (off-line, without lag)."""
+    smooth: bool = True  #: Use later frames, and filter the finished motion (off line, no lag).
     threads: int | None = None  #: number of threads; None: all cores.
-    backend: str = "cpu"
-    """Scoring backend, a name as for `silhouette_core.scoring.backend.load_backend`."""
+    backend: str = "cpu"  #: Scoring backend, a name as for `scoring.backend.load_backend`.
     conditioning: Conditioning = field(default_factory=Conditioning)
     """Gaps of the finished motion that are filled, and its filter."""
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)

@@ -36,14 +36,12 @@ class Foreground:
     shadow: float = 0.5
     """1. Darkest cast shadow over the background's brightness, where it is not measured."""
     contrast: float = 10.0  #: Grey levels. Edges between colours closer than this are not moved.
-    area: float = 3e-4
-    """1. Of the image: smaller components, or holes in the person's colours, are removed."""
+    area: float = 3e-4  #: 1. Of the image: smaller components, or holes in colours, are removed.
     body_share: float = 0.01  #: 1. Of the largest component: smaller ones are removed.
     hole: float = 4e-5  #: 1. Of the image: holes up to this are filled.
     empty_share: float = 0.8  #: 1. Quantile of a frame's differences that a person does not reach.
     beyond: float = 2.0  #: 1. Multiple of that quantile from which a difference is not noise.
-    usual_chroma: float = 0.7
-    """Noise. Pooled chromatic residual of an empty scene whose noise is known."""
+    usual_chroma: float = 0.7  #: Noise. Pooled chromatic residual of an empty scene.
 
 
 @dataclass(frozen=True)
@@ -53,8 +51,7 @@ class CastShadow:
     By eye. As a whole: `python -m benchmarks.completed`.
     """
 
-    chroma: float = 1.0
-    """Noise. Largest pooled chromatic residual of what only the light explains."""
+    chroma: float = 1.0  #: Noise. Largest pooled chromatic residual of what light explains.
     brightness: float = 5.0  #: Noise. Least difference of its brightness.
     margin: float = 0.1  #: 1. Darkest shadow below the peak of the ratios of brightness.
     core: float = 0.05  #: 1. Share of the pixels that may be the core of a soft shadow.
@@ -98,8 +95,7 @@ class EmptyScene:
     always: float = 4.0
     """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
     that he is."""
-    least_sigma: float = 4.0
-    """Grey levels. Least standard deviation: what is left of exposure, and of lights."""
+    least_sigma: float = 4.0  #: Grey levels. Least deviation: what is left of exposure, and lights.
     guess: float = 6.0  #: Grey levels. Standard deviation of a continued colour.
 
 
@@ -144,8 +140,7 @@ class Cut:
     seen: float = 0.5
     """1. Of the colours of somebody who is looked at as frames come, share of those seen so far. Of
     0, 0.1, 0.5 and 1 this has the largest overlap on seed 6 and all above 0.95 on grey people."""
-    flicker: float = 0.05
-    """1. Standard deviation of the background's brightness, relative: lights, exposure."""
+    flicker: float = 0.05  #: 1. Relative deviation of the background's brightness: lights.
     shaded: float = 0.045  #: 1. How often a pixel lies in a shadow.
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
@@ -234,8 +229,7 @@ class Dynamics:
     root_step_rad: float = 0.12  #: Radians. The same of its turn about each axis. By eye.
     standing: float = 0.3
     """1. Quantile of the lowest points that is the floor: jumps are above, bad frames below."""
-    floor_m: float = 0.1
-    """m. So near, the floor is where the world says: feet are found less well."""
+    floor_m: float = 0.1  #: m. So near, the floor is the world's: feet are found less well.
     cutoff_hz: float = 7.0
     """Hz. Usual cut-off: voluntary movement has little power above 6 Hz (Winter, Biomechanics and
     Motor Control)."""

@@ -40,8 +40,7 @@ class _Spawn(SpawnContext):
     Process = _ProcessWithoutMain
 
 
-SPAWN = _Spawn()
-"""How processes begin: spawned, since threads of numba and OpenCV do not survive a fork."""
+SPAWN = _Spawn()  #: How processes begin: threads of numba and OpenCV do not survive a fork.
 
 
 class WorkerEndedError(InputError):

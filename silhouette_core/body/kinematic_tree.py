@@ -18,8 +18,7 @@ class Dof:
     name: str  #: the movement that a positive angle makes.
     axis: tuple[float, float, float]  #: unit vector in the body frame of the rest pose.
     limits_deg: tuple[float, float]  #: smallest and largest angle.
-    fixed: bool = False
-    """True where silhouettes do not show it; the estimators then leave it at rest."""
+    fixed: bool = False  #: Whether silhouettes do not show it: the estimators leave it at rest.
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +29,13 @@ class KinematicTree:
     """
 
     names: tuple[str, ...]  #: P names of the parts.
-    parents: np.ndarray
-    """(P,) int32, parent of each part, before it in the order; -1 of the root, the first."""
+    parents: np.ndarray  #: (P,) int32, parent of each part, before it; -1 of the root, the first.
     dofs: tuple[tuple[int, Dof], ...]
     """D degrees of freedom and the part that each moves, in the order of the parts."""
     landmark_names: tuple[str, ...]  #: L names of the points whose positions are told as joints.
     landmark_part: np.ndarray  #: (L,) int32, part that carries each.
     landmark_bones: np.ndarray  #: (B, 2) int, pairs of landmarks between which a bone is drawn.
-    root_fixed: bool = False
-    """Whether the root part stands still in the world, as a robot's base does."""
+    root_fixed: bool = False  #: Whether the root part stands still, as a robot's base does.
 
     @classmethod
     def from_parts(

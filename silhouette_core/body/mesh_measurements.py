@@ -32,12 +32,9 @@ class BodyMeasurements:
     chest_girth_m: float | None = None
     """At the nipples (ANSUR II and ISO 8559 chest or bust circumference)."""
     waist_girth_m: float | None = None  #: at the natural waist, between ribs and hip bone.
-    hip_girth_m: float | None = None
-    """The largest one over the buttocks (ANSUR II buttock circumference)."""
-    arm_length_m: float | None = None
-    """From the acromion to the elbow joint and on to the wrist joint."""
-    leg_length_m: float | None = None
-    """From the crotch to the sole (ANSUR II crotch height; inside leg)."""
+    hip_girth_m: float | None = None  #: The largest one (ANSUR II buttock circumference).
+    arm_length_m: float | None = None  #: From the acromion over the elbow joint to the wrist joint.
+    leg_length_m: float | None = None  #: From crotch to sole (ANSUR II crotch height; inside leg).
     shoulder_breadth_m: float | None = None  #: between the acromia (ANSUR II biacromial breadth).
     mass_kg: float | None = None  #: volume times `DENSITY_KG_M3`.
 
@@ -54,8 +51,7 @@ class TapeMeasure:
     faces: NDArray[np.int32]  #: (F, 3) triangles.
     trunk: NDArray[np.int32]  #: (G, 3) those of trunk, head and legs.
     seam: IntArray  #: indices of the vertices in the sagittal plane.
-    acromia: NDArray[np.int32]
-    """(2, 3) corners of the triangles that carry the left and the right acromion."""
+    acromia: NDArray[np.int32]  #: (2, 3) corners of the triangles of the left and right acromion.
     acromia_weights: FloatArray  #: (2, 3) barycentric coordinates of these in them.
 
     @classmethod

@@ -36,10 +36,8 @@ class BodyModel:
     """(L, 3) float64, the landmarks at rest, in the order of the tree; of a person the HumanEva
     joints, `joints.LANDMARK_NAMES`."""
     space: ShapeSpace  #: shape space around the template.
-    shape: np.ndarray
-    """(K,) float64, deviations along `sizes.SHAPE_AXES`; (0,) where the shape is given."""
-    person: BodySizes | None
-    """Measurements of the person; None: the body is not a person's, or as given."""
+    shape: np.ndarray  #: (K,) float64, deviations along `SHAPE_AXES`; (0,) of a given shape.
+    person: BodySizes | None  #: Measurements of the person; None: no person's, or as given.
     tree: KinematicTree = HUMAN
 
     @property

@@ -30,8 +30,7 @@ class BodyPreset:
     sex: str  #: "male" or "female".
     standard: str  #: the standard after which it is named.
     measurements: BodyMeasurements
-    sources: Mapping[str, str]
-    """For each of these measurements, by name, where the number comes from."""
+    sources: Mapping[str, str]  #: For each measurement, by name, where the number is from.
 
     def body(self) -> BodyModel:
         """The body, made from its measurements."""

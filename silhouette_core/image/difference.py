@@ -23,11 +23,9 @@ class Background:
     mean: Float32Array  #: (H, W, 3) float32, BGR of 255.
     planes: Float32Array  #: (3, H, W) float32, the same, channel by channel.
     scales: Float32Array  #: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
-    known: BoolArray
-    """(H, W) bool, where the empty scene was seen; elsewhere its colours are a guess."""
+    known: BoolArray  #: (H, W) bool, where the empty scene was seen; elsewhere it is a guess.
     radius: int  #: half width of the window over which residuals are pooled, px.
-    shadow: float = FOREGROUND.shadow
-    """Darkest cast shadow, as a fraction of the background's brightness."""
+    shadow: float = FOREGROUND.shadow  #: Darkest cast shadow, of the background's brightness.
     grey: bool = False  #: whether the camera films without colour, so that no tint tells a shadow.
     several: bool = False
     """Whether other cameras film the same: a shadow that counts as the person costs little then,

@@ -59,8 +59,7 @@ class SilhouetteStages:
 
     frame: ByteArray  #: (H, W, 3) uint8, BGR, with the exposure of the background.
     background: Float32Array  #: (H, W, 3) float32, BGR of 255.
-    known: BoolArray
-    """(H, W) bool, where the empty scene was seen; elsewhere the background is a guess."""
+    known: BoolArray  #: (H, W) bool, where the empty scene was seen; elsewhere it is a guess.
     first: BoolArray  #: (H, W) bool, the person before edges, cleaning and region.
     silhouette: BoolArray  #: (H, W) bool.
     odds: Float32Array | None = None

@@ -16,8 +16,7 @@ from silhouette_core.image.difference import Background, FrameView
 from silhouette_core.tuning import COLOURS
 
 SHIFT, _BINS = 3, 32  # histograms of 32 x 32 x 32 colours
-EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)
-"""Density of colours when all are alike."""
+EVEN = np.full((_BINS, _BINS, _BINS), 1 / 256**3, np.float32)  #: Density when all are alike.
 _EDGE_PX = 5  # side of the window within which pixels near the edge are left out
 
 

@@ -66,8 +66,7 @@ class PersonSeen:
 
     crop: Crop  #: where it looked.
     presence: float  #: probability that somebody is there.
-    logits: NDArray[np.int8]
-    """(256, 256) int8, eighths of a nat: odds of the person in the square's pixels."""
+    logits: NDArray[np.int8]  #: (256, 256) int8, eighths of a nat: odds of the person.
     points_px: FloatArray  #: (33, 2), in the picture.
     visibility: FloatArray  #: (33,), probability that a point is seen.
     circle_px: FloatArray

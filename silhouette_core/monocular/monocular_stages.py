@@ -35,8 +35,7 @@ STARTS = "facing", "any"
 class MonocularOptions:
     """Options of this estimator only, checked."""
 
-    library: str = ""
-    """Path of a pose library, whose proposal is used; empty: that of the program."""
+    library: str = ""  #: Path of a pose library, whose proposal is used; empty: the program's.
     start: str = "facing"
     """Either "facing" (the person mostly faces the camera in the first frame) or "any"."""
     outline_only: bool = False  #: whether what lies inside the outline is left out.

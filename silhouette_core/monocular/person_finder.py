@@ -87,8 +87,7 @@ class FollowedPerson:
     usual_px: float  #: its area.
     looks: FloatArray | None  #: (n,) coarse histogram of the colours; None: they are not known.
     box_px: FloatArray  #: (2, 2) corners of the box about it.
-    came_from: int | None
-    """Number of a person in whose silhouette this one was before; None: nobody's."""
+    came_from: int | None  #: Number of a person in whose silhouette this one was before.
     seen: float = 0.0  #: frames in which the silhouette was apart, each by how slender it was.
 
     @classmethod

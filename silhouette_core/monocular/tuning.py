@@ -54,8 +54,7 @@ class Distances:
     """1. A frame is lost where the distance of the best node, or of the best tracked hypothesis,
     exceeds the usual one by this factor and `lost_excess`."""
     lost_excess: float = 0.05  #: 1. In units of the silhouette distance.
-    longest_gap_s: float = 1.0
-    """Seconds without a person, after which filter and tracking start again."""
+    longest_gap_s: float = 1.0  #: Seconds without a person, after which tracking starts again.
 
 
 @dataclass(frozen=True)
@@ -90,8 +89,7 @@ class Tree:
 class SampledMotion:
     """Motion of a body of which none was recorded (`body_library`). Chosen by eye."""
 
-    spread: float = 0.5
-    """1. Standard deviation about rest, of the way to a limit: few joints are at a limit."""
+    spread: float = 0.5  #: 1. Deviation about rest, of the way to a limit: few are at a limit.
     tilt_deg: float = 6.0  #: Degrees. Lean of a root that is free, about each level axis.
 
 
@@ -107,8 +105,7 @@ class Training:
     claimed: float = 0.4  #: 1. Share of the steps in which the nearest mode alone learns.
     share: float = 0.3  #: 1. Share of all modes meanwhile, at first.
     least_share: float = 0.02  #: 1. Share of all modes meanwhile, at last.
-    last_gain: float = 0.3
-    """1. Of the first weights of the last layer, and of that of every block."""
+    last_gain: float = 0.3  #: 1. Of the first weights of the last layer, and of every block's.
     withheld: float = 1 / 3
     """1. Share of the samples that read no later frames, and of those whose inside is not read."""
 
@@ -117,8 +114,7 @@ class Training:
 class Mixture:
     """Deviations of a pose's joints in the proposal (`proposal`). By eye."""
 
-    sigma: float = 0.05
-    """Statures. Deviation at a logarithm of 0; as far apart are the modes before training."""
+    sigma: float = 0.05  #: Statures. Deviation at a logarithm of 0, and of the first modes.
     joint_log_sigma: Range = (-1.6, 2.2)  #: 1. Range of a joint's log deviation.
     offset_log_sigma: Range = (-2.0, 3.0)  #: 1. The same of the person's place.
 
@@ -129,8 +125,7 @@ class FoundPerson:
 
     least_piece: float = 0.02
     """1. Of the person's area: smaller components are noise; a hand behind a gap is larger."""
-    largest_gap: float = 0.25
-    """1. Between a component and the main one, relative to the size of the latter."""
+    largest_gap: float = 0.25  #: 1. Between a component and the main one, of the latter's size.
     slender: float = 2.0
     """1. Height over width of most silhouettes: what is wider counts for less beside a person, as a
     board on the floor, or a box."""
@@ -143,8 +138,7 @@ class FoundPerson:
 class Head:
     """The head in a picture (`tracking.colour_evidence`). By eye."""
 
-    from_neck: float = 0.35
-    """1. Of the way from the neck to the top of the head: above it is the head."""
+    from_neck: float = 0.35  #: 1. Of the way from the neck to the top: above it is the head.
     radius: float = 0.15  #: 1. Of the head, relative to that way.
     kept: float = 0.9
     """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
@@ -158,8 +152,7 @@ class BodyAdaptation:
     contour_m: float = 0.02  #: Metres. Standard deviation of a contour residual.
     independence: float = 0.15  #: 1. Fraction of contour points that count as independent.
     shod_sigma: float = 0.02  #: Statures by which shoes and clothes make a person taller.
-    sole_m: float = 0.012
-    """Metres. The lowest sampled point of a standing foot is so high above the floor."""
+    sole_m: float = 0.012  #: Metres. Height of the lowest sampled point of a standing foot.
 
 
 @dataclass(frozen=True)
@@ -213,8 +206,7 @@ class VirtualPeople:
     spread: float = 0.8  #: 1. Deviation of shapes, relative to the spread of adults.
     stout: float = 0.12  #: 1. Common deviation of all girths.
     shape_limits: Range = (-0.3, 0.45)  #: 1. Least and largest change of a shape's axis.
-    clothes_m: Range = (0.005, 0.035)
-    """Metres of a person of 1.75 m. Distance of wide clothes from the skin."""
+    clothes_m: Range = (0.005, 0.035)  #: Metres at 1.75 m. Distance of wide clothes from the skin.
     cap: float = 0.2  #: 1. Chance of a cap or much hair: nothing else has the colours of the head.
     bare_arms: tuple[float, float, float] = (0.96, 0.6, 0.25)
     """1. Chance of bare hands; of forearms if hands are; of upper arms if forearms are."""
@@ -225,8 +217,7 @@ class VirtualPeople:
     often: float = 0.4  #: 1. Chance that any is.
     skin_noise: Range = (0.0, 0.2)  #: 1. Standard deviation of the noise of what is found.
     exposure: float = 0.02  #: 1. Logarithm of brightness: standard deviation of a frame's exposure.
-    grain: Range = (0.005, 0.05)
-    """1. Logarithm of brightness: standard deviation of a cell's noise."""
+    grain: Range = (0.005, 0.05)  #: 1. Logarithm of brightness: deviation of a cell's noise.
 
 
 @dataclass(frozen=True)
@@ -242,8 +233,7 @@ class VirtualCameras:
     away_m: float = 0.35  #: Metres. Deviation of the person's place from the middle of the room.
     raised: float = 0.08  #: 1. Chance that the person hangs or climbs.
     highest: float = 0.6  #: Statures. How high at most.
-    wrong: float = 0.09
-    """1. Logarithm of the error of the assumed distance: its constant part's deviation."""
+    wrong: float = 0.09  #: 1. Logarithm of the assumed distance's error: constant deviation.
     wander: float = 0.008  #: 1. The same: deviation of its change from frame to frame.
     steady: float = 0.95  #: 1. Share of the changing part that remains in the next frame.
 
@@ -258,8 +248,7 @@ class VirtualDefects:
     bout: float = 0.025
     """1. Chance that a bout of frames with defects begins; they make 30 % of the frames."""
     hole_px: Range = (1.5, 4.0)  #: Pixels. Radius of the holes at random places of the body.
-    large_holes: tuple[float, float] = (0.5, 0.25)
-    """1. Chance of each of two larger holes in a bout."""
+    large_holes: tuple[float, float] = (0.5, 0.25)  #: 1. Chance of each of two larger holes.
     large_holes_px: tuple[Range, Range] = ((4.0, 9.0), (6.0, 14.0))  #: Pixels. Their radii.
     strange: float = 0.35  #: 1. Chance of foreground beside the body in a bout.
     strange_px: Range = (3.0, 9.0)  #: Pixels. Its radius.

@@ -30,8 +30,7 @@ class Window:
     """An observed silhouette in the form of the library's."""
 
     mask: BoolArray  #: (240, 320) bool, the silhouette.
-    seen: BoolArray
-    """(240, 320) bool, where the camera's picture reaches; elsewhere nothing is known."""
+    seen: BoolArray  #: (240, 320) bool, where the camera's picture reaches, so that it is known.
     world_from_virtual: FloatArray
     """(3, 3) float64, the virtual camera's orientation (x right, level; y down; z forward)."""
     center_m: FloatArray  #: (3,) float64, the camera's place in the world.

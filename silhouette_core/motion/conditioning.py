@@ -33,8 +33,7 @@ class Conditioning:
     filter: str = "auto"  #: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
     cutoff_hz: float = DYNAMICS.cutoff_hz  #: its cut-off, Hz: half of the amplitude is left there.
     filter_order: int | None = None  #: its order; None: the usual one.
-    gap_limit: int | str = 0
-    """Longest gap that is filled: frames, or text such as `0.2s`; 0 fills none."""
+    gap_limit: int | str = 0  #: Longest gap that is filled: frames, or text such as `0.2s`.
     gap_method: str = "linear"  #: `linear`, `pchip`, or `none`, which fills none.
 
     def __post_init__(self) -> None:

@@ -29,8 +29,7 @@ class Motion:
     angles_rad: FloatArray  #: (T, D) float64, joint angles, radians.
     frames: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     """(T,) int64, increasing, frame of the recording of each pose; lost frames are left out."""
-    time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """(T,) float64, increasing, seconds."""
+    time_s: FloatArray = field(default_factory=lambda: np.zeros(0))  #: (T,) float64, increasing.
     quality: Mapping[str, NDArray] = field(default_factory=dict)
     """Arrays with T rows. Known names, all optional: `part_overlap` (T, P), fraction of the part's
     volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the part;
@@ -50,8 +49,7 @@ class Motion:
     """(T,) bool, whether the frame's pose is interpolated, since none was found."""
     conditioning: Conditioning | None = None
     """Filter and filling of gaps that made these poses; None: not recorded."""
-    unfiltered: Motion | None = None
-    """The poses before that, without quality; None: there are no others."""
+    unfiltered: Motion | None = None  #: The poses before that, without quality; None: no others.
 
     def __post_init__(self) -> None:
         """Completes frames, times and what is filled if not given, and checks the arrays.

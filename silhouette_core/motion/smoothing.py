@@ -25,8 +25,7 @@ class LowPass:
     kind: str = "butterworth"
     """Of `FILTERS`: `butterworth` forward and backward, `savgol` (Savitzky and Golay), `gaussian`,
     or `none`."""
-    cutoff_hz: float = DYNAMICS.cutoff_hz
-    """Frequency at which half of the amplitude is left, with every kind."""
+    cutoff_hz: float = DYNAMICS.cutoff_hz  #: Frequency at which half of the amplitude is left.
     order: int | None = None
     """Of the Butterworth filter, which is applied twice, or of Savitzky and Golay's polynomial;
     None: 2 and 3. A Gaussian has none."""

@@ -7,10 +7,8 @@ from pathlib import Path
 
 from calib.errors import InputError
 
-MOST_JOINTS = 1000
-"""Joints of a recorded skeleton; those with all fingers and helpers have some two hundred."""
-LARGEST_VALUE = 10_000_000
-"""Below which every angle, in degrees, and position, in any unit, stays."""
+MOST_JOINTS = 1000  #: Joints of a recorded skeleton; with all fingers some two hundred.
+LARGEST_VALUE = 10_000_000  #: Every angle, in degrees, and position, in any unit, is below it.
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 _END_SITE = -2
 

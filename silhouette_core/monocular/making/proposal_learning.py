@@ -61,8 +61,7 @@ class LearningSettings:
     frames: int = 800_000  #: largest number of virtual frames.
     takes: int = 60  #: largest number of virtual takes of each recorded frame.
     mirror: bool = True  #: whether the mirror image of each frame is learned from as well.
-    all_varied: bool = False
-    """Whether the motion of all takes is varied instead of that of every other one."""
+    all_varied: bool = False  #: Whether the motion of all takes is varied, not every other's.
     pictures: int = 150_000  #: number of virtual frames from which the encoders learn.
     passes: float = 5.0
     """How often each virtual frame and mirror image is learned from, if that takes fewer steps than

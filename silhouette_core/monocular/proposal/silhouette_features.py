@@ -33,15 +33,11 @@ from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 
 GRID = (60, 80)  #: Rows and columns of the grid of coverage.
-FEET_GRID = (28, 48)
-"""Rows and columns of the grid of the lowest part, whose cells are half as large."""
-STATURE_CELLS = 158 / 4
-"""Cells of a stature at the assumed distance: 158 pixels of the library's window."""
+FEET_GRID = (28, 48)  #: Rows and columns of the grid of the lowest part, of half the cell size.
+STATURE_CELLS = 158 / 4  #: Cells of a stature at the assumed distance: 158 px of the window.
 FULL = 4  #: Coverage of a cell inside the silhouette.
-NEUTRAL = 32
-"""Shading of a cell that is as bright as others of its colour, or outside the silhouette."""
-OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
-"""Instants that are read beside a frame's own, s."""
+NEUTRAL = 32  #: Shading of a cell as bright as others of its colour, or outside the silhouette.
+OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30  #: Instants read beside a frame's own, s.
 OUTLINE_CODES, FEET_COMPONENTS, INSIDE_CODES = 128, 48, 96
 """Codes of the outline, principal components of the feet, codes of what lies inside."""
 SEEN_CODES = 3 * len(LANDMARK_NAMES)  #: Numbers that state where joints are seen, see `seen_codes`.

@@ -27,8 +27,7 @@ class CostSettings:
     """Sigma of a refined pose's silhouette distance, 1, relative to the silhouette's weight."""
     sunk_m: float = 0.03  #: sigma of the lowest point below the floor, m: soles and noise.
     hovering_m: float = 0.06  #: sigma of the lowest point above it, m: who walks lifts the heels.
-    most_off_floor: float = 3.0
-    """Of these sigmas, from which more costs no more: somebody may jump."""
+    most_off_floor: float = 3.0  #: Of these sigmas, more costs no more: somebody may jump.
     near_floor_m: float = 0.20
     """Median distance of the lowest point from z = 0 up to which that is the floor."""
     floor_frames: int = 90  #: frames of that median.
@@ -100,8 +99,7 @@ class TrackerSettings:
     """Number of hypotheses of the previous frame that are carried on; a worse one may turn out to
     be right."""
     kept: int = 8  #: number of hypotheses kept per frame.
-    surface_points: int = 500
-    """Number of points of the body's surface that are fitted to the silhouette."""
+    surface_points: int = 500  #: Number of the surface's points that are fitted to outlines.
     reduction: int = 2  #: how many times smaller than the window poses are drawn.
     different_m: float = 0.07
     """Mean distance of the joints within which two hypotheses that are carried explain a silhouette

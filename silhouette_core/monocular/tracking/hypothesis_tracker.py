@@ -31,8 +31,7 @@ from silhouette_core.tracking.beam import Beam, select_different
 from silhouette_core.tracking.step_costs import StepCosts
 from silhouette_core.tuning import REFINEMENT
 
-FROM_PREDICTION = RefineSettings(REFINEMENT.near_reaches_m)
-"""Refinement of a pose that is nearly right."""
+FROM_PREDICTION = RefineSettings(REFINEMENT.near_reaches_m)  #: Of a pose that is nearly right.
 
 FoundPoses = tuple[list[Pose], list[LandmarkPrior | None]]
 """Poses, and the prior of the joints' positions that each was refined with."""

@@ -41,8 +41,7 @@ class JointErrors:
 
     joint_mm: FloatArray  #: (T, 15) float64, median error of a joint.
     near_probability: FloatArray  #: (T, 15) float64, that it is within 30 mm of the truth.
-    pose_mm: FloatArray
-    """(T,) float64, mean over the joints of the median error relative to the pelvis."""
+    pose_mm: FloatArray  #: (T,) float64, mean of the joints' median errors relative to the pelvis.
 
 
 def hypothesis_spread(probability: RealArray, joints_m: RealArray) -> FloatArray:

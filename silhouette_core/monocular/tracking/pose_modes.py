@@ -52,8 +52,7 @@ class FrameModes(ProposedPoses):
     """M probable poses of one frame."""
 
     distance_m: float  #: of the pelvis along the optical axis of the window.
-    window: Window | None = None
-    """Of the silhouette at about that distance, if its picture was kept."""
+    window: Window | None = None  #: Of the silhouette at about that distance, if it was kept.
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
@@ -72,8 +71,7 @@ class ModeView:
     window: Window  #: of the silhouette at an assumed distance.
     codes: SilhouetteCodes  #: of the window's silhouette and of its mirror image.
     time_s: float
-    joints: SeenJoints | None = None
-    """Of the person, as a pose network sees them; None: it does not."""
+    joints: SeenJoints | None = None  #: Of the person, as a pose network sees them, or not.
 
 
 class ModeFinder:

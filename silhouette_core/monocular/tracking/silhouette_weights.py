@@ -55,8 +55,7 @@ def relative_weights(window: Window, reduction: int) -> tuple[BoolArray, FloatAr
 class SignedWeights:
     """Pixel weights whose sum under a drawn silhouette is its distance from the observed one."""
 
-    signed: FloatArray
-    """(h, w) float64, d_P (1 - 2 P), relative to the silhouette (`relative_weights`)."""
+    signed: FloatArray  #: (h, w) float64, d_P (1 - 2 P), relative to all (`relative_weights`).
     base: float  #: Distance of the empty silhouette.
     matrix: FloatArray  #: (3, 3) of the virtual camera at this resolution.
     rotation: FloatArray  #: (3, 3), virtual camera from world.

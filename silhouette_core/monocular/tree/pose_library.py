@@ -80,14 +80,12 @@ class LibrarySettings:
     """Base poses are removed until no two remain whose joint angles all differ by this or less; if
     there are still more than `poses` allows, also by the positions of their joints."""
     yaw_step_deg: float = 15.0  #: angle between the views of a pose; 360: one view.
-    pitches_deg: tuple[float, ...] = (8.0,)
-    """Angles of the camera below the horizontal, one or several."""
+    pitches_deg: tuple[float, ...] = (8.0,)  #: Angles of the camera below the horizontal.
     mirror: bool = True  #: whether every pose's mirror image is added.
     thresholds: tuple[float, float, float] = TREE.thresholds
     """T_l of each level, in units of XOR, see `Scorer.threshold` of
     `silhouette_core.monocular.tree.tree`."""
-    weighting: str = "nwxor"
-    """Of the silhouette distance by which the samples are divided: "nwxor" or "xor"."""
+    weighting: str = "nwxor"  #: Of the silhouette distance that divides them: "nwxor" or "xor".
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -150,8 +148,7 @@ class BasePoses:
     """B base poses."""
 
     angles: Float32Array  #: (B, D) float32, joint angles, radians.
-    quaternion: Float32Array
-    """(B, 4) float32, w x y z, orientation of the pelvis, heading removed."""
+    quaternion: Float32Array  #: (B, 4) float32, w x y z, of the pelvis, heading removed.
     source: NDArray[np.int32]  #: (B, 2) int32, index of the clip and number of the frame.
     mirrored: BoolArray  #: (B,) bool, whether the pose is the mirror image of its source.
     clips: tuple[str, ...]  #: names of the clips.

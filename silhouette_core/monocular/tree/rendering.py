@@ -37,8 +37,7 @@ class RenderedViews:
 
     windows: ByteArray  #: (N, 240, 320) uint8, part number + 1, 0 for background.
     pelvis_px: Float32Array  #: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
-    areas: NDArray[np.uint16]
-    """(N, 27) uint16, pixels of each part, including those outside the window."""
+    areas: NDArray[np.uint16]  #: (N, 27) uint16, pixels of each part, also outside the window.
     cut: NDArray[np.int32]  #: (N,) int32, number of pixels outside the window.
 
 

@@ -73,8 +73,7 @@ class SampleProposal(FrameProposal):
     samples: PoseArrays  #: likeliest first, in the world.
     body_distance_m: float  #: distance of the body.
     root: Pose | None  #: place of a root that stands still, with any joint angles; None: it moves.
-    different_m: float
-    """Mean distance of the joints within which two samples explain a silhouette alike."""
+    different_m: float  #: Mean distance of joints within which samples explain it alike.
 
     @property
     def distance_m(self) -> float:
