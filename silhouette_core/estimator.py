@@ -6,8 +6,7 @@ An estimator is a class without constructor arguments, registered under the entr
     [project.entry-points."silhouette_core.estimators"]
     multiview = "voxelpose.multiview.multiview_estimator:MultiViewEstimator"
 
-All estimators take the same frames and return the same Motion; nothing downstream knows which one
-ran.
+All estimators take the same frames and return the same Motion; nothing downstream knows which ran.
 """
 
 from __future__ import annotations
@@ -151,8 +150,7 @@ class Estimate:
 
     motion: Motion
     stage_s: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Stage -> (n,) float64 seconds, one value per frame (or a single one for a stage that runs
-    once)."""
+    """Stage -> (n,) float64 seconds, one per frame (or a single one for a stage that runs once)."""
     facts: Mapping[str, object] = field(default_factory=dict)
     """Further entries of summary.json (numbers, strings, lists of them), such as the estimated
     stature or the voxel size."""

@@ -108,8 +108,7 @@ class Backdrop:
     """
 
     tolerance: float = 15.0
-    """Grey levels, summed over the channels, between a field and what it explains: folds, uneven
-    light."""
+    """Grey levels, summed over the channels, between a field and what it explains: folds, light."""
     width: float = 0.03  #: 1. Of the shorter side: the rim.
     layer: float = 0.15
     """1. Of the rim: least that a field explains. A floor has 0.4 in the demo's views."""

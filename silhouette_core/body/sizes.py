@@ -111,8 +111,7 @@ IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])
 
 
 def check_shape(shape: np.ndarray) -> None:
-    """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, that were read from
-    a file.
+    """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, read from a file.
 
     Raises:
         TypeError: it is not float64.

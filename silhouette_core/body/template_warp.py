@@ -38,8 +38,7 @@ def warp_template(
     skin_weights: FloatArray,
     changes: Changes,
 ) -> FloatArray:
-    """Vertices (V, 3) of a template with other chest, waist, hips and thighs, linear in the
-    changes.
+    """Vertices (V, 3) of a template with other chest, waist, hips and thighs, linear in these.
 
     Args:
         vertices_m: (V, 3), soles at z = 0.

@@ -209,8 +209,7 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
-            evidence: what else speaks for a person, nats, of the size `cut_size`, for the refined
-                method.
+            evidence: what else speaks for a person, nats, of the size `cut_size`, refined method.
 
         Returns:
             Silhouette, (H, W) bool.

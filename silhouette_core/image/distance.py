@@ -35,8 +35,7 @@ def relative_depths(mask: BoolArray) -> Float32Array:
 def thin_silhouette(mask: BoolArray) -> BoolArray:
     """Middle lines of a silhouette (h, w) bool, one pixel wide and connected as it is, (h, w) bool.
 
-    Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), algorithm
-    A1.
+    Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), A1.
     """
     check_array("mask", mask, ("h", "w"), np.bool_)
     image = np.zeros((mask.shape[0] + 2, mask.shape[1] + 2), np.uint8)

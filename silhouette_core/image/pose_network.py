@@ -1,7 +1,6 @@
 """The pose network that a user installed: what it sees of one person in a square of a picture.
 
-MediaPipe's pose landmark network (BlazePose), run by OpenCV. See `network_files` for where it
-comes from.
+MediaPipe's pose landmark network (BlazePose), run by OpenCV. `network_files` says from where.
 
 Source: Bazarevsky et al., BlazePose: On-device real-time body pose tracking (2020).
 """

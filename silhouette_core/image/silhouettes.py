@@ -426,8 +426,7 @@ class UndistortedView:
 
     pinhole: Camera  #: Camera without distortion, of the size of the silhouettes.
     maps: tuple[np.ndarray, np.ndarray] | None
-    """Two (h, w) float32 for cv2.remap, from pinhole to silhouette, px; None if the camera has no
-    distortion."""
+    """Two (h, w) float32 for cv2.remap, from pinhole to silhouette, px; None without distortion."""
 
     @classmethod
     def from_camera(cls, camera: Camera, long_side_px: int | None) -> UndistortedView:

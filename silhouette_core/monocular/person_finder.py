@@ -209,8 +209,7 @@ class PeopleFollower:
     ) -> dict[int, int]:
         """By number, people who have one silhouette with others, and which piece that is.
 
-        Who has no silhouette is in that which holds the place, if it is larger than its owner's
-        alone.
+        Who has no silhouette is in that which holds the place, if it is larger than its owner.
         """
         merged: dict[int, int] = {}
         for k in followed:

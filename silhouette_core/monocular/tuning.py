@@ -181,8 +181,7 @@ class ProposedModes:
 class VariedMotion:
     """Chances and sizes of variations of recorded motion (`making.varied_motion`).
 
-    Chosen by the error on random recordings, seeds 1 to 40 of level 1; not ablated one by
-    one.
+    Chosen by the error on random recordings, seeds 1 to 40 of level 1; not ablated singly.
     """
 
     other_upper_body: float = 0.25  #: 1. Chance of the upper body of another recording.

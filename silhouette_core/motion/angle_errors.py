@@ -46,8 +46,7 @@ def expected_angle_errors(motion: Motion) -> Mapping[str, FloatArray]:
 
     Returns:
         (T,) float64 each, by the names of `anatomical_angles`; empty where the motion's quality
-        states no errors of the joints. Half of the angles should be nearer, as half of the joints
-        are.
+        states no errors of the joints. Half of the angles should be nearer, as of the joints.
     """
     stated_mm = motion.quality.get("joint_error_mm")
     if stated_mm is None or np.shape(stated_mm)[1] != len(LANDMARK_NAMES):

@@ -105,8 +105,7 @@ def _heel(model: BodyModel, foot: int) -> FloatArray:
 
 
 def foot_events(points: WalkerPoints, least_m: float) -> tuple[list[FloatArray], list[FloatArray]]:
-    r"""Times, s, of contacts and of offs of the left and the right foot, whether or not somebody
-    walks.
+    r"""Times, s, of contacts and of offs of the left and the right foot, walking or not.
 
     .. math::
 

@@ -40,8 +40,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
         path: the file. BVH does not say its unit: NAME.rig.toml beside it has to.
 
     Raises:
-        InputError: the file is damaged, its unit is not said, or it has a rig that no body can
-            have.
+        InputError: the file is damaged, its unit is not said, or it has a rig that none can have.
     """
     table = read_rig_table(path)
     joints, _ = split_bvh(load_text(path, _LARGEST, errors="replace"), path)

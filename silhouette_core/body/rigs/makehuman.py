@@ -234,9 +234,7 @@ def _level(value: float, kind: str) -> str:
 
 
 def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, FloatArray]:
-    """Rotation (3, 3) of every bone with a head (3,), m, from MakeHuman's rest pose to the human
-    tree's.
-    """
+    """Turn (3, 3) of every bone with a head (3,), m, from MakeHuman's rest to the human tree's."""
     turns = {bone: np.eye(3) for bone in PART_OF_BONE}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         along = np.array([sign, 0.0, -1.0]) / np.sqrt(2)

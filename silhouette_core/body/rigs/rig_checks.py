@@ -134,8 +134,7 @@ def normalised_weights(path: Path, parts: IndexArray, weights: RealArray, count:
         count: number of parts.
 
     Raises:
-        InputError: weights are negative, are not finite or do not sum to one, or a part does not
-            exist.
+        InputError: weights are negative, not finite or do not sum to one, or a part is missing.
     """
     if not np.isfinite(weights).all() or weights.min(initial=0) < 0:
         raise InputError(f"{path} has skin weights that are negative or not finite: mend them")

@@ -155,8 +155,7 @@ class EncoderTrace:
     flat: Float32Array
 
     def gradients(self, codes: Float32Array) -> list[Float32Array]:
-        """Gradients with respect to the encoder's parameters, from that (N, K) with respect to the
-        codes.
+        """Gradients with respect to the encoder's parameters, from that (N, K) of the codes.
 
         BLAS must run in one thread, as the sums over all patches are left to it.
         """

@@ -69,8 +69,7 @@ class PoseProposal:
             frames: (n,), frames whose poses are asked for; None: all.
 
         Returns:
-            The modes of these frames in each sequence, with the pelvis, at 0, as the first of 15
-            joints.
+            The modes of these frames in each sequence, the pelvis, at 0, the first of 15 joints.
         """
         inputs = []
         for features in sequences:
@@ -105,8 +104,7 @@ class PoseProposal:
         Raises:
             KeyError: an array is missing.
             TypeError: an array is not float32.
-            ValueError: the arrays do not fit together, hold NaN, or are those of an earlier
-                version.
+            ValueError: the arrays do not fit together, hold NaN, or are an earlier version's.
         """
         layers = range(sum(name.startswith("weight") for name in arrays))
         # Earlier versions read principal components, by networks of three layers.

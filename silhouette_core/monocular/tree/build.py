@@ -122,8 +122,7 @@ def build_library(
             it once the library is written.
 
     Returns:
-        The library. The same inputs give the same library, for any number of threads, interrupted
-        or not.
+        The library. The same inputs give the same library, for any threads, interrupted or not.
 
     Raises:
         InputError: `kept_in` cannot be written.

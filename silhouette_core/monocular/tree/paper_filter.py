@@ -71,8 +71,7 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, eq. (2), (14); the grid, and the distance followed beside it,
-    are ours.
+    Source: Okada and Stenger, eq. (2), (14); the grid and the followed distance are ours.
     """
 
     def __init__(

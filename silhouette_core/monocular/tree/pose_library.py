@@ -63,8 +63,7 @@ class Level:
     spans: Spans  #: the representatives' silhouettes in node order, at this level's resolution.
     size_px: tuple[int, int]  #: (width, height) of that resolution.
     threshold: float
-    """T_l, largest silhouette distance of a sample from its node, in units of the settings'
-    weighting."""
+    """T_l, largest silhouette distance of a sample from its node, in the settings' weighting."""
 
     def __len__(self) -> int:
         """Number of nodes."""
@@ -209,8 +208,7 @@ class PoseLibrary:
         """Poses of samples (n,) before a level camera that looks along +y.
 
         Returns:
-            Orientations of the pelvis (n, 4) w x y z, the view's yaw included, and joint angles (n,
-            D).
+            Orientations of the pelvis (n, 4) w x y z, with the view's yaw, and joint angles (n, D).
         """
         base = self.sample_base[samples]
         yaw = self.views[self.sample_view[samples], 0] / 2

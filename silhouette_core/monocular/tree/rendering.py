@@ -45,8 +45,7 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> FloatArray:
     """Rotation (3, 3) from a body without heading (facing -y, z up) to the virtual camera.
 
     Args:
-        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0 faces the
-            camera.
+        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0: frontal.
         pitch_rad: angle of the optical axis below the horizontal.
     """
     cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)

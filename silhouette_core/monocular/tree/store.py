@@ -121,8 +121,7 @@ def read_library(path: Path) -> PoseLibrary:
         The library; its arrays are views into the file and cannot be written to.
 
     Raises:
-        InputError: there is none, it is damaged or truncated, of another version, or holds no
-            poses.
+        InputError: there is none, it is damaged or truncated, of another version, or empty.
     """
     arrays, about = _read(path)
     try:

@@ -52,8 +52,7 @@ def transitions(
     with one variance for each joint angle, see :eq:`okada-5`. The variance of a random walk grows
     in proportion to time: this is the only place where that is taken into account, and whoever
     skips frames applies the matrix once for every frame interval that passed. Only the 64 nearest
-    samples of each sample have a probability other than 0. The paper does not normalise over the
-    library.
+    samples of each sample have a probability other than 0. The paper does not normalise.
 
     Args:
         occlusion_aware: DM2, with eq. (5); else DM1, without.

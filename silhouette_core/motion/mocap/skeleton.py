@@ -21,8 +21,7 @@ class MocapClip:
     offsets: FloatArray  #: (J, 3) float64, each joint relative to its parent at zero rotation.
     rotations: FloatArray  #: (T, J, 3, 3) float64, world_from_joint.
     positions: FloatArray
-    """(T, J, 3) float64, the joints in the world; the root's up to a constant, which files define
-    differently."""
+    """(T, J, 3) float64, the joints in the world; the root's up to a constant, as files differ."""
     roles: Mapping[str, int]  #: index of the joint of each role, see `names.ROLES`.
 
     def __len__(self) -> int:

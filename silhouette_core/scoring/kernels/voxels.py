@@ -37,9 +37,7 @@ def _number_cells(columns, rotation, translation, origin, per_voxel, shape, cell
 def voxel_overlap(
     occupancy, origin, per_voxel, points, weights, rotations, translations, inside, outside
 ):
-    """Fills inside (K,) and outside (K,): the weights of points in occupied voxels, and of all
-    others.
-    """
+    """Fills inside (K,) and outside (K,): weights of points in occupied voxels and others."""
     flat, columns = occupancy.reshape(-1), points.T.copy()
     for k in prange(len(rotations)):
         cells = np.empty(len(points), np.int32)
