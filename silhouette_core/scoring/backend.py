@@ -26,8 +26,6 @@ from silhouette_core.scoring.target import Target
 
 GROUP = "silhouette_core.backends"
 
-FloatArray = FloatArray
-
 
 class Grid(Protocol):
     """Cubic voxels in the world, for example a `voxelpose.multiview.carving.grid.VoxelGrid`."""

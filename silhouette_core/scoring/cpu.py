@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calib.checks import IntArray, check_array
+from calib.checks import FloatArray, IntArray, check_array
 from silhouette_core.image.raster import NEAR_M, render_many
-from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
+from silhouette_core.scoring.backend import Backend, checked_placements, chosen_spans
 from silhouette_core.scoring.kernels import pixels, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
 
