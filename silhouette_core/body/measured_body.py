@@ -33,15 +33,9 @@ _PARAMETERS: tuple[dict[str, int], ...] = (
     dict(upper_arm_girth=80, forearm_girth=70, hand_girth=20, shin_girth=75, neck_girth=50),
 )
 _TRUNK, _LEGS, _ARMS, _SHOULDERS, _CHEST, _WAIST, _HIPS, _LIMBS = range(len(_PARAMETERS))
-_MEASURED = (
-    "stature_m",
-    "leg_length_m",
-    "arm_length_m",
-    "shoulder_breadth_m",
-    "chest_girth_m",
-    "waist_girth_m",
-    "hip_girth_m",
-    "mass_kg",
+_MEASURED = tuple(
+    "stature_m leg_length_m arm_length_m shoulder_breadth_m chest_girth_m waist_girth_m hip_girth_m"
+    " mass_kg".split()
 )
 """The measurement that each parameter answers."""
 # Bounds of the parameters, per cent.

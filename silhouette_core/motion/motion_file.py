@@ -43,20 +43,10 @@ _TYPES = {
 }
 _QUALITY_TYPES = ("F64", "F32", "BOOL", "I64", "I32", "U8")
 _FLAT = (
-    "unexplained",
-    "outside",
-    "outline_agreement",
-    "right_probability",
-    "pose_probability",
-    "pose_error_mm",
+    "unexplained outside outline_agreement right_probability pose_probability pose_error_mm".split()
 )
 _UNFIT = (
-    KeyError,
-    TypeError,
-    ValueError,
-    OverflowError,
-    IndexError,
-    RecursionError,
+    *(KeyError, TypeError, ValueError, OverflowError, IndexError, RecursionError),
     msgspec.ValidationError,
 )
 # Half a day at 60 frames a second; a pose takes some 1,400 bytes.
