@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from calib.checks import ByteArray, Float32Array, IndexArray, RealArray
+from calib.checks import ByteArray, Float32Array, FloatArray, IndexArray, RealArray
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.pose_network import FILE
 from silhouette_core.image.seen_joints import deviations_m
