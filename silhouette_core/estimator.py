@@ -49,36 +49,45 @@ class FrameSource(Protocol):
     @property
     def rig(self) -> Rig:
         """The cameras."""
+        ...
 
     @property
     def fps(self) -> float:
         """Frames per second."""
+        ...
 
     @property
     def frame_count(self) -> int:
         """Number of time steps that an iteration yields."""
+        ...
 
     @property
     def silhouettes_given(self) -> bool:
         """Whether the frames are silhouettes already (white on black) and need no background."""
+        ...
 
     def backgrounds(self) -> Mapping[str, Iterable[Frame]]:
         """Frames of the empty view, by camera name, for the cameras that have them."""
+        ...
 
     def regions(self) -> Mapping[str, BoolArray]:
         """Regions in which the person may be, (H, W) bool, by camera name, where given."""
+        ...
 
     def unknown(self) -> Mapping[str, BoolArray]:
         """Where nothing is known of the person, (H, W) bool, by camera name, where given."""
+        ...
 
     def at(self, steps: Sequence[int]) -> Iterator[Mapping[str, Frame]]:
         """Yields the frames of selected time steps, counted from 0, in ascending order."""
+        ...
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Frame]]]:
         """Yields frame number, time in seconds and the frames by camera name.
 
         Every call starts again at the first frame.
         """
+        ...
 
 
 @dataclass(frozen=True)
@@ -184,6 +193,7 @@ class Estimator(Protocol):
         Raises:
             InputError: the source or the settings cannot be used; one line that names the remedy.
         """
+        ...
 
 
 @runtime_checkable
@@ -205,6 +215,7 @@ class PeopleEstimator(Estimator, Protocol):
         Raises:
             InputError: as `estimate`; fewer people are there.
         """
+        ...
 
 
 def load_estimator(name: str) -> Estimator:

@@ -72,6 +72,7 @@ class Workers(Protocol):
         Returns:
             Numbers and results of the tasks, in the order in which they become ready.
         """
+        ...
 
 
 class OwnProcess:

@@ -29,6 +29,7 @@ class People(Protocol):
 
     def of(self, name: str, step: int) -> Mapping[int, PersonSeen]:
         """People in a frame of a camera, by number; nobody where it was not looked at."""
+        ...
 
 
 class SeenPeople:

@@ -33,10 +33,12 @@ class Grid(Protocol):
     @property
     def origin_m(self) -> FloatArray:
         """(3,) world, m: the lower corner of voxel (0, 0, 0)."""
+        ...
 
     @property
     def voxel_size_m(self) -> float:
         """Edge of a voxel, m."""
+        ...
 
 
 @runtime_checkable
@@ -96,6 +98,7 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, eq. (6)-(9).
         """
+        ...
 
     def part_images(
         self,
@@ -121,6 +124,7 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, 3.1.
         """
+        ...
 
     def drawn_weights(
         self, weights: FloatArray, vertices_cam: FloatArray, faces: IndexArray, matrix: FloatArray
@@ -142,6 +146,7 @@ class Backend(Protocol):
 
         Source: Okada and Stenger, eq. (7)-(9), rearranged.
         """
+        ...
 
     def silhouette_errors(
         self,
@@ -168,6 +173,7 @@ class Backend(Protocol):
         Returns:
             (K,) float64, 0 perfect, 1 apart.
         """
+        ...
 
     def pixel_scores(
         self,
@@ -189,6 +195,7 @@ class Backend(Protocol):
         Returns:
             (K,) int64.
         """
+        ...
 
     def voxel_overlap(
         self,
@@ -211,6 +218,7 @@ class Backend(Protocol):
 
         Source: Iiyama, Kameda and Minoh, section 2, the overlap of a part with the voxels.
         """
+        ...
 
     def voxel_cover(
         self,
@@ -234,6 +242,7 @@ class Backend(Protocol):
 
         Source: Iiyama, Kameda and Minoh, section 3, sets of voxels with several candidate parts.
         """
+        ...
 
 
 @cache

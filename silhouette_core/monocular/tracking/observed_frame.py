@@ -33,6 +33,7 @@ class FrameProposal(Protocol):
     @property
     def distance_m(self) -> float:
         """Distance of the body from the camera."""
+        ...
 
     @property
     def window(self) -> Window | None:
@@ -41,6 +42,7 @@ class FrameProposal(Protocol):
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Starts of hypotheses that no past is needed for."""
+        ...
 
     def cost(self, landmarks_m: FloatArray) -> FloatArray:
         """Cost (K,) float64, nats, of poses with joints (K, 15, 3) in the world, m."""
@@ -65,6 +67,7 @@ class Proposer(Protocol):
         Args:
             person: silhouette, and its colours if they are known.
         """
+        ...
 
     def propose(
         self, notes: Sequence[Any], people: Sequence[Person], first: bool
@@ -74,6 +77,7 @@ class Proposer(Protocol):
         Args:
             first: whether these are the first frames of all.
         """
+        ...
 
     def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """Learns from a decided frame: its number, silhouette and joints (15, 3), m."""
