@@ -8,8 +8,7 @@ from benchmarks.cases import Case, Timed, case
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.jit import parallel_kernel, prange
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, nwxor_weights
 from silhouette_core.monocular.tree.rendering import (
     pose_surfaces,
     render_views,

@@ -82,7 +82,7 @@ def _features(proposal):
 def use_library(path: Path) -> None:
     """Reads a library and works with it as `track` does."""
     from silhouette_core.monocular.tree.paper_filter import PaperFilter
-    from silhouette_core.monocular.tree.sample_search import find_samples
+    from silhouette_core.monocular.tree.sample_proposer import find_samples
     from silhouette_core.monocular.tree.store import read_library
     from silhouette_core.monocular.tree.summary import summary
     from silhouette_core.monocular.tree.transitions import transitions

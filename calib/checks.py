@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+BoolArray = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]
+IntArray = NDArray[np.int64]
+IndexArray = NDArray[np.integer]
+Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
+RealArray = NDArray[np.floating]
 
 
 def check_array(

@@ -46,6 +46,26 @@ def visible_entries(folder: Path) -> list[Path]:
         raise InputError(f"{folder} cannot be read: {error.strerror or error}") from None
 
 
+def load_bytes(path: Path, largest_bytes: int) -> bytes:
+    """Content of a file.
+
+    Args:
+        largest_bytes: Size beyond which the file is refused.
+
+    Raises:
+        InputError: The file cannot be read, or is too large.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(largest_bytes + 1)
+    except (OSError, ValueError) as error:  # a name may hold what no name can
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path} cannot be read: {reason}") from None
+    if len(data) > largest_bytes:
+        raise _too_large(path, largest_bytes)
+    return data
+
+
 def load_text(
     path: Path, largest_bytes: int, errors: str = "strict", remedy: str = _AS_UTF_8
 ) -> str:
@@ -59,13 +79,7 @@ def load_text(
     Raises:
         InputError: The file cannot be read, is too large, or holds bytes that are no text.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(largest_bytes + 1)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
-    if len(data) > largest_bytes:
-        raise _too_large(path, largest_bytes)
+    data = load_bytes(path, largest_bytes)
     _check_start(path, data, remedy)
     try:
         text = data.decode("utf-8-sig", errors)

@@ -1,7 +1,5 @@
 """Classes registered by entry points, in this package or in others."""
 
-from __future__ import annotations
-
 from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 

@@ -6,8 +6,7 @@ An estimator is a class without constructor arguments, registered under the entr
     [project.entry-points."silhouette_core.estimators"]
     multiview = "voxelpose.multiview.multiview_estimator:MultiViewEstimator"
 
-All estimators take the same frames and return the same Motion; nothing downstream knows which one
-ran.
+All estimators take the same frames and return the same Motion; nothing downstream knows which ran.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
 
-import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, FloatArray
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.conditioning import Conditioning
@@ -30,14 +29,12 @@ if TYPE_CHECKING:
     from silhouette_core.motion.motion import Motion
 
 GROUP = "silhouette_core.estimators"
-ONE_CAMERA = "monocular", "tree"
-"""Estimators of `voxelpose track`."""
+ONE_CAMERA = "monocular", "tree"  #: Estimators of `voxelpose track`.
 
 ONE_PERSONS = "what was told of the person is one person's, and is not used"
 """Note where several people are estimated, see `Settings.of_anybody`."""
 
-Frame = NDArray[np.uint8]
-"""(H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included)."""
+Frame = ByteArray  #: (H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included).
 
 
 BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
@@ -73,11 +70,11 @@ class FrameSource(Protocol):
         """Frames of the empty view, by camera name, for the cameras that have them."""
         ...
 
-    def regions(self) -> Mapping[str, NDArray[np.bool_]]:
+    def regions(self) -> Mapping[str, BoolArray]:
         """Regions in which the person may be, (H, W) bool, by camera name, where given."""
         ...
 
-    def unknown(self) -> Mapping[str, NDArray[np.bool_]]:
+    def unknown(self) -> Mapping[str, BoolArray]:
         """Where nothing is known of the person, (H, W) bool, by camera name, where given."""
         ...
 
@@ -95,36 +92,26 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an estimation.
+    """Settings of an estimation."""
 
-    Attributes:
-        stature_m: height of the person, metres; None: estimated.
-        chest_m: chest girth, metres; None: usual for the stature.
-        sex: sex of the person, which decides the proportions.
-        background: see `BackgroundKind`.
-        network: "auto" uses the pose network where it is installed, see
-            `silhouette_core.network_files`; "off" does not.
-        up: direction of up in the world, three numbers; None: as the calibration states, else
-            found from the cameras and the person.
-        smooth: use later frames, and filter the finished motion (off-line, without lag).
-        threads: number of threads; None: all cores.
-        backend: scoring backend, a name as for `silhouette_core.scoring.backend.load_backend`.
-        conditioning: gaps of the finished motion that are filled, and its filter.
-        options: settings of one estimator only, by name (`interference`, `voxel_size_m` of the
-            multi-view one); see `read_options`.
-    """
-
-    stature_m: float | None = None
-    chest_m: float | None = None
-    sex: Literal["male", "female", "unknown"] = "unknown"
-    background: BackgroundKind = "auto"
+    stature_m: float | None = None  #: height of the person, metres; None: estimated.
+    chest_m: float | None = None  #: chest girth, metres; None: usual for the stature.
+    sex: Literal["male", "female", "unknown"] = "unknown"  #: It decides the proportions.
+    background: BackgroundKind = "auto"  #: see `BackgroundKind`.
     network: NetworkUse = "auto"
+    """Either "auto", which uses the pose network where it is installed, see
+    `silhouette_core.network_files`, or "off"."""
     up: tuple[float, float, float] | None = None
-    smooth: bool = True
-    threads: int | None = None
-    backend: str = "cpu"
+    """Direction of up in the world, three numbers; None: as the calibration states, else found from
+    the cameras and the person."""
+    smooth: bool = True  #: Use later frames, and filter the finished motion (off line, no lag).
+    threads: int | None = None  #: number of threads; None: all cores.
+    backend: str = "cpu"  #: Scoring backend, a name as for `scoring.backend.load_backend`.
     conditioning: Conditioning = field(default_factory=Conditioning)
+    """Gaps of the finished motion that are filled, and its filter."""
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+    """Settings of one estimator only, by name (`interference`, `voxel_size_m` of the multi-view
+    one); see `read_options`."""
 
     @property
     def of_anybody(self) -> Settings:
@@ -168,25 +155,19 @@ def read_options(
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Result of an estimation.
-
-    Attributes:
-        stage_s: stage -> (n,) float64 seconds, one value per frame (or a single one for a stage
-            that runs once).
-        facts: further entries of summary.json (numbers, strings, lists of them), such as the
-            estimated stature or the voxel size.
-        hypotheses: alternative poses of each frame: frame number, probabilities (n,) and joints
-            (n, 15, 3) in the world, m, likeliest first.
-        rig: the cameras as they were found to stand; None: as the source says.
-        away: frames in which the person, one of several, is not there.
-    """
+    """Result of an estimation."""
 
     motion: Motion
-    stage_s: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    stage_s: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Stage -> (n,) float64 seconds, one per frame (or a single one for a stage that runs once)."""
     facts: Mapping[str, object] = field(default_factory=dict)
+    """Further entries of summary.json (numbers, strings, lists of them), such as the estimated
+    stature or the voxel size."""
     hypotheses: Iterable[tuple[int, NDArray, NDArray]] | None = None
-    rig: Rig | None = None
-    away: frozenset[int] = frozenset()
+    """Alternative poses of each frame: frame number, probabilities (n,) and joints (n, 15, 3) in
+    the world, m, likeliest first."""
+    rig: Rig | None = None  #: the cameras as they were found to stand; None: as the source says.
+    away: frozenset[int] = frozenset()  #: frames in which the person, one of several, is not there.
 
 
 @runtime_checkable

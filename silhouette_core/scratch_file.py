@@ -1,7 +1,5 @@
 """Scratch files: without a name, so that they end with the process however that ends."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,8 +12,7 @@ from calib.errors import InputError
 class ScratchFile:
     """Bytes outside memory, in the folder of temporary files; any thread may use it.
 
-    The file is read and written, not mapped: a full disk is an error, where a map would end the
-    process.
+    Read and written, not mapped, since a full disk would end the process then.
     """
 
     def __init__(self) -> None:

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 class Background:
     """Background model and the paper's subtraction (`image.background`)."""
 
-    noise: float = 1.0
-    """Grey levels. Least noise, and that assumed of a single picture. By eye."""
+    noise: float = 1.0  #: Grey levels. Least noise, and that assumed of a single picture. By eye.
     log_likelihood: float = -30.0
     """Logarithm of a density. The paper's first threshold; the paper gives no value: by eye."""
-    raw_difference: float = 90.0
-    """Grey levels. The paper's second threshold, likewise."""
+    raw_difference: float = 90.0  #: Grey levels. The paper's second threshold, likewise.
 
 
 @dataclass(frozen=True)
@@ -34,24 +32,16 @@ class Foreground:
     possible: float = 1.2
     """Noise. Limit of the pooled chromatic residual where clothes may resemble the background: in
     seed 322, 99 % of the missing pixels exceed it, and 1 % of those outside."""
-    chroma_pixel: float = 6.0
-    """Noise. Limit of a single pixel's chromatic residual."""
+    chroma_pixel: float = 6.0  #: Noise. Limit of a single pixel's chromatic residual.
     shadow: float = 0.5
     """1. Darkest cast shadow over the background's brightness, where it is not measured."""
-    contrast: float = 10.0
-    """Grey levels. Edges between colours closer than this are not moved."""
-    area: float = 3e-4
-    """1. Of the image: smaller components, or holes in the person's colours, are removed."""
-    body_share: float = 0.01
-    """1. Of the largest component: smaller ones are removed."""
-    hole: float = 4e-5
-    """1. Of the image: holes up to this are filled."""
-    empty_share: float = 0.8
-    """1. Quantile of a frame's differences that a person does not reach."""
-    beyond: float = 2.0
-    """1. Multiple of that quantile from which a difference is not noise."""
-    usual_chroma: float = 0.7
-    """Noise. Pooled chromatic residual of an empty scene whose noise is known."""
+    contrast: float = 10.0  #: Grey levels. Edges between colours closer than this are not moved.
+    area: float = 3e-4  #: 1. Of the image: smaller components, or holes in colours, are removed.
+    body_share: float = 0.01  #: 1. Of the largest component: smaller ones are removed.
+    hole: float = 4e-5  #: 1. Of the image: holes up to this are filled.
+    empty_share: float = 0.8  #: 1. Quantile of a frame's differences that a person does not reach.
+    beyond: float = 2.0  #: 1. Multiple of that quantile from which a difference is not noise.
+    usual_chroma: float = 0.7  #: Noise. Pooled chromatic residual of an empty scene.
 
 
 @dataclass(frozen=True)
@@ -61,16 +51,11 @@ class CastShadow:
     By eye. As a whole: `python -m benchmarks.completed`.
     """
 
-    chroma: float = 1.0
-    """Noise. Largest pooled chromatic residual of what only the light explains."""
-    brightness: float = 5.0
-    """Noise. Least difference of its brightness."""
-    margin: float = 0.1
-    """1. Darkest shadow below the peak of the ratios of brightness."""
-    core: float = 0.05
-    """1. Share of the pixels that may be the core of a soft shadow."""
-    core_margin: float = 0.03
-    """1. Darkest shadow below the core's ratio."""
+    chroma: float = 1.0  #: Noise. Largest pooled chromatic residual of what light explains.
+    brightness: float = 5.0  #: Noise. Least difference of its brightness.
+    margin: float = 0.1  #: 1. Darkest shadow below the peak of the ratios of brightness.
+    core: float = 0.05  #: 1. Share of the pixels that may be the core of a soft shadow.
+    core_margin: float = 0.03  #: 1. Darkest shadow below the core's ratio.
     range: tuple[float, float] = (0.25, 0.65)
     """1. Ratios: below the first nothing is a cast shadow, and the darkest, however soft, does not
     exceed the second."""
@@ -83,12 +68,9 @@ class CastShadow:
 class ExposureField:
     """Exposure that varies over the picture (`image.exposure`). By eye, on opencap_walk."""
 
-    dark: float = 20.0
-    """Grey levels at which a pixel says half of what a bright one does."""
-    stiffness: float = 2e-5
-    """1. Weight of a flat field, relative to the pixels."""
-    least: float = 0.02
-    """1. Least scale of the logarithms' residuals: noise."""
+    dark: float = 20.0  #: Grey levels at which a pixel says half of what a bright one does.
+    stiffness: float = 2e-5  #: 1. Weight of a flat field, relative to the pixels.
+    least: float = 0.02  #: 1. Least scale of the logarithms' residuals: noise.
 
 
 @dataclass(frozen=True)
@@ -101,27 +83,20 @@ class EmptyScene:
 
     side_px: int = 200
     """px. Shorter side of the pictures that are labelled: costs of areas and edges depend on it."""
-    changed: float = 6.0
-    """Noise. Radius of a mode: differences summed over the channels."""
-    least_noise: float = 2.0
-    """Grey levels. Least noise, summed over the channels."""
+    changed: float = 6.0  #: Noise. Radius of a mode: differences summed over the channels.
+    least_noise: float = 2.0  #: Grey levels. Least noise, summed over the channels.
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
-    unseen: float = 0.6
-    """1. Of that: cost of a pixel whose background is taken to be unknown."""
-    border: float = 0.5
-    """1. Cost of the border of such a region, at a pixel."""
-    still: float = 0.05
-    """1. Cost of a step between colours that does not move."""
+    unseen: float = 0.6  #: 1. Of that: cost of a pixel whose background is taken to be unknown.
+    border: float = 0.5  #: 1. Cost of the border of such a region, at a pixel.
+    still: float = 0.05  #: 1. Cost of a step between colours that does not move.
     piece: float = 0.05
     """1. Of the largest piece that differs from the background in a frame: least of the others."""
     always: float = 4.0
     """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
     that he is."""
-    least_sigma: float = 4.0
-    """Grey levels. Least standard deviation: what is left of exposure, and of lights."""
-    guess: float = 6.0
-    """Grey levels. Standard deviation of a continued colour."""
+    least_sigma: float = 4.0  #: Grey levels. Least deviation: what is left of exposure, and lights.
+    guess: float = 6.0  #: Grey levels. Standard deviation of a continued colour.
 
 
 @dataclass(frozen=True)
@@ -133,14 +108,11 @@ class Backdrop:
     """
 
     tolerance: float = 15.0
-    """Grey levels, summed over the channels, between a field and what it explains: folds, uneven
-    light."""
-    width: float = 0.03
-    """1. Of the shorter side: the rim."""
+    """Grey levels, summed over the channels, between a field and what it explains: folds, light."""
+    width: float = 0.03  #: 1. Of the shorter side: the rim.
     layer: float = 0.15
     """1. Of the rim: least that a field explains. A floor has 0.4 in the demo's views."""
-    rim: float = 0.8
-    """1. Of the rim: least that the fields of a uniform backdrop explain."""
+    rim: float = 0.8  #: 1. Of the rim: least that the fields of a uniform backdrop explain.
     before: float = 0.5
     """1. Of what moves: least that shows a field at other times, too. woman_white has 0.77."""
 
@@ -149,12 +121,9 @@ class Backdrop:
 class Cut:
     """A frame cut into person and background (`image.cut`). By eye, as `EmptyScene`."""
 
-    side_px: int = 240
-    """px. Shorter side of the pictures that are cut; edges are then sharpened."""
-    link: float = 3.0
-    """Nats. Cost of neighbours that differ, without contrast."""
-    least_link: float = 0.45
-    """Nats. The same, over the sharpest edge."""
+    side_px: int = 240  #: px. Shorter side of the pictures that are cut; edges are then sharpened.
+    link: float = 3.0  #: Nats. Cost of neighbours that differ, without contrast.
+    least_link: float = 0.45  #: Nats. The same, over the sharpest edge.
     least_contrast: float = 4.0
     """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
     beside: float = 3.0
@@ -170,10 +139,8 @@ class Cut:
     seen: float = 0.5
     """1. Of the colours of somebody who is looked at as frames come, share of those seen so far. Of
     0, 0.1, 0.5 and 1 this has the largest overlap on seed 6 and all above 0.95 on grey people."""
-    flicker: float = 0.05
-    """1. Standard deviation of the background's brightness, relative: lights, exposure."""
-    shaded: float = 0.045
-    """1. How often a pixel lies in a shadow."""
+    flicker: float = 0.05  #: 1. Relative deviation of the background's brightness: lights.
+    shaded: float = 0.045  #: 1. How often a pixel lies in a shadow.
     otherwise: float = 0.02
     """1. How often an estimated background shows another of its colours: it flickers, or moves."""
 
@@ -185,24 +152,17 @@ class Colours:
     By eye. As a whole, the person's: `python -m benchmarks.completed`.
     """
 
-    smoothing_bins: float = 0.8
-    """Bins. Smoothing of histograms of colours."""
-    any_share: float = 0.01
-    """1. Of the person's pixels have any colour."""
-    own_share: float = 0.95
-    """1. Of the person's pixels have a colour that counts as the person's."""
-    most_odds: float = 5.0
-    """Nats. Largest logarithm of a single pixel's odds."""
+    smoothing_bins: float = 0.8  #: Bins. Smoothing of histograms of colours.
+    any_share: float = 0.01  #: 1. Of the person's pixels have any colour.
+    own_share: float = 0.95  #: 1. Of the person's pixels have a colour that counts as the person's.
+    most_odds: float = 5.0  #: Nats. Largest logarithm of a single pixel's odds.
     lit: float = 0.85
     """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
-    otherwise: float = 1e-3
-    """1. How often it has any colour."""
-    unseen: float = 0.02
-    """1. Density added to the clothes' colours, relative to an even one."""
+    otherwise: float = 1e-3  #: 1. How often it has any colour.
+    unseen: float = 0.02  #: 1. Density added to the clothes' colours, relative to an even one.
     dark: float = 8.0
     """Grey levels. Added to brightness, since noise of dark clothes is not their shading."""
-    shading: float = 1.0
-    """Nats. Largest shading that is told."""
+    shading: float = 1.0  #: Nats. Largest shading that is told.
 
 
 @dataclass(frozen=True)
@@ -219,10 +179,8 @@ class Presence:
 class Plausibility:
     """Whether silhouettes can be a person's (`image.plausibility`). By eye."""
 
-    covered: float = 0.7
-    """1. Of the picture: what covers more is no person."""
-    solid: float = 0.3
-    """1. Of the foreground, left by an opening of 3 x 3 px: less is specks."""
+    covered: float = 0.7  #: 1. Of the picture: what covers more is no person.
+    solid: float = 0.3  #: 1. Of the foreground, left by an opening of 3 x 3 px: less is specks.
     rectangle: float = 0.93
     """1. Of its upright rectangle: what fills more is a wall. People fill up to 0.7."""
     changed: float = 0.01
@@ -249,18 +207,15 @@ class Measuring:
 
     usual_m: float = 1.70
     """m. Stature of whom nothing is known. ANSUR II has 1.756 for men, 1.629 for women."""
-    hollow: float = 6.0
-    """1. How much shorter clothes stand off, the hollower the surface. By eye."""
+    hollow: float = 6.0  #: 1. How much shorter clothes stand off, the hollower the surface. By eye.
     tolerance: float = 0.005
     """1. Largest relative difference of a body's measurement from the wanted one. By eye."""
-    limb_slope: float = 0.9
-    """1. Growth of the limbs' girths with the trunk's. By eye."""
+    limb_slope: float = 0.9  #: 1. Growth of the limbs' girths with the trunk's. By eye.
     chest_slope: float = 0.5
     """1. The same with the chest's girth alone: a regression over adults, its data not recorded."""
     most_odds: float = 3.0
     """Nats. Nobody's sex is more certain than this by the stature, and children have one."""
-    bone_radius: float = 0.12
-    """1. Radius of a bone without a surface, of its length. By eye."""
+    bone_radius: float = 0.12  #: 1. Radius of a bone without a surface, of its length. By eye.
 
 
 @dataclass(frozen=True)
@@ -269,19 +224,15 @@ class Dynamics:
 
     momentum: float = 0.8
     """1. Fraction of the last step that the next one is expected to repeat. By eye."""
-    root_step_m: float = 0.05
-    """m. Standard deviation of the root's step along each axis. By eye."""
-    root_step_rad: float = 0.12
-    """Radians. The same of its turn about each axis. By eye."""
+    root_step_m: float = 0.05  #: m. Standard deviation of the root's step along each axis. By eye.
+    root_step_rad: float = 0.12  #: Radians. The same of its turn about each axis. By eye.
     standing: float = 0.3
     """1. Quantile of the lowest points that is the floor: jumps are above, bad frames below."""
-    floor_m: float = 0.1
-    """m. So near, the floor is where the world says: feet are found less well."""
+    floor_m: float = 0.1  #: m. So near, the floor is the world's: feet are found less well.
     cutoff_hz: float = 7.0
     """Hz. Usual cut-off: voluntary movement has little power above 6 Hz (Winter, Biomechanics and
     Motor Control)."""
-    cutoff_share: float = 0.4
-    """1. Highest cut-off over the frame rate."""
+    cutoff_share: float = 0.4  #: 1. Highest cut-off over the frame rate.
 
 
 @dataclass(frozen=True)
@@ -291,17 +242,13 @@ class Retargeting:
     By eye. Weights are relative to that of a limb's bone or the thorax.
     """
 
-    straight_deg: float = 15.0
-    """Degrees by which a standing skeleton deviates from straight."""
-    upright: float = 0.2
-    """1. Fraction of the frames, most upright, that show the trunk's axes."""
-    trunk: float = 0.2
-    """1. Weight of lumbar spine, head and clavicles."""
+    straight_deg: float = 15.0  #: Degrees by which a standing skeleton deviates from straight.
+    upright: float = 0.2  #: 1. Fraction of the frames, most upright, that show the trunk's axes.
+    trunk: float = 0.2  #: 1. Weight of lumbar spine, head and clavicles.
     foot: float = 0.03
     """1. Weight of a foot's two directions, and of a limb's turn about its axis, which matters
     little while it is straight."""
-    hand: float = 0.1
-    """1. Weight of the hand."""
+    hand: float = 0.1  #: 1. Weight of the hand.
     rest: float = 1e-3
     """1. Weight of rest where the directions leave angles free: a spine bends evenly."""
 

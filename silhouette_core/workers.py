@@ -1,8 +1,4 @@
-"""Workers that share tasks which do not depend on each other: this process, several processes, or
-other machines.
-"""
-
-from __future__ import annotations
+"""Workers that share independent tasks: this process, several processes, or other machines."""
 
 import multiprocessing
 import os
@@ -44,8 +40,7 @@ class _Spawn(SpawnContext):
     Process = _ProcessWithoutMain
 
 
-SPAWN = _Spawn()
-"""How processes begin: spawned, since threads of numba and OpenCV do not survive a fork."""
+SPAWN = _Spawn()  #: How processes begin: threads of numba and OpenCV do not survive a fork.
 
 
 class WorkerEndedError(InputError):
@@ -247,9 +242,7 @@ def interrupts_put_off() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Ends this process once the one that began it is gone, even if that was killed; for a thread
-    of its own.
-    """
+    """Ends this process once its parent is gone, even if killed; for a thread of its own."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -30,16 +30,18 @@ def body(path: Path) -> list[ast.stmt]:
 
 
 def tuned_numbers() -> list[tuple[str, str]]:
-    """Return the fields of all files `tuning.py`, and what is said about each."""
+    """Return the fields of all files `tuning.py`, and what is said beside or below each."""
     found = []
     for path in modules():
         if path.stem == "tuning":
+            lines = (ROOT / path).read_text(encoding="utf-8").splitlines()
             for node in body(path):
                 members = [*node.body, None] if isinstance(node, ast.ClassDef) else [None]
                 for field, after in pairwise(members):
                     if isinstance(field, ast.AnnAssign):
-                        said = isinstance(after, ast.Expr) and ast.literal_eval(after.value)
-                        found.append((f"{path}: {ast.unparse(field)}", said or ""))
+                        below = isinstance(after, ast.Expr) and ast.literal_eval(after.value)
+                        said = below or lines[field.end_lineno - 1].partition("#: ")[2]
+                        found.append((f"{path}: {ast.unparse(field)}", said))
     return found
 
 

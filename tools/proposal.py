@@ -27,9 +27,9 @@ from silhouette_core.monocular import tuning
 from silhouette_core.monocular.making.from_motion import learned_from, motion_digest, read_clips
 from silhouette_core.monocular.making.network_training import TrainingSettings
 from silhouette_core.monocular.making.proposal_learning import LearningSettings
-from silhouette_core.monocular.making.virtual_joints import seen_errors
+from silhouette_core.monocular.making.virtual_defects import seen_errors
 from silhouette_core.monocular.proposal import shipped
-from silhouette_core.monocular.tree.checkpoint import Checkpoint
+from silhouette_core.monocular.tree.build import Checkpoint
 from silhouette_core.motion.motion import Motion
 from voxelpose.cli.terminal import Progress
 

@@ -20,10 +20,8 @@ BODY_TYPES = {
     "landmarks_m": "F64",
 }
 """Arrays of a body, and their types in a safetensors file."""
-MOST_ROWS = 400_000
-"""Most vertices or faces of a body that is read from a file."""
-MOST_NAMES = 2500
-"""Most landmarks or degrees of freedom of such a body."""
+MOST_ROWS = 400_000  #: Most vertices or faces of a body that is read from a file.
+MOST_NAMES = 2500  #: Most landmarks or degrees of freedom of such a body.
 _MOST_PARTS = 250  # the part image holds 254 numbers
 _LONGEST_NAME, _LONGEST_TEXT = 80, 1_000_000
 _FARTHEST_M, _LARGEST_DEG = 1000, 3600

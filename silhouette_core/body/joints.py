@@ -38,60 +38,38 @@ _SPINE: tuple[tuple[str, str, tuple[Dof, ...]], ...] = (
     ("neck", "upper_thorax", _trunk((-50, 55), 35, 50)),
     ("head", "neck", _trunk((-25, 25), 15, 35, fixed=True)),
 )
-_LEFT: tuple[tuple[str, str, tuple[Dof, ...]], ...] = (
-    (
-        "clavicle",
-        "upper_thorax",
-        (Dof("elevation", (0, -1, 0), (-12, 40)), Dof("protraction", (0, 0, -1), (-22, 25))),
-    ),
-    (
-        "upper_arm",
-        "clavicle",
-        (
-            Dof("abduction", (0, -1, 0), (-75, 140)),
-            Dof("forward", (-_ARM, 0, -_ARM), (-75, 135)),
-            Dof("twist", (_ARM, 0, -_ARM), (-95, 95)),
-        ),
-    ),
-    (
-        "forearm",
-        "upper_arm",
-        (
-            Dof("flexion", (-_ARM, 0, -_ARM), (-5, 150)),
-            Dof("pronation", (_ARM, 0, -_ARM), (-85, 85), fixed=True),
-        ),
-    ),
-    (
-        "hand",
-        "forearm",
-        (Dof("flexion", (-_ARM, 0, -_ARM), (-70, 75)), Dof("deviation", (0, -1, 0), (-30, 20))),
-    ),
-    ("thumb", "hand", (Dof("flexion", (0, -1, 0), (-20, 50), fixed=True),)),
-    ("fingers", "hand", (Dof("flexion", (-_ARM, 0, -_ARM), (-10, 90), fixed=True),)),
-    (
-        "thigh",
-        "pelvis",
-        (
-            Dof("flexion", (-1, 0, 0), (-35, 130)),
-            Dof("abduction", (0, -1, 0), (-35, 70)),
-            Dof("rotation", (0, 0, 1), (-50, 50)),
-        ),
-    ),
-    ("shin", "thigh", (Dof("flexion", _X, (-3, 155)),)),
-    (
-        "foot",
-        "shin",
-        (Dof("dorsiflexion", (-1, 0, 0), (-55, 35)), Dof("eversion", (0, -1, 0), (-30, 25))),
-    ),
-    ("toes", "foot", (Dof("extension", (-1, 0, 0), (-30, 60), fixed=True),)),
+_ARM_CHAINS = "upper_thorax clavicle upper_arm forearm hand thumb", "hand fingers"
+_LIMBS = {
+    part: parent
+    for chain in (*_ARM_CHAINS, "pelvis thigh shin foot toes")
+    for parent, part in pairwise(chain.split())
+}  # part of either side -> its parent
+_LEFT_DOFS = (
+    ("clavicle", Dof("elevation", (0, -1, 0), (-12, 40))),
+    ("clavicle", Dof("protraction", (0, 0, -1), (-22, 25))),
+    ("upper_arm", Dof("abduction", (0, -1, 0), (-75, 140))),
+    ("upper_arm", Dof("forward", (-_ARM, 0, -_ARM), (-75, 135))),
+    ("upper_arm", Dof("twist", (_ARM, 0, -_ARM), (-95, 95))),
+    ("forearm", Dof("flexion", (-_ARM, 0, -_ARM), (-5, 150))),
+    ("forearm", Dof("pronation", (_ARM, 0, -_ARM), (-85, 85), fixed=True)),
+    ("hand", Dof("flexion", (-_ARM, 0, -_ARM), (-70, 75))),
+    ("hand", Dof("deviation", (0, -1, 0), (-30, 20))),
+    ("thumb", Dof("flexion", (0, -1, 0), (-20, 50), fixed=True)),
+    ("fingers", Dof("flexion", (-_ARM, 0, -_ARM), (-10, 90), fixed=True)),
+    ("thigh", Dof("flexion", (-1, 0, 0), (-35, 130))),
+    ("thigh", Dof("abduction", (0, -1, 0), (-35, 70))),
+    ("thigh", Dof("rotation", (0, 0, 1), (-50, 50))),
+    ("shin", Dof("flexion", _X, (-3, 155))),
+    ("foot", Dof("dorsiflexion", (-1, 0, 0), (-55, 35))),
+    ("foot", Dof("eversion", (0, -1, 0), (-30, 25))),
+    ("toes", Dof("extension", (-1, 0, 0), (-30, 60), fixed=True)),
 )
 
 
 def _side(side: str) -> tuple[tuple[str, str, tuple[Dof, ...]], ...]:
     sign = 1.0 if side == "left" else -1.0
-    own = {name for name, _, _ in _LEFT}
-    # A rotation axis is a pseudo-vector: mirroring x changes the signs of its y and z.
 
+    # A rotation axis is a pseudo-vector: mirroring x changes the signs of its y and z.
     def mirrored(dof: Dof) -> Dof:
         x, y, z = dof.axis
         return replace(dof, axis=(x, sign * y, sign * z))
@@ -99,10 +77,10 @@ def _side(side: str) -> tuple[tuple[str, str, tuple[Dof, ...]], ...]:
     return tuple(
         (
             f"{side}_{name}",
-            f"{side}_{parent}" if parent in own else parent,
-            tuple(mirrored(dof) for dof in dofs),
+            f"{side}_{parent}" if parent in _LIMBS else parent,
+            tuple(mirrored(dof) for part, dof in _LEFT_DOFS if part == name),
         )
-        for name, parent, dofs in _LEFT
+        for name, parent in _LIMBS.items()
     )
 
 

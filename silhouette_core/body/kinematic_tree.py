@@ -13,19 +13,12 @@ from calib.errors import InputError
 
 @dataclass(frozen=True)
 class Dof:
-    """Degree of freedom of a joint.
+    """Degree of freedom of a joint."""
 
-    Attributes:
-        name: the movement that a positive angle makes.
-        axis: unit vector in the body frame of the rest pose.
-        limits_deg: smallest and largest angle.
-        fixed: True where silhouettes do not show it; the estimators then leave it at rest.
-    """
-
-    name: str
-    axis: tuple[float, float, float]
-    limits_deg: tuple[float, float]
-    fixed: bool = False
+    name: str  #: the movement that a positive angle makes.
+    axis: tuple[float, float, float]  #: unit vector in the body frame of the rest pose.
+    limits_deg: tuple[float, float]  #: smallest and largest angle.
+    fixed: bool = False  #: Whether silhouettes do not show it: the estimators leave it at rest.
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,25 +26,16 @@ class KinematicTree:
     """Parts of a body and how they move against each other; no sizes.
 
     Every part has the joint at its proximal end. A joint rotates by `Exp(sum_k q_k axis_k)`.
-
-    Attributes:
-        names: P names of the parts.
-        parents: (P,) int32, parent of each part, before it in the order; -1 of the root, the
-            first.
-        dofs: D degrees of freedom and the part that each moves, in the order of the parts.
-        landmark_names: L names of the points whose positions are told as joints.
-        landmark_part: (L,) int32, part that carries each.
-        landmark_bones: (B, 2) int, pairs of landmarks between which a bone is drawn.
-        root_fixed: whether the root part stands still in the world, as a robot's base does.
     """
 
-    names: tuple[str, ...]
-    parents: np.ndarray
+    names: tuple[str, ...]  #: P names of the parts.
+    parents: np.ndarray  #: (P,) int32, parent of each part, before it; -1 of the root, the first.
     dofs: tuple[tuple[int, Dof], ...]
-    landmark_names: tuple[str, ...]
-    landmark_part: np.ndarray
-    landmark_bones: np.ndarray
-    root_fixed: bool = False
+    """D degrees of freedom and the part that each moves, in the order of the parts."""
+    landmark_names: tuple[str, ...]  #: L names of the points whose positions are told as joints.
+    landmark_part: np.ndarray  #: (L,) int32, part that carries each.
+    landmark_bones: np.ndarray  #: (B, 2) int, pairs of landmarks between which a bone is drawn.
+    root_fixed: bool = False  #: Whether the root part stands still, as a robot's base does.
 
     @classmethod
     def from_parts(

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from calib.checks import FloatArray
 from calib.errors import InputError
 from silhouette_core.body.mesh_measurements import BodyMeasurements, TapeMeasure
 from silhouette_core.body.model import BodyModel, read_template
@@ -33,15 +33,9 @@ _PARAMETERS: tuple[dict[str, int], ...] = (
     dict(upper_arm_girth=80, forearm_girth=70, hand_girth=20, shin_girth=75, neck_girth=50),
 )
 _TRUNK, _LEGS, _ARMS, _SHOULDERS, _CHEST, _WAIST, _HIPS, _LIMBS = range(len(_PARAMETERS))
-_MEASURED = (
-    "stature_m",
-    "leg_length_m",
-    "arm_length_m",
-    "shoulder_breadth_m",
-    "chest_girth_m",
-    "waist_girth_m",
-    "hip_girth_m",
-    "mass_kg",
+_MEASURED = tuple(
+    "stature_m leg_length_m arm_length_m shoulder_breadth_m chest_girth_m waist_girth_m hip_girth_m"
+    " mass_kg".split()
 )
 """The measurement that each parameter answers."""
 # Bounds of the parameters, per cent.
@@ -104,7 +98,7 @@ def _no_body(name: str, wanted: BodyMeasurements, nearest: float) -> InputError:
     )
 
 
-def _shape(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shape(parameters: FloatArray) -> FloatArray:
     """Deviations (20,) along the shape axes."""
     shape = np.zeros(len(SHAPE_AXES))
     for value, axes in zip(parameters, _PARAMETERS, strict=True):
@@ -113,7 +107,7 @@ def _shape(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     return shape
 
 
-def _head(stature_m: float) -> NDArray[np.float64]:
+def _head(stature_m: float) -> FloatArray:
     """Deviations (20,) that give a child its head."""
     young = float(np.clip((_ADULT_M - stature_m) / (_ADULT_M - _CHILD_M), 0, 1.2))
     shape = np.zeros(len(SHAPE_AXES))
@@ -129,13 +123,11 @@ class _Family:
     stature_m: float  #: of the template.
     tape: TapeMeasure  #: takes the measurements.
     #: shape space of the template, and its changes per unit of each of its changes.
-    spaces: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    joints_m: NDArray[np.float64]  #: (27, 3) of the template.
-    joints_change: NDArray[np.float64]  #: (20, 27, 3) along the shape axes.
+    spaces: tuple[tuple[FloatArray, FloatArray], ...]
+    joints_m: FloatArray  #: (27, 3) of the template.
+    joints_change: FloatArray  #: (20, 27, 3) along the shape axes.
 
-    def measured(
-        self, parameters: NDArray[np.float64], head: NDArray[np.float64]
-    ) -> BodyMeasurements:
+    def measured(self, parameters: FloatArray, head: FloatArray) -> BodyMeasurements:
         """Measurements of a body of the template's size."""
         shape = _shape(parameters) + head
         warp = (1.0, *parameters[_CHANGES])
@@ -147,8 +139,8 @@ class _Family:
         return self.tape.measure(np.asarray(vertices), joints)
 
     def residuals(
-        self, parameters: NDArray[np.float64], targets: dict[str, float], head: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+        self, parameters: FloatArray, targets: dict[str, float], head: FloatArray
+    ) -> FloatArray:
         """(8,) relative differences of known measurements, and of the rest from what is usual."""
         measured = self.measured(parameters, head).known()
         p = parameters

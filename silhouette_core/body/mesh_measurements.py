@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from calib.checks import FloatArray, IntArray
 from silhouette_core.body.joints import ARM_PARTS, PART_NAMES
 from silhouette_core.body.model import BodyModel, read_template
 
@@ -25,27 +26,17 @@ water gives them, leave the lungs out.
 
 @dataclass(frozen=True)
 class BodyMeasurements:
-    """Measurements of a person; None: not known. Metres and kilograms.
+    """Measurements of a person; None: not known. Metres and kilograms."""
 
-    Attributes:
-        stature_m: from the soles to the vertex.
-        chest_girth_m: at the nipples (ANSUR II and ISO 8559 chest or bust circumference).
-        waist_girth_m: at the natural waist, between ribs and hip bone.
-        hip_girth_m: the largest one over the buttocks (ANSUR II buttock circumference).
-        arm_length_m: from the acromion to the elbow joint and on to the wrist joint.
-        leg_length_m: from the crotch to the sole (ANSUR II crotch height; inside leg).
-        shoulder_breadth_m: between the acromia (ANSUR II biacromial breadth).
-        mass_kg: volume times `DENSITY_KG_M3`.
-    """
-
-    stature_m: float
+    stature_m: float  #: from the soles to the vertex.
     chest_girth_m: float | None = None
-    waist_girth_m: float | None = None
-    hip_girth_m: float | None = None
-    arm_length_m: float | None = None
-    leg_length_m: float | None = None
-    shoulder_breadth_m: float | None = None
-    mass_kg: float | None = None
+    """At the nipples (ANSUR II and ISO 8559 chest or bust circumference)."""
+    waist_girth_m: float | None = None  #: at the natural waist, between ribs and hip bone.
+    hip_girth_m: float | None = None  #: The largest one (ANSUR II buttock circumference).
+    arm_length_m: float | None = None  #: From the acromion over the elbow joint to the wrist joint.
+    leg_length_m: float | None = None  #: From crotch to sole (ANSUR II crotch height; inside leg).
+    shoulder_breadth_m: float | None = None  #: between the acromia (ANSUR II biacromial breadth).
+    mass_kg: float | None = None  #: volume times `DENSITY_KG_M3`.
 
     def known(self) -> dict[str, float]:
         """The measurements that are known, by name."""
@@ -55,21 +46,13 @@ class BodyMeasurements:
 
 @dataclass(frozen=True, eq=False)
 class TapeMeasure:
-    """Takes measurements on bodies of one topology: the places found once on a body.
+    """Takes measurements on bodies of one topology: the places found once on a body."""
 
-    Attributes:
-        faces: (F, 3) triangles.
-        trunk: (G, 3) those of trunk, head and legs.
-        seam: indices of the vertices in the sagittal plane.
-        acromia: (2, 3) corners of the triangles that carry the left and the right acromion.
-        acromia_weights: (2, 3) barycentric coordinates of these in them.
-    """
-
-    faces: NDArray[np.int32]
-    trunk: NDArray[np.int32]
-    seam: NDArray[np.int64]
-    acromia: NDArray[np.int32]
-    acromia_weights: NDArray[np.float64]
+    faces: NDArray[np.int32]  #: (F, 3) triangles.
+    trunk: NDArray[np.int32]  #: (G, 3) those of trunk, head and legs.
+    seam: IntArray  #: indices of the vertices in the sagittal plane.
+    acromia: NDArray[np.int32]  #: (2, 3) corners of the triangles of the left and right acromion.
+    acromia_weights: FloatArray  #: (2, 3) barycentric coordinates of these in them.
 
     @classmethod
     def of(cls, body: BodyModel) -> TapeMeasure:
@@ -86,9 +69,7 @@ class TapeMeasure:
         trunk = body.faces[~np.isin(body.face_part, ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
 
-    def measure(
-        self, vertices_m: NDArray[np.float64], joints_m: NDArray[np.float64]
-    ) -> BodyMeasurements:
+    def measure(self, vertices_m: FloatArray, joints_m: FloatArray) -> BodyMeasurements:
         """All measurements.
 
         Args:
@@ -116,7 +97,7 @@ class TapeMeasure:
             mass_kg=DENSITY_KG_M3 * enclosed_volume(vertices_m, self.faces),
         )
 
-    def girth(self, vertices_m: NDArray[np.float64], height_m: float) -> float:
+    def girth(self, vertices_m: FloatArray, height_m: float) -> float:
         """Girth of trunk or thighs at a height: perimeter of the hull of the slice."""
         above = vertices_m[:, 2] > height_m
         first, second, third = above[self.trunk].T
@@ -136,7 +117,7 @@ def measure_body(body: BodyModel) -> BodyMeasurements:
     return tape.measure(body.vertices_m, body.joints_m)
 
 
-def enclosed_volume(vertices_m: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+def enclosed_volume(vertices_m: FloatArray, faces: NDArray[np.int32]) -> float:
     """Volume within a closed surface, m³.
 
     .. math:: V = \\frac{1}{6} \\sum_f a_f \\cdot (b_f \\times c_f)
@@ -150,8 +131,8 @@ def enclosed_volume(vertices_m: NDArray[np.float64], faces: NDArray[np.int32]) -
 
 
 def _highest(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], x: float, y: float
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    vertices: FloatArray, faces: NDArray[np.int32], x: float, y: float
+) -> tuple[NDArray[np.int32], FloatArray]:
     """Corners (3,) of the uppermost triangle at a place, and the place's coordinates in it."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     edges = np.stack([b - a, c - a], -1)[:, :2]
@@ -163,7 +144,7 @@ def _highest(
     return faces[best], np.array([1 - u[best] - v[best], u[best], v[best]])
 
 
-def _between(joints: NDArray[np.float64], lower: str, upper: str, fraction: float) -> float:
+def _between(joints: FloatArray, lower: str, upper: str, fraction: float) -> float:
     """Height between two joints."""
     low, high = (joints[PART_NAMES.index(name), 2] for name in (lower, upper))
     return float(low + fraction * (high - low))

@@ -24,31 +24,20 @@ class BodyModel:
     """Articulated body at rest.
 
     Lengths are in metres, in the body frame: z up, facing -y, left hand toward +x.
-
-    Attributes:
-        joints_m: (P, 3) float64, joints at the proximal ends of the parts.
-        vertices_m: (V, 3) float64, vertices of the closed surface.
-        faces: (F, 3) int32, outward oriented triangles.
-        face_part: (F,) int32, part of each triangle.
-        skin_parts: (V, 4) int32, parts that move a vertex.
-        skin_weights: (V, 4) float64, weights of those parts, summing to 1.
-        landmarks_m: (L, 3) float64, the landmarks at rest, in the order of the tree; of a person
-            the HumanEva joints, `joints.LANDMARK_NAMES`.
-        space: shape space around the template.
-        shape: (K,) float64, deviations along `sizes.SHAPE_AXES`; (0,) where the shape is given.
-        person: measurements of the person; None: the body is not a person's, or as given.
     """
 
-    joints_m: np.ndarray
-    vertices_m: np.ndarray
-    faces: np.ndarray
-    face_part: np.ndarray
-    skin_parts: np.ndarray
-    skin_weights: np.ndarray
+    joints_m: np.ndarray  #: (P, 3) float64, joints at the proximal ends of the parts.
+    vertices_m: np.ndarray  #: (V, 3) float64, vertices of the closed surface.
+    faces: np.ndarray  #: (F, 3) int32, outward oriented triangles.
+    face_part: np.ndarray  #: (F,) int32, part of each triangle.
+    skin_parts: np.ndarray  #: (V, 4) int32, parts that move a vertex.
+    skin_weights: np.ndarray  #: (V, 4) float64, weights of those parts, summing to 1.
     landmarks_m: np.ndarray
-    space: ShapeSpace
-    shape: np.ndarray
-    person: BodySizes | None
+    """(L, 3) float64, the landmarks at rest, in the order of the tree; of a person the HumanEva
+    joints, `joints.LANDMARK_NAMES`."""
+    space: ShapeSpace  #: shape space around the template.
+    shape: np.ndarray  #: (K,) float64, deviations along `SHAPE_AXES`; (0,) of a given shape.
+    person: BodySizes | None  #: Measurements of the person; None: no person's, or as given.
     tree: KinematicTree = HUMAN
 
     @property

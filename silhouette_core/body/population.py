@@ -7,8 +7,7 @@ buttock circumference, biacromial breadth, crotch height and weight, of 4082 men
 Children, at 1.10 m: Snyder et al., Anthropometry of Infants, Children, and Youths to Age 18 for
 Product Safety Design (UM-HSRI-77-17, 1977), ages 5 to 6. Both were recalled when this was written
 and rounded, and could not be compared with the printed tables; arm lengths, measured to joint
-centres, are those of the templates. Between and beyond these statures the ratios are interpolated
-by us.
+centres, are those of the templates. Between and beyond these statures ratios are interpolated.
 """
 
 import numpy as np

@@ -24,20 +24,13 @@ _MEASURES = "stature_m", "chest_girth_m", "waist_girth_m", "hip_girth_m"
 
 @dataclass(frozen=True)
 class BodyPreset:
-    """A body of the paper's.
+    """A body of the paper's."""
 
-    Attributes:
-        name: designation of the size.
-        sex: "male" or "female".
-        standard: the standard after which it is named.
-        sources: for each of these measurements, by name, where the number comes from.
-    """
-
-    name: str
-    sex: str
-    standard: str
+    name: str  #: designation of the size.
+    sex: str  #: "male" or "female".
+    standard: str  #: the standard after which it is named.
     measurements: BodyMeasurements
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  #: For each measurement, by name, where the number is from.
 
     def body(self) -> BodyModel:
         """The body, made from its measurements."""

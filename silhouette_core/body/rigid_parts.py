@@ -15,19 +15,12 @@ _FEWEST_AROUND = 12
 
 @dataclass(frozen=True)
 class Capsule:
-    """A capsule, or a cone with round ends, at rest in the body frame.
+    """A capsule, or a cone with round ends, at rest in the body frame."""
 
-    Attributes:
-        start_m: centre of one end.
-        end_m: centre of the other end; the same for a ball.
-        radius_m: radius, at the start if the end has its own.
-        end_radius_m: radius at the end; None: the same.
-    """
-
-    start_m: tuple[float, float, float]
-    end_m: tuple[float, float, float]
-    radius_m: float
-    end_radius_m: float | None = None
+    start_m: tuple[float, float, float]  #: centre of one end.
+    end_m: tuple[float, float, float]  #: centre of the other end; the same for a ball.
+    radius_m: float  #: radius, at the start if the end has its own.
+    end_radius_m: float | None = None  #: radius at the end; None: the same.
 
     @property
     def radii_m(self) -> tuple[float, float]:
@@ -37,28 +30,18 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Box:
-    """A box along the axes of the body frame at rest.
+    """A box along the axes of the body frame at rest."""
 
-    Attributes:
-        low_m: corner with the smallest coordinates.
-        high_m: corner with the largest coordinates.
-    """
-
-    low_m: tuple[float, float, float]
-    high_m: tuple[float, float, float]
+    low_m: tuple[float, float, float]  #: corner with the smallest coordinates.
+    high_m: tuple[float, float, float]  #: corner with the largest coordinates.
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedMesh:
-    """A closed, outward oriented surface at rest in the body frame.
+    """A closed, outward oriented surface at rest in the body frame."""
 
-    Attributes:
-        vertices_m: (V, 3) float64.
-        faces: (F, 3) int.
-    """
-
-    vertices_m: np.ndarray
-    faces: np.ndarray
+    vertices_m: np.ndarray  #: (V, 3) float64.
+    faces: np.ndarray  #: (F, 3) int.
 
 
 RigidShape = Capsule | Box | ClosedMesh

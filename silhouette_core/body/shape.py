@@ -15,23 +15,14 @@ _SMOOTHED = 4  # how often the length of clothing directions is averaged with th
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
-    """Linear space of bodies around a body at rest. K shape axes, V vertices; metres.
+    """Linear space of bodies around a body at rest. K shape axes, V vertices; metres."""
 
-    Attributes:
-        joints_m: (27, 3) float64, joints of the body in the middle of the space.
-        vertices_m: (V, 3) float64, its vertices.
-        landmarks_m: (15, 3) float64, its landmarks.
-        joints_change: (K, 27, 3) float64, change of the joints per unit deviation.
-        vertices_change: (K, V, 3) float64, change of the vertices.
-        landmarks_change: (K, 15, 3) float64, change of the landmarks.
-    """
-
-    joints_m: np.ndarray
-    vertices_m: np.ndarray
-    landmarks_m: np.ndarray
-    joints_change: np.ndarray
-    vertices_change: np.ndarray
-    landmarks_change: np.ndarray
+    joints_m: np.ndarray  #: (27, 3) float64, joints of the body in the middle of the space.
+    vertices_m: np.ndarray  #: (V, 3) float64, its vertices.
+    landmarks_m: np.ndarray  #: (15, 3) float64, its landmarks.
+    joints_change: np.ndarray  #: (K, 27, 3) float64, change of the joints per unit deviation.
+    vertices_change: np.ndarray  #: (K, V, 3) float64, change of the vertices.
+    landmarks_change: np.ndarray  #: (K, 15, 3) float64, change of the landmarks.
 
     @classmethod
     def from_rest(

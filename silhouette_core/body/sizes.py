@@ -7,10 +7,8 @@ import numpy as np
 from calib.checks import check_array
 from calib.errors import InputError
 
-STATURES_M = 50 / 100, 260 / 100
-"""Smallest and largest stature of a person."""
-CHESTS_M = 40 / 100, 180 / 100
-"""Smallest and largest chest girth of a person."""
+STATURES_M = 50 / 100, 260 / 100  #: Smallest and largest stature of a person.
+CHESTS_M = 40 / 100, 180 / 100  #: Smallest and largest chest girth of a person.
 TEMPLATE_CHANGES = -80 / 100, 200 / 100
 """Smallest and largest change of the template's chest, waist and hips; thighs only up to 0.95."""
 
@@ -19,28 +17,20 @@ TEMPLATE_CHANGES = -80 / 100, 200 / 100
 class BodySizes:
     """Measurements of a person, from which the default body is made.
 
-    Attributes:
-        stature_m: height standing upright without shoes.
-        chest_girth_m: girth at the nipples; None: usual for the stature.
-        sex: "male", "female" or "unknown".
-        chest_change: how much wider the chest is than the template's, relative, before any change
-            along the shape axes, see `template_warp`. Where one of the changes is not 0, they
-            alone decide the girths of the trunk, and the chest girth is only told.
-        waist_change: likewise of the waist.
-        hip_change: likewise of the hips.
-        thigh_change: likewise of the thighs.
-
     Raises:
         InputError: a measurement that no person has.
     """
 
-    stature_m: float
-    chest_girth_m: float | None = None
-    sex: str = "unknown"
+    stature_m: float  #: height standing upright without shoes.
+    chest_girth_m: float | None = None  #: girth at the nipples; None: usual for the stature.
+    sex: str = "unknown"  #: "male", "female" or "unknown".
     chest_change: float = 0.0
-    waist_change: float = 0.0
-    hip_change: float = 0.0
-    thigh_change: float = 0.0
+    """How much wider the chest is than the template's, relative, before any change along the shape
+    axes, see `template_warp`. Where one of the changes is not 0, they alone decide the girths of
+    the trunk, and the chest girth is only told."""
+    waist_change: float = 0.0  #: likewise of the waist.
+    hip_change: float = 0.0  #: likewise of the hips.
+    thigh_change: float = 0.0  #: likewise of the thighs.
 
     def __post_init__(self) -> None:
         if not STATURES_M[0] <= self.stature_m <= STATURES_M[1]:
@@ -71,24 +61,18 @@ class BodySizes:
 
 @dataclass(frozen=True)
 class ShapeAxis:
-    """Axis of the shape space: a relative change of the size of some parts.
-
-    Attributes:
-        parts: base names of the parts it scales ("thigh" stands for both sides).
-        along: "length" (along the bone), "girth" (across it), one of "x", "y", "z" of the body
-            frame, or "normal": outward by a fraction of the stature, as clothes are.
-        sigma: relative standard deviation over adults, the prior of the adaptation; of clothes,
-            thickness over the stature.
-        joints: whether the joints carried by those parts move.
-        flesh: whether the surface moves.
-    """
+    """Axis of the shape space: a relative change of the size of some parts."""
 
     name: str
-    parts: tuple[str, ...]
+    parts: tuple[str, ...]  #: base names of the parts it scales ("thigh" stands for both sides).
     along: str
+    """Either "length" (along the bone), "girth" (across it), one of "x", "y", "z" of the body
+    frame, or "normal": outward by a fraction of the stature, as clothes are."""
     sigma: float
-    joints: bool = True
-    flesh: bool = True
+    """Relative standard deviation over adults, the prior of the adaptation; of clothes, thickness
+    over the stature."""
+    joints: bool = True  #: whether the joints carried by those parts move.
+    flesh: bool = True  #: whether the surface moves.
 
     @property
     def is_clothing(self) -> bool:
@@ -127,8 +111,7 @@ IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])
 
 
 def check_shape(shape: np.ndarray) -> None:
-    """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, that were read from
-    a file.
+    """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, read from a file.
 
     Raises:
         TypeError: it is not float64.

@@ -9,6 +9,7 @@ into each other.
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import ARM_PARTS, PART_NAMES
 
 Changes = tuple[float, float, float, float]
@@ -31,14 +32,13 @@ _LINE = np.array([(460, 0), (520, 10), (600, 14), (745, 20)]).T / 1000
 
 
 def warp_template(
-    vertices_m: NDArray[np.float64],
-    joints_m: NDArray[np.float64],
+    vertices_m: FloatArray,
+    joints_m: FloatArray,
     skin_parts: NDArray[np.int32],
-    skin_weights: NDArray[np.float64],
+    skin_weights: FloatArray,
     changes: Changes,
-) -> NDArray[np.float64]:
-    """Vertices (V, 3) of a template with other chest, waist, hips and thighs, linear in the
-    changes.
+) -> FloatArray:
+    """Vertices (V, 3) of a template with other chest, waist, hips and thighs, linear in these.
 
     Args:
         vertices_m: (V, 3), soles at z = 0.
@@ -69,7 +69,7 @@ def warp_template(
     return vertices_m + stature * np.column_stack([own * breadth, own * depth, np.zeros_like(z)])
 
 
-def _plateau(z: NDArray[np.float64], band: tuple[int, int, int, int]) -> NDArray[np.float64]:
+def _plateau(z: FloatArray, band: tuple[int, int, int, int]) -> FloatArray:
     """One between the two middle heights, zero beyond the outer ones, smooth between."""
     low, bottom, top, high = (height / 1000 for height in band)
     t = np.clip(np.minimum((z - low) / (bottom - low), (high - z) / (high - top)), 0, 1)

@@ -13,8 +13,8 @@ This project's own.
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, Float32Array, FloatArray, IntArray, RealArray
 from calib.components import label_components
 from silhouette_core.image.cleanup import bounding_box
 from silhouette_core.tuning import BACKDROP, EXPOSURE, FOREGROUND
@@ -26,8 +26,8 @@ _BLACK = 4  # grey levels: a bar is not lit at all
 
 
 def backdrop_of(
-    samples: NDArray[np.float32], radius: float, asked: bool = False
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]] | None:
+    samples: Float32Array, radius: float, asked: bool = False
+) -> tuple[Float32Array, BoolArray] | None:
     """The field (h, w, 3) of a uniform backdrop in frames (T, h, w, 3) of one exposure, and where
     somebody is before it at some time, (h, w) bool; None where there is none.
 
@@ -56,9 +56,7 @@ def backdrop_of(
     return mean, _containing(strange, _opened(moved)) & ~_containing(usually, above)
 
 
-def only_shaded(
-    colours: NDArray[np.float32], field: NDArray[np.float32], radius: float
-) -> NDArray[np.bool_]:
+def only_shaded(colours: Float32Array, field: Float32Array, radius: float) -> BoolArray:
     """Where colours (h, w, 3) may be the field's (h, w, 3) in a shadow, (h, w) bool."""
     light = (colours * field).sum(axis=2) / np.maximum(np.square(field).sum(axis=2), 1)
     shade = np.clip(light, FOREGROUND.shadow, 1)[..., None]
@@ -70,18 +68,18 @@ def tolerance(radius: float) -> float:
     return float(max(radius, BACKDROP.tolerance))
 
 
-def _apart(first: NDArray[np.floating], second: NDArray[np.floating]) -> NDArray[np.floating]:
+def _apart(first: RealArray, second: RealArray) -> RealArray:
     """Difference of colours (..., 3), summed over the channels."""
     apart = np.abs(first - second)
     return apart[..., 0] + apart[..., 1] + apart[..., 2]  # faster than a sum of three
 
 
-def _explained(median: NDArray[np.float32], field: NDArray[np.floating]) -> NDArray[np.floating]:
+def _explained(median: Float32Array, field: RealArray) -> RealArray:
     """How well a field explains colours (..., 3): 1 is exact, 0 not at all."""
     return np.maximum(1 - (_apart(median, field) / BACKDROP.tolerance) ** 2, 0)
 
 
-def _rim(median: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _rim(median: Float32Array) -> tuple[BoolArray, BoolArray]:
     """Rim of a picture (h, w, 3) within its black bars, and all within them, (h, w) bool."""
     inside = np.zeros(median.shape[:2], np.bool_)
     inside[bounding_box(median.max(axis=2) > _BLACK)] = True
@@ -94,16 +92,14 @@ def _rim(median: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.boo
     return inside & ~core, inside
 
 
-def _fields(
-    median: NDArray[np.float32], rim: NDArray[np.bool_], inside: NDArray[np.bool_]
-) -> list[NDArray[np.float32]]:
+def _fields(median: Float32Array, rim: BoolArray, inside: BoolArray) -> list[Float32Array]:
     """Smooth fields (h, w, 3) that explain most of the rim, the larger one first."""
     y, x = np.mgrid[-1 : 1 : rim.shape[0] * 1j, -1 : 1 : rim.shape[1] * 1j]
     orders = range(_DEGREE + 1)
     powers = np.stack([x**i * y**j for i in orders for j in orders if i + j in orders], axis=-1)
     beside, left = np.abs(x) > np.abs(y), inside.copy()
     sides = ~beside & (y < 0), ~beside & (y > 0), beside & (x < 0), beside & (x > 0)
-    fields: list[NDArray[np.float32]] = []
+    fields: list[Float32Array] = []
     while len(fields) < _LAYERS:
         starts = [left & side for side in sides if (left & rim & side).any()]
         found = [_field(median, powers, start, left) for start in starts]
@@ -119,14 +115,9 @@ def _fields(
 
 
 def _field(
-    median: NDArray[np.float32],
-    powers: NDArray[np.float64],
-    start: NDArray[np.bool_],
-    left: NDArray[np.bool_],
-) -> NDArray[np.float32]:
-    """Field (h, w, 3) of most of a side of the picture, then of what else it explains (weights of
-    Geman and McClure).
-    """
+    median: Float32Array, powers: FloatArray, start: BoolArray, left: BoolArray
+) -> Float32Array:
+    """Field (h, w, 3) of most of a side, then of what else it explains (Geman-McClure weights)."""
     solution = np.zeros((powers.shape[-1], 3))
     solution[0] = np.median(median[start], axis=0)
     at, colours = powers[start], median[start]
@@ -142,18 +133,14 @@ def _field(
     return np.asarray((powers @ solution).clip(0, 255), np.float32)
 
 
-def _seen(
-    samples: NDArray[np.float32], field: NDArray[np.float32], limit: float, rim: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _seen(samples: Float32Array, field: Float32Array, limit: float, rim: BoolArray) -> IntArray:
     """Number of frames (h, w) that show a field, where it reaches the rim, unbroken."""
     count = np.sum([_apart(sample, field) < limit for sample in samples], axis=0)
     shown = count > 0.5 * len(samples)
     return count * _containing(shown, shown & rim)
 
 
-def _nearest(
-    seen: list[NDArray[np.int64]], fields: list[NDArray[np.float32]]
-) -> NDArray[np.float32]:
+def _nearest(seen: list[IntArray], fields: list[Float32Array]) -> Float32Array:
     """The field that is seen most, (h, w, 3); where none is, the one nearest to the place."""
     away = [
         cv2.distanceTransform((count == 0).astype(np.uint8), cv2.DIST_L2, 5)
@@ -165,13 +152,13 @@ def _nearest(
     return np.take_along_axis(np.stack(fields), label[None, ..., None], axis=0)[0]
 
 
-def _opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _opened(mask: BoolArray) -> BoolArray:
     """Mask (h, w) without what is thinner than 3 px."""
     opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.asarray(opened, np.uint8).view(np.bool_)
 
 
-def _containing(mask: NDArray[np.bool_], places: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _containing(mask: BoolArray, places: BoolArray) -> BoolArray:
     """Pieces of a mask (h, w) that contain one of some places (h, w)."""
     parts = label_components(mask)
     wanted = np.zeros(len(parts.sizes), np.bool_)

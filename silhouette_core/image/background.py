@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import ByteArray, Float32Array, FloatArray, IntArray, check_array
 from silhouette_core.image.cast_shadow import count_shadows, darkest_shadow
 from silhouette_core.image.cut import SceneColours
 from silhouette_core.image.difference import Background
@@ -29,19 +29,17 @@ from silhouette_core.tuning import BACKGROUND
 
 Method = Literal["refined", "paper"]
 """Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
-Odds = Sequence[NDArray[np.float32]]
+Odds = Sequence[Float32Array]
 _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
 
-_Directions = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+_Directions = tuple[Float32Array, Float32Array, Float32Array]
 """Each pixel's colour divided by its length, for the paper's method: mean (H, W, 3), half of one
 over the variance (H, W, 3), and logarithm of the density at the mean (H, W)."""
 
 
-def _directions(
-    colour: NDArray[np.float64], mean: NDArray[np.float64], variance: NDArray[np.float64]
-) -> _Directions:
+def _directions(colour: FloatArray, mean: FloatArray, variance: FloatArray) -> _Directions:
     """Directions of the mean colour, BGR of 255; their mean and variance, all (H, W, 3)."""
     # Noise of the channels turns a colour of length L by noise / L: the direction of dark pixels is
     # uncertain.
@@ -50,7 +48,7 @@ def _directions(
     return mean.astype(np.float32), (0.5 / variance).astype(np.float32), peak.astype(np.float32)
 
 
-def _length(colour: NDArray) -> NDArray[np.float64]:
+def _length(colour: NDArray) -> FloatArray:
     """Length (H, W, 1) of colours (H, W, 3), at least 1."""
     return np.maximum(np.linalg.norm(colour, axis=2, keepdims=True), 1.0)
 
@@ -62,15 +60,9 @@ class BackgroundModel:
     refined method are ours.
     """
 
-    def __init__(
-        self,
-        mean: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        directions: _Directions | None,
-    ):
-        """Prepares the model; use the constructors `from_...`."""
+    def __init__(self, mean: FloatArray, variance: FloatArray, directions: _Directions | None):
         self.method: Method = "refined" if directions is None else "paper"
-        self.mean: NDArray[np.float32] = np.ascontiguousarray(mean, np.float32)
+        self.mean: Float32Array = np.ascontiguousarray(mean, np.float32)
         noise = np.maximum(np.sqrt(variance.mean(axis=2)), BACKGROUND.noise)
         self._background = Background.from_noise(self.mean, noise)
         self._directions, self._aligner = directions, Aligner(self.mean)
@@ -179,9 +171,7 @@ class BackgroundModel:
         return model
 
     def with_colours(
-        self,
-        frames: Sequence[np.ndarray] | np.ndarray,
-        evidence: Odds | None = None,
+        self, frames: Sequence[np.ndarray] | np.ndarray, evidence: Odds | None = None
     ) -> "BackgroundModel":
         """The same background, which was filmed, with the colours of the person in some frames.
 
@@ -198,7 +188,7 @@ class BackgroundModel:
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        evidence: NDArray[np.float32] | None = None,
+        evidence: Float32Array | None = None,
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
 
@@ -219,8 +209,7 @@ class BackgroundModel:
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
             region: region of interest, (H, W) bool; None means the whole image.
-            evidence: what else speaks for a person, nats, of the size `cut_size`, for the refined
-                method.
+            evidence: what else speaks for a person, nats, of the size `cut_size`, refined method.
 
         Returns:
             Silhouette, (H, W) bool.
@@ -244,7 +233,7 @@ class BackgroundModel:
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        evidence: NDArray[np.float32] | None = None,
+        evidence: Float32Array | None = None,
     ) -> tuple[np.ndarray, Exposure]:
         """Silhouette of a frame of those that come, as of `silhouette` by the refined method, from
         which the person's colours are learned; and its exposure.
@@ -267,7 +256,7 @@ class BackgroundModel:
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        evidence: NDArray[np.float32] | None = None,
+        evidence: Float32Array | None = None,
     ) -> SoftSilhouette:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
         gives the silhouette only. Arguments and errors are those of `silhouette`.
@@ -282,7 +271,7 @@ class BackgroundModel:
         self,
         frame: np.ndarray,
         region: np.ndarray | None = None,
-        evidence: NDArray[np.float32] | None = None,
+        evidence: Float32Array | None = None,
     ) -> SilhouetteStages:
         """How a frame's silhouette comes about; of the paper's method only what it makes. Arguments
         and errors are those of `silhouette`.
@@ -328,7 +317,7 @@ class BackgroundModel:
         cut = colours.silhouette(part, noise=exposure.noise)
         return segmented(part, self._background, cut, region, window)
 
-    def shadow_counts(self, frame: np.ndarray) -> NDArray[np.int64]:
+    def shadow_counts(self, frame: np.ndarray) -> IntArray:
         """See `silhouette_core.image.cast_shadow.count_shadows`; the frame is (H, W, 3) uint8."""
         # Light that changes smoothly over the picture would explain large shadows, too.
         even = self._aligner.shifted(frame, np.zeros((3, 6)))
@@ -358,7 +347,7 @@ class BackgroundModel:
             model._person = PersonColours(even_colours(model._background))
         return model
 
-    def _aligned(self, frame: np.ndarray) -> NDArray[np.uint8]:
+    def _aligned(self, frame: np.ndarray) -> ByteArray:
         """A whole frame, checked; for the refined method with the exposure of the background."""
         check_array("frame", frame, self.mean.shape, np.uint8)
         frame = np.ascontiguousarray(frame)

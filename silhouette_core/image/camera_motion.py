@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import ByteArray, FloatArray
 from silhouette_core.tuning import CAMERA_MOTION
 
 _SIDE_PX = 640  # of the picture whose pixels displacements are measured in
@@ -36,9 +36,7 @@ class CameraMovement:
     Source: Lucas and Kanade (1981), coarse to fine.
     """
 
-    def __init__(
-        self, frames: Sequence[NDArray[np.uint8]], empty: Sequence[NDArray[np.uint8]] = ()
-    ) -> None:
+    def __init__(self, frames: Sequence[ByteArray], empty: Sequence[ByteArray] = ()) -> None:
         """Looks at frames (H, W, 3) uint8, BGR, of a take, and of its empty view."""
         self._size = frames[0].shape[1::-1]
         self._median = _Rim(np.median([_reduced(one) for one in frames], axis=0).astype(np.uint8))
@@ -52,7 +50,7 @@ class CameraMovement:
         empty_px = max((self._away_px(self._moved_to(frame)) for frame in empty), default=0.0)
         self.shakes = max(away_px, empty_px) > CAMERA_MOTION.still_px
 
-    def registered(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def registered(self, frame: ByteArray) -> ByteArray:
         """A frame of the same size, moved, turned and scaled so that its rim is where it is in the
         mean; as it is where that cannot be told.
         """
@@ -64,7 +62,7 @@ class CameraMovement:
         steady = cv2.warpAffine(frame, matrix, self._size, flags=flags, borderMode=border)
         return np.asarray(steady, np.uint8)
 
-    def _away_px(self, moved: NDArray[np.float64] | None) -> float:
+    def _away_px(self, moved: FloatArray | None) -> float:
         """How far the picture's corners are from where they are in the mean of all frames: pixels
         of a picture of 640 px.
         """
@@ -74,7 +72,7 @@ class CameraMovement:
         away = corners @ (moved @ self._to_median - np.eye(3)).T
         return float(np.linalg.norm(away, axis=1).mean() * _SIDE_PX / max(self._size))
 
-    def _moved_to(self, frame: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+    def _moved_to(self, frame: ByteArray) -> FloatArray | None:
         """Similarity (3, 3) from the median picture to a frame, px; None unless that from there to
         here is its inverse.
         """
@@ -90,7 +88,7 @@ class CameraMovement:
         return about @ _matrix(there, max(self._size)) @ np.linalg.inv(about)
 
 
-def _reduced(picture: NDArray[np.uint8], side_px: int = _SIDES_PX[-1]) -> NDArray[np.uint8]:
+def _reduced(picture: ByteArray, side_px: int = _SIDES_PX[-1]) -> ByteArray:
     """A picture (H, W) or (H, W, 3) uint8 in grey, its longer side at most so long."""
     if picture.ndim == 3:
         picture = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
@@ -104,11 +102,11 @@ def _reduced(picture: NDArray[np.uint8], side_px: int = _SIDES_PX[-1]) -> NDArra
 class _Rim:
     """The rim of a reduced picture (h, w) uint8, at several sizes."""
 
-    def __init__(self, grey: NDArray[np.uint8]) -> None:
+    def __init__(self, grey: ByteArray) -> None:
         self._levels = [_Level(_reduced(grey, side_px)) for side_px in _SIDES_PX]
         self.bare = self._levels[-1].bare
 
-    def fitted(self, other: _Rim) -> NDArray[np.float64]:
+    def fitted(self, other: _Rim) -> FloatArray:
         """Similarity to another frame."""
         similarity = np.zeros(4)
         for here, there in zip(self._levels, other._levels, strict=True):
@@ -116,7 +114,7 @@ class _Rim:
         return similarity
 
 
-def _matrix(similarity: NDArray[np.float64], side: float) -> NDArray[np.float64]:
+def _matrix(similarity: FloatArray, side: float) -> FloatArray:
     """Matrix (3, 3) of a similarity (shift right and down, turn, growth), whose lengths are in
     longer sides of a picture, about its middle.
     """
@@ -127,7 +125,7 @@ def _matrix(similarity: NDArray[np.float64], side: float) -> NDArray[np.float64]
 class _Level:
     """A picture (h, w) uint8, and the strongest edges of its rim."""
 
-    def __init__(self, grey: NDArray[np.uint8]) -> None:
+    def __init__(self, grey: ByteArray) -> None:
         self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
         height, width = grey.shape
         self.side = max(grey.shape)
@@ -148,7 +146,7 @@ class _Level:
         x, y = (columns - (width - 1) / 2) / self.side, (rows - (height - 1) / 2) / self.side
         self.slopes = np.stack([right, down, x * down - y * right, x * right + y * down])
 
-    def fitted(self, other: _Level, similarity: NDArray[np.float64]) -> NDArray[np.float64]:
+    def fitted(self, other: _Level, similarity: FloatArray) -> FloatArray:
         """A similarity from this picture to another, fitted from a first one on."""
         height, width = self.picture.shape
         middle = np.array([width - 1, height - 1]) / 2

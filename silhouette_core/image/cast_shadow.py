@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from silhouette_core.image.difference import (
     Background,
     FrameView,
@@ -21,12 +21,12 @@ _PIXELS = 150  # fewest that show what shadows are like
 _SHADES = 50  # bins of a ratio of brightness
 
 
-def _edges() -> NDArray[np.float64]:
+def _edges() -> FloatArray:
     """Edges (36,) of the histogram of brightness ratios."""
     return np.arange(SHADOW.range[0], 0.96, 0.02)
 
 
-def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[np.int64]:
+def count_shadows(frame: ByteArray, background: Background) -> IntArray:
     """Histogram of the ratios of a frame's brightness to the background's, where only the
     brightness is lower and the colour's direction is the same: mostly cast shadows.
 
@@ -48,7 +48,7 @@ def count_shadows(frame: NDArray[np.uint8], background: Background) -> NDArray[n
     return np.histogram(ratio, _edges())[0]
 
 
-def only_darker(view: FrameView, bright: NDArray[np.float32], noise: float) -> NDArray[np.bool_]:
+def only_darker(view: FrameView, bright: Float32Array, noise: float) -> BoolArray:
     """Where only the brightness is lower, (H, W) bool: mostly cast shadows.
 
     Args:
@@ -59,7 +59,7 @@ def only_darker(view: FrameView, bright: NDArray[np.float32], noise: float) -> N
     return (pooled_chroma(view, noise) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
-def rising_shades(darkest: float) -> NDArray[np.float32]:
+def rising_shades(darkest: float) -> Float32Array:
     """Density (50,) of the background's brightness in a shadow, relative to its own: the darker,
     the rarer; its integral is how often there is a shadow.
     """
@@ -68,7 +68,7 @@ def rising_shades(darkest: float) -> NDArray[np.float32]:
     return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)
 
 
-def darkest_shadow(counts: NDArray[np.int64]) -> float | None:
+def darkest_shadow(counts: IntArray) -> float | None:
     """Ratio of brightness below which nothing is a cast shadow; None where there are too few.
 
     Args:

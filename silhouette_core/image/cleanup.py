@@ -1,12 +1,9 @@
-"""Removal of specks and pinholes from a silhouette, cropping to a region of interest, widening,
-halving.
-"""
+"""Silhouettes without specks and pinholes, cropped to a region of interest, widened, halved."""
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, check_array
 from calib.components import label_components
 
 
@@ -72,10 +69,8 @@ def _fill_holes(mask: np.ndarray, max_hole_px: int) -> None:
     inner[:] = small.take(labels, mode="clip")
 
 
-def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of the bounding box of a mask (H, W) bool and a margin, px; of an empty
-    mask all.
-    """
+def bounding_box(mask: BoolArray, margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of the box about a mask (H, W) bool and a margin, px; all if it is empty."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return slice(None), slice(None)
@@ -85,13 +80,13 @@ def bounding_box(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice
     )
 
 
-def dilated(mask: NDArray[np.bool_], side_px: int) -> NDArray[np.bool_]:
+def dilated(mask: BoolArray, side_px: int) -> BoolArray:
     """Mask (h, w) bool widened by a square of so many pixels, an odd number."""
     square = np.ones((side_px, side_px), np.uint8)
     return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
-def reduce_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def reduce_silhouette(mask: BoolArray) -> BoolArray:
     """Silhouette (…, h, w) bool at half the resolution: at least two of four pixels are set.
 
     Observations must be reduced in the same way.

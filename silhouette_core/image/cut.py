@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array
 from silhouette_core.image.cast_shadow import rising_shades
 from silhouette_core.image.difference import Background, FrameView, noise_scale
 from silhouette_core.image.grey import texture_evidence
@@ -29,24 +29,17 @@ _LEARNED = 3  # times that the colours are learned and the samples cut
 
 @dataclass(frozen=True, eq=False)
 class SceneColours:
-    """Colours by which frames are cut, and the background at the size at which they are.
+    """Colours by which frames are cut, and the background at the size at which they are."""
 
-    Attributes:
-        person: (n, n, n) float32, logarithm of the density of the person's colours.
-        worn: (n, n, n) float32, what speaks against the person counts by this factor: that an
-            estimated background has the colour of clothes is one coincidence, wherever it is seen.
-        others: (n, n, n) float32, density of the background's, wherever they are seen.
-        background: reduced; its frames have its exposure.
-        by_texture: share of the person's pixels, in the frames from which they are learned, that
-            texture alone tells from a shadow; None of cameras that film in colour, and where no
-            frame was looked at.
-    """
-
-    person: NDArray[np.float32]
-    worn: NDArray[np.float32]
-    others: NDArray[np.float32]
-    background: Background
+    person: Float32Array  #: (n, n, n) float32, logarithm of the density of the person's colours.
+    worn: Float32Array
+    """(n, n, n) float32, what speaks against the person counts by this factor: that an estimated
+    background has the colour of clothes is one coincidence, wherever it is seen."""
+    others: Float32Array  #: (n, n, n) float32, density of the background's, wherever they are seen.
+    background: Background  #: reduced; its frames have its exposure.
     by_texture: float | None = None
+    """Share of the person's pixels, in the frames from which they are learned, that texture alone
+    tells from a shadow; None of cameras that film in colour, and where no frame was looked at."""
 
     @classmethod
     def of(cls, background: Background) -> "SceneColours":
@@ -59,10 +52,8 @@ class SceneColours:
         others = even if density is None else np.exp(density)
         return cls(np.log(_any_colour(even, others)), np.ones_like(others), others, reduced)
 
-    def wearing(self, density: NDArray[np.float32]) -> "SceneColours":
-        """The same with a person's colours, as of `PersonColours`, as far as they are known: half
-        is yet to be seen.
-        """
+    def wearing(self, density: Float32Array) -> "SceneColours":
+        """The same with colours of a person, as of `PersonColours`, not all of which were seen."""
         unseen = _any_colour(even_colours(self.background), self.others)
         person = CUT.seen * np.exp(density) + (1 - CUT.seen) * unseen
         return replace(self, person=np.log(person))
@@ -74,10 +65,7 @@ class SceneColours:
         return replace(self, background=_reduced(background, tuple(size), window))
 
     def learned(
-        self,
-        frames: NDArray[np.uint8],
-        filmed: bool,
-        evidence: Sequence[NDArray[np.float32]] | None = None,
+        self, frames: ByteArray, filmed: bool, evidence: Sequence[Float32Array] | None = None
     ) -> "SceneColours":
         """Colours from frames (T, H, W, 3) uint8 with the exposure of their background, which was
         filmed or is estimated, and what else speaks for a person in each, as of `cut`.
@@ -106,23 +94,20 @@ class SceneColours:
             return colours
         return replace(colours, by_texture=colours._share_by_texture(small))
 
-    def _share_by_texture(self, frames: Sequence[NDArray[np.uint8]]) -> float:
+    def _share_by_texture(self, frames: Sequence[ByteArray]) -> float:
         """`by_texture` of frames (h, w, 3) uint8 of the reduced background's size."""
         people = np.stack([self.cut(frame) for frame in frames])
         views = (FrameView.of(frame, self.background) for frame in frames)
         textured = np.stack([texture_evidence(view) != 0 for view in views])
         return float(np.count_nonzero(people & textured) / max(np.count_nonzero(people), 1))
 
-    def noise(self, frame: NDArray[np.uint8]) -> float:
+    def noise(self, frame: ByteArray) -> float:
         """Ratio of the noise of a frame (H, W, 3) uint8 of the full size to the model's."""
         return noise_scale(FrameView.of(_resized(frame, self.background), self.background))
 
     def cut(
-        self,
-        frame: NDArray[np.uint8],
-        evidence: NDArray[np.float32] | None = None,
-        noise: float | None = None,
-    ) -> NDArray[np.bool_]:
+        self, frame: ByteArray, evidence: Float32Array | None = None, noise: float | None = None
+    ) -> BoolArray:
         """The person (h, w) bool in a frame (h, w, 3) uint8 of the reduced background's size.
 
         Args:
@@ -136,9 +121,7 @@ class SceneColours:
         links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
         return least_cut(odds, links)
 
-    def odds(
-        self, frame: NDArray[np.uint8], evidence: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float32]:
+    def odds(self, frame: ByteArray, evidence: Float32Array | None = None) -> Float32Array:
         """Odds of the person (H, W), nats, by which a frame (H, W, 3) uint8 of the full size is cut
         with more that speaks for the person, as of `cut`.
         """
@@ -147,32 +130,24 @@ class SceneColours:
         return np.asarray(cv2.resize(odds, size, interpolation=cv2.INTER_NEAREST), np.float32)
 
     def _odds(
-        self,
-        frame: NDArray[np.uint8],
-        evidence: NDArray[np.float32] | None = None,
-        noise: float | None = None,
-    ) -> NDArray[np.float32]:
+        self, frame: ByteArray, evidence: Float32Array | None = None, noise: float | None = None
+    ) -> Float32Array:
         """Odds of the person (h, w), nats, in each pixel of a reduced frame, as of `cut`."""
         back = self.background
         view = FrameView.of(frame, back)
-        odds, weight = (np.empty(frame.shape[:2], np.float32) for _ in range(2))
+        odds = np.empty(frame.shape[:2], np.float32)
         flicker = np.float32(0 if back.grey else CUT.flicker)  # nothing else tells a grey face
         scale, shades = np.float32(noise or noise_scale(view)), rising_shades(back.shadow)
         uneven, spread = without_tint(view)
-        densities = self.person, self.others
+        densities = self.person, self.others, self.worn
         foreground.log_odds(
             *view.arrays, scale, flicker, shades, uneven, spread, densities, SHIFT, back.known, odds
         )
-        foreground.look_up(frame, self.worn, SHIFT, weight)
-        odds = np.where(odds < 0, odds * weight, odds)
         return odds if evidence is None else odds + evidence
 
     def silhouette(
-        self,
-        frame: NDArray[np.uint8],
-        evidence: NDArray[np.float32] | None = None,
-        noise: float | None = None,
-    ) -> NDArray[np.bool_]:
+        self, frame: ByteArray, evidence: Float32Array | None = None, noise: float | None = None
+    ) -> BoolArray:
         """The person (H, W) bool in a frame (H, W, 3) uint8 of the full size, as of `cut`."""
         small = _resized(frame, self.background)
         mask = self.cut(small, evidence, noise).astype(np.float32)
@@ -180,7 +155,7 @@ class SceneColours:
         return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_LINEAR)) > 0.5
 
 
-def least_cut(odds: NDArray[np.float32], links: NDArray[np.float32]) -> NDArray[np.bool_]:
+def least_cut(odds: Float32Array, links: Float32Array) -> BoolArray:
     """The person (h, w) bool, nearly of least cost, by odds (h, w) float32 of each pixel, nats, and
     the cost of neighbours that differ, links (2, h, w) float32, to the right and downward.
     """
@@ -227,11 +202,11 @@ def _reduced(
     )
 
 
-def _any_colour(even: NDArray[np.float32], scene: NDArray[np.float32]) -> NDArray[np.float32]:
+def _any_colour(even: Float32Array, scene: Float32Array) -> Float32Array:
     """Density of the colours of somebody of whom nothing is known: any, the scene's, too."""
     return np.asarray((1 - CUT.alike) * even + CUT.alike * scene, np.float32)
 
 
-def _resized(frame: NDArray[np.uint8], reduced: Background) -> NDArray[np.uint8]:
+def _resized(frame: ByteArray, reduced: Background) -> ByteArray:
     size = reduced.mean.shape[1::-1]
     return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, RealArray
 from silhouette_core.image.kernels import foreground as kernels
 from silhouette_core.tuning import FOREGROUND
 
@@ -18,31 +18,21 @@ _UNIT = 1000  # integer steps of the pooled residual in one noise
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """Colours of the empty scene, and the scales of differences from them.
+    """Colours of the empty scene, and the scales of differences from them."""
 
-    Attributes:
-        mean: (H, W, 3) float32, BGR of 255.
-        planes: (3, H, W) float32, the same, channel by channel.
-        scales: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
-        known: (H, W) bool, where the empty scene was seen; elsewhere its colours are a guess.
-        radius: half width of the window over which residuals are pooled, px.
-        shadow: darkest cast shadow, as a fraction of the background's brightness.
-        grey: whether the camera films without colour, so that no tint tells a shadow.
-        several: whether other cameras film the same: a shadow that counts as the person costs
-            little then, since it lies on the floor, and a limb that counts as a shadow much.
-    """
-
-    mean: NDArray[np.float32]
-    planes: NDArray[np.float32]
-    scales: NDArray[np.float32]
-    known: NDArray[np.bool_]
-    radius: int
-    shadow: float = FOREGROUND.shadow
-    grey: bool = False
+    mean: Float32Array  #: (H, W, 3) float32, BGR of 255.
+    planes: Float32Array  #: (3, H, W) float32, the same, channel by channel.
+    scales: Float32Array  #: (3, H, W) float32: 1 / |mean|^2, 1 / noise, |mean| / noise.
+    known: BoolArray  #: (H, W) bool, where the empty scene was seen; elsewhere it is a guess.
+    radius: int  #: half width of the window over which residuals are pooled, px.
+    shadow: float = FOREGROUND.shadow  #: Darkest cast shadow, of the background's brightness.
+    grey: bool = False  #: whether the camera films without colour, so that no tint tells a shadow.
     several: bool = False
+    """Whether other cameras film the same: a shadow that counts as the person costs little then,
+    since it lies on the floor, and a limb that counts as a shadow much."""
 
     @classmethod
-    def from_noise(cls, mean: NDArray[np.float32], noise: NDArray[np.floating]) -> "Background":
+    def from_noise(cls, mean: Float32Array, noise: RealArray) -> "Background":
         """Background from the mean and each pixel's standard deviation (H, W), of 255."""
         square = np.maximum(np.square(mean, dtype=np.float64).sum(axis=2), 1.0)
         scales = np.stack([1 / square, 1 / noise, np.sqrt(square) / noise]).astype(np.float32)
@@ -65,17 +55,17 @@ class FrameView:
     channel by channel (3, H, W).
     """
 
-    frame: NDArray[np.uint8]
-    planes: NDArray[np.uint8]
+    frame: ByteArray
+    planes: ByteArray
     background: Background
 
     @property
-    def arrays(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]:
+    def arrays(self) -> tuple[ByteArray, Float32Array, Float32Array]:
         """First arguments of the kernels."""
         return self.planes, self.background.planes, self.background.scales
 
     @classmethod
-    def of(cls, frame: NDArray[np.uint8], background: Background) -> "FrameView":
+    def of(cls, frame: ByteArray, background: Background) -> "FrameView":
         """FrameView of a frame (H, W, 3), or of a window of it, and of its background."""
         return cls(frame, np.asarray(cv2.split(frame), np.uint8), background)
 
@@ -94,7 +84,7 @@ def noise_scale(view: FrameView) -> float:
     return max(1.0, float(np.median(sampled)) / FOREGROUND.usual_chroma)
 
 
-def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
+def pooled_chroma(view: FrameView, noise: float) -> Float32Array:
     """Length (H, W) of the chromatic residual averaged over windows, in the frame's noise, whose
     ratio to the model's is `noise`.
     """
@@ -108,15 +98,13 @@ def pooled_chroma(view: FrameView, noise: float) -> NDArray[np.float32]:
     return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
-def grown(
-    mask: NDArray[np.bool_], pixels: int, shape: int = cv2.MORPH_ELLIPSE
-) -> NDArray[np.bool_]:
+def grown(mask: BoolArray, pixels: int, shape: int = cv2.MORPH_ELLIPSE) -> BoolArray:
     """Mask (H, W) dilated by a number of pixels."""
     disc = cv2.getStructuringElement(shape, (2 * pixels + 1, 2 * pixels + 1))
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 
-def pooled_brightness(view: FrameView) -> NDArray[np.float32]:
+def pooled_brightness(view: FrameView) -> Float32Array:
     """Signed difference along the background's colour, averaged over windows, (H, W), in noise."""
     bright = np.empty(view.frame.shape[:2], np.float32)
     kernels.brightness(*view.arrays, bright)

@@ -1,30 +1,25 @@
 """Distances of pixels from silhouettes, and thinning."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, Float32Array, check_array
 from silhouette_core.image.kernels import distance as kernels
 
 
-def distances_to(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def distances_to(mask: BoolArray) -> Float32Array:
     """Distance (h, w) float32, pixels, of every pixel from the nearest of a mask (h, w) bool."""
     others = np.ascontiguousarray(~mask).view(np.uint8)
-    distances: NDArray[np.float32] = cv2.distanceTransform(
-        others, cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )  # type: ignore[assignment]
+    distances: Float32Array = cv2.distanceTransform(others, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # type: ignore[assignment]
     # OpenCV's last digit depends on where the image lies in memory; the square is an integer.
     np.multiply(distances, distances, out=distances)
     np.rint(distances, out=distances)
     return np.sqrt(distances, out=distances)
 
 
-def relative_depths(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def relative_depths(mask: BoolArray) -> Float32Array:
     """Depths (h, w) float32 of the pixels of a silhouette (h, w) bool that has a contour: from 0 at
     the contour and outside to 1 on the middle lines, whether a part is thick or thin.
     """
@@ -37,11 +32,10 @@ def relative_depths(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     return relative
 
 
-def thin_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def thin_silhouette(mask: BoolArray) -> BoolArray:
     """Middle lines of a silhouette (h, w) bool, one pixel wide and connected as it is, (h, w) bool.
 
-    Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), algorithm
-    A1.
+    Source: Guo and Hall, Parallel thinning with two-subiteration algorithms (CACM 1989), A1.
     """
     check_array("mask", mask, ("h", "w"), np.bool_)
     image = np.zeros((mask.shape[0] + 2, mask.shape[1] + 2), np.uint8)
@@ -51,7 +45,7 @@ def thin_silhouette(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @cache
-def _removable() -> NDArray[np.bool_]:
+def _removable() -> BoolArray:
     """Returns (2, 256) bool: whether a pixel with these eight neighbours, clockwise from the upper
     left, goes in each of two passes.
     """

@@ -27,6 +27,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array
 from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import Aligner
@@ -41,29 +42,18 @@ _MODES, _ROUNDS = 5, 12
 
 @dataclass(frozen=True, eq=False)
 class EmptyScene:
-    """Estimate of the empty scene.
+    """Estimate of the empty scene."""
 
-    Attributes:
-        mean: (H, W, 3) float32, BGR of 255.
-        variance: (H, W, 3) float32.
-        unseen: (H, W) bool, where the background was never seen and the colours around it are
-            continued.
-        frames: (T, H, W, 3) uint8, the frames with the exposure of the mean.
-        uniform: whether a uniform backdrop was found.
-    """
-
-    mean: NDArray[np.float32]
-    variance: NDArray[np.float32]
-    unseen: NDArray[np.bool_]
-    frames: NDArray[np.uint8]
-    uniform: bool = False
+    mean: Float32Array  #: (H, W, 3) float32, BGR of 255.
+    variance: Float32Array  #: (H, W, 3) float32.
+    unseen: BoolArray
+    """(H, W) bool, where the background was never seen and the colours around it are continued."""
+    frames: ByteArray  #: (T, H, W, 3) uint8, the frames with the exposure of the mean.
+    uniform: bool = False  #: whether a uniform backdrop was found.
 
     @classmethod
     def from_frames(
-        cls,
-        stack: NDArray[np.uint8],
-        people: NDArray[np.bool_] | None = None,
-        kind: Kind = "auto",
+        cls, stack: ByteArray, people: BoolArray | None = None, kind: Kind = "auto"
     ) -> "EmptyScene":
         """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64;
         where they are known to show people, (T, H, W), they do not show the scene. A uniform
@@ -89,10 +79,7 @@ class EmptyScene:
         unseen = moments == 0
         variance = np.maximum(variance, SCENE.least_sigma**2)
         mean[unseen] = cv2.inpaint(
-            np.rint(mean.clip(0, 255)).astype(np.uint8),
-            unseen.view(np.uint8),
-            5,
-            cv2.INPAINT_TELEA,
+            np.rint(mean.clip(0, 255)).astype(np.uint8), unseen.view(np.uint8), 5, cv2.INPAINT_TELEA
         )[unseen]
         variance[unseen] = SCENE.guess**2
         if backdrop is not None:
@@ -103,8 +90,8 @@ class EmptyScene:
 
 
 def _without_people(
-    samples: NDArray[np.float32], people: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
+    samples: Float32Array, people: BoolArray
+) -> tuple[Float32Array, NDArray[np.uint64]]:
     """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, H, W);
     and when each shows people, (h, w), bit t at moment t.
     """
@@ -119,7 +106,7 @@ def _without_people(
     return filled, hidden
 
 
-def _radius(samples: NDArray[np.float32]) -> float:
+def _radius(samples: Float32Array) -> float:
     """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
     median = np.median(samples, axis=0)
     usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
@@ -127,9 +114,7 @@ def _radius(samples: NDArray[np.float32]) -> float:
 
 
 def _background_frames(
-    small: NDArray[np.float32],
-    radius: float,
-    backdrop: tuple[NDArray[np.float32], NDArray[np.bool_]] | None,
+    small: Float32Array, radius: float, backdrop: tuple[Float32Array, BoolArray] | None
 ) -> NDArray[np.uint64]:
     """Frames that show the background of each pixel, (h, w): bit t for frame t; 0: none does."""
     count, height, width = small.shape[:3]
@@ -166,7 +151,7 @@ def _background_frames(
 
 def _hidden(
     background: NDArray[np.uint64], moments: NDArray[np.uint64], count: int
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Share (h, w, K) of the frames in which a mode is shown by somebody in front of the
     background, as far as somebody always is.
 
@@ -189,9 +174,7 @@ def _hidden(
     return np.asarray(hidden * (always**SCENE.always)[..., None], np.float32)
 
 
-def _moments(
-    frames: NDArray[np.uint8], moments: NDArray[np.uint64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _moments(frames: ByteArray, moments: NDArray[np.uint64]) -> tuple[Float32Array, Float32Array]:
     """Mean and variance (H, W, 3) of the frames (T, H, W, 3) that show the background (H, W)."""
     count = np.zeros((*moments.shape, 1), np.float32)
     total, squares = (np.zeros(frames.shape[1:], np.float32) for _ in range(2))

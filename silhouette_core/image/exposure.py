@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import ByteArray, Float32Array, FloatArray, RealArray
 from silhouette_core.tuning import EXPOSURE
 
 _SIDE_PX = 60  # shorter side of the pictures to which it is fitted
@@ -19,15 +20,10 @@ _DARK = 4  # grey levels added to both, so that black says little
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """How a whole frame differs from the background.
+    """How a whole frame differs from the background."""
 
-    Attributes:
-        coefficients: (3, 6) float64, of `Aligner`.
-        noise: ratio of the frame's noise to the background's, at least 1.
-    """
-
-    coefficients: NDArray[np.float64]
-    noise: float
+    coefficients: FloatArray  #: (3, 6) float64, of `Aligner`.
+    noise: float  #: ratio of the frame's noise to the background's, at least 1.
 
 
 class Aligner:
@@ -37,7 +33,7 @@ class Aligner:
     fitted to the pixels that agree with it (weights of Geman and McClure).
     """
 
-    def __init__(self, reference: NDArray[np.float32]) -> None:
+    def __init__(self, reference: Float32Array) -> None:
         height, width = reference.shape[:2]
         factor = min(1.0, _SIDE_PX / min(height, width))
         self._size = max(round(width * factor), 1), max(round(height * factor), 1)
@@ -49,16 +45,16 @@ class Aligner:
         light = np.square(self._empty.min(axis=0) - _DARK)
         self._lit = light / (light + EXPOSURE.dark**2)
 
-    def _small(self, image: NDArray) -> NDArray[np.float32]:
+    def _small(self, image: NDArray) -> Float32Array:
         """An image (H, W, 3) reduced, channel by channel, (3, N)."""
         small = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA).reshape(-1, 3)
         return small.T.astype(np.float32, order="C") + _DARK
 
-    def aligned(self, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def aligned(self, frame: ByteArray) -> ByteArray:
         """Frame (H, W, 3) uint8 with the exposure of the reference."""
         return self.applied(frame, self.fitted(frame))
 
-    def fitted(self, frame: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def fitted(self, frame: ByteArray) -> FloatArray:
         """Coefficients (3, 6) of a frame (H', W', 3) uint8 of any size; 0 where little is lit."""
         lit, powers = self._lit, self._powers
         solution = np.zeros((3, 6))
@@ -74,7 +70,7 @@ class Aligner:
             solution = np.linalg.solve(weighted @ powers.T + held, weighted @ ratios.T).T
         return solution
 
-    def shifted(self, frame: NDArray[np.uint8], before: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shifted(self, frame: ByteArray, before: FloatArray) -> FloatArray:
         """Coefficients of a frame shortly after one that had others: the constants change."""
         solution = before.copy()
         if self._lit.sum() >= _FEWEST:
@@ -84,13 +80,11 @@ class Aligner:
 
     def applied(
         self,
-        part: NDArray[np.uint8],
-        coefficients: NDArray[np.float64],
+        part: ByteArray,
+        coefficients: FloatArray,
         window: tuple[slice, slice] = (slice(None), slice(None)),
-    ) -> NDArray[np.uint8]:
-        """What of a frame is in a window of rows and columns, (h, w, 3) uint8, with the exposure of
-        the reference.
-        """
+    ) -> ByteArray:
+        """What of a frame is in a window, (h, w, 3) uint8, with the exposure of the reference."""
         if not coefficients.any():
             return part
         field = np.exp(-coefficients @ self._powers).T.reshape(*self._size[::-1], 3)
@@ -98,7 +92,7 @@ class Aligner:
         return cv2.multiply(part, field[window], dtype=cv2.CV_8U)  # type: ignore[return-value]
 
 
-def _weighted_median(values: NDArray[np.floating], weights: NDArray[np.floating]) -> float:
+def _weighted_median(values: RealArray, weights: RealArray) -> float:
     """Median of values (N,) of which each counts by its weight."""
     # Only the values near it are sorted.
     low, spread = values.min(), max(float(np.ptp(values)), 1e-9)

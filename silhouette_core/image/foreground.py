@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, RealArray
 from silhouette_core.image.cast_shadow import only_darker
 from silhouette_core.image.cleanup import bounding_box, clean
 from silhouette_core.image.difference import (
@@ -36,63 +36,46 @@ _SPARSE = 4  # px between the pixels from which the usual difference is estimate
 
 @dataclass(frozen=True, eq=False)
 class SoftSilhouette:
-    """A silhouette, and where else a frame differs from the background by more than its noise.
+    """A silhouette, and where else a frame differs from the background by more than its noise."""
 
-    Attributes:
-        silhouette: (H, W) bool.
-        tint: (H, W) bool, the colour's direction differs, or without colours the brightness:
-            clothes may resemble the background.
-    """
-
-    silhouette: NDArray[np.bool_]
-    tint: NDArray[np.bool_]
+    silhouette: BoolArray  #: (H, W) bool.
+    tint: BoolArray
+    """(H, W) bool, the colour's direction differs, or without colours the brightness: clothes may
+    resemble the background."""
 
     @classmethod
-    def of(cls, silhouette: NDArray[np.bool_]) -> "SoftSilhouette":
+    def of(cls, silhouette: BoolArray) -> "SoftSilhouette":
         """A silhouette (H, W) bool beside which nothing differs."""
         return cls(silhouette, np.zeros_like(silhouette))
 
-    def __iter__(self) -> Iterator[NDArray[np.bool_]]:
+    def __iter__(self) -> Iterator[BoolArray]:
         """Yields silhouette and tint."""
         return iter((self.silhouette, self.tint))
 
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteStages:
-    """How the silhouette of one frame came about; what a method does not compute is None.
+    """How the silhouette of one frame came about; what a method does not compute is None."""
 
-    Attributes:
-        frame: (H, W, 3) uint8, BGR, with the exposure of the background.
-        background: (H, W, 3) float32, BGR of 255.
-        known: (H, W) bool, where the empty scene was seen; elsewhere the background is a guess.
-        first: (H, W) bool, the person before edges, cleaning and region.
-        silhouette: (H, W) bool.
-        odds: (H, W) float32, nats of the person, by which the frame is cut (`image.cut`).
-        brightness: (H, W) float32, relative to the background's.
-        shadow: (H, W) bool, only darker, and not darker than a cast shadow.
-    """
-
-    frame: NDArray[np.uint8]
-    background: NDArray[np.float32]
-    known: NDArray[np.bool_]
-    first: NDArray[np.bool_]
-    silhouette: NDArray[np.bool_]
-    odds: NDArray[np.float32] | None = None
-    brightness: NDArray[np.float32] | None = None
-    shadow: NDArray[np.bool_] | None = None
+    frame: ByteArray  #: (H, W, 3) uint8, BGR, with the exposure of the background.
+    background: Float32Array  #: (H, W, 3) float32, BGR of 255.
+    known: BoolArray  #: (H, W) bool, where the empty scene was seen; elsewhere it is a guess.
+    first: BoolArray  #: (H, W) bool, the person before edges, cleaning and region.
+    silhouette: BoolArray  #: (H, W) bool.
+    odds: Float32Array | None = None
+    """(H, W) float32, nats of the person, by which the frame is cut (`image.cut`)."""
+    brightness: Float32Array | None = None  #: (H, W) float32, relative to the background's.
+    shadow: BoolArray | None = None  #: (H, W) bool, only darker, and not darker than a cast shadow.
 
 
 def refined_soft_silhouette(
-    frame: NDArray[np.uint8],
-    background: Background,
-    cut: NDArray[np.bool_],
-    region: NDArray[np.bool_] | None = None,
+    frame: ByteArray, background: Background, cut: BoolArray, region: BoolArray | None = None
 ) -> SoftSilhouette:
     """Silhouette as `segmented`, and where else the frame differs from the background."""
     view = FrameView.of(frame, background)
     noise = noise_scale(view)
 
-    def beyond_noise(difference: NDArray[np.floating], least: float) -> NDArray[np.bool_]:
+    def beyond_noise(difference: RealArray, least: float) -> BoolArray:
         usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
         limit = max(least, FOREGROUND.beyond * usual)
         # Averaging widened it so.
@@ -108,10 +91,7 @@ def refined_soft_silhouette(
 
 
 def refined_stages(
-    frame: NDArray[np.uint8],
-    background: Background,
-    cut: NDArray[np.bool_],
-    region: NDArray[np.bool_] | None = None,
+    frame: ByteArray, background: Background, cut: BoolArray, region: BoolArray | None = None
 ) -> SilhouetteStages:
     """Silhouette as `segmented`, and how it came about; without the odds by which it was cut."""
     view = FrameView.of(frame, background)
@@ -129,12 +109,12 @@ def refined_stages(
 
 
 def segmented(
-    frame: NDArray[np.uint8],
+    frame: ByteArray,
     background: Background,
-    cut: NDArray[np.bool_],
-    region: NDArray[np.bool_] | None = None,
+    cut: BoolArray,
+    region: BoolArray | None = None,
     window: tuple[slice, slice] | None = None,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Silhouette (H, W) bool of a frame uint8 by a cut: cleaned, with sharp edges.
 
     Args:
@@ -160,10 +140,8 @@ def segmented(
     return everywhere
 
 
-def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask with edges moved by at most `radius` pixels, to where person and background each make up
-    half of a pixel.
-    """
+def _sharpen(view: FrameView, mask: BoolArray) -> BoolArray:
+    """Mask with edges moved by at most `radius` pixels, to where half of a pixel is the person."""
     radius = view.background.radius
     near, shrunk = grown(mask, radius), ~grown(~mask, radius)
     gap = max(1, radius // 2)  # pixels at the edge are mixed: they show neither colour
@@ -176,9 +154,7 @@ def _sharpen(view: FrameView, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return moved
 
 
-def _clean(
-    mask: NDArray[np.bool_], region: NDArray[np.bool_] | None, pixels: int
-) -> NDArray[np.bool_]:
+def _clean(mask: BoolArray, region: BoolArray | None, pixels: int) -> BoolArray:
     """Mask (H, W) without the components and holes that are small for an image of `pixels`."""
     area, hole = round(FOREGROUND.area * pixels), round(FOREGROUND.hole * pixels)
     share = FOREGROUND.body_share

@@ -7,8 +7,8 @@ difference threshold strategies and shadow detection (1995).
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import ByteArray, Float32Array, RealArray
 from silhouette_core.image.difference import FrameView, grown
 from silhouette_core.tuning import CUT, SHADOW
 
@@ -18,13 +18,13 @@ _WINDOW = 6  # half of the window of a texture, over that of the pooled evidence
 _FREEDOM = 4  # degrees of freedom of a texture within the window, as its spread on walk4 has
 
 
-def is_grey(image: NDArray[np.uint8] | NDArray[np.float32]) -> bool:
+def is_grey(image: ByteArray | Float32Array) -> bool:
     """Whether an image (H, W, 3), of 255, has no colour, but for a thousandth of its pixels."""
     spread = np.ptp(image[::_STEP, ::_STEP], axis=2)
     return float(np.quantile(spread, 0.999)) <= _LEVELS
 
 
-def texture_evidence(view: FrameView) -> NDArray[np.float32]:
+def texture_evidence(view: FrameView) -> Float32Array:
     """What the texture of places that are as dark as a shadow says against one, (H, W) float32:
     twice the logarithm of a ratio of densities; 0 where it says nothing. Of several cameras, how
     unlikely a shadow is, whatever else it may be.
@@ -36,7 +36,7 @@ def texture_evidence(view: FrameView) -> NDArray[np.float32]:
     inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
     side = 2 * _WINDOW * view.background.radius + 1
 
-    def mean(image: NDArray[np.floating]) -> NDArray[np.float32]:
+    def mean(image: RealArray) -> Float32Array:
         return np.asarray(cv2.blur(image * inside, (side, side)), np.float32)
 
     share, least = mean(np.ones_like(inside)), np.float32(1 / side)

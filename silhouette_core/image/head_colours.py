@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from silhouette_core.image.shading import chromaticity
 from silhouette_core.tuning import COLOURS
 
@@ -25,33 +26,26 @@ _LEAST_PX = 200  # of the head, before anything is said
 
 @dataclass(frozen=True, eq=False)
 class ColourCrop:
-    """Colours in the rectangle of a picture that holds the person.
+    """Colours in the rectangle of a picture that holds the person."""
 
-    Attributes:
-        bins: (h, w) uint16, numbers of the colours, from `quantise`.
-        chromaticity: (h, w) uint16, from `shading.chromaticity`.
-        grey: (h, w) uint8, brightness.
-        corner: column and row of the first pixel in the picture.
-    """
-
-    bins: NDArray[np.uint16]
-    chromaticity: NDArray[np.uint16]
-    grey: NDArray[np.uint8]
-    corner: tuple[int, int]
+    bins: NDArray[np.uint16]  #: (h, w) uint16, numbers of the colours, from `quantise`.
+    chromaticity: NDArray[np.uint16]  #: (h, w) uint16, from `shading.chromaticity`.
+    grey: ByteArray  #: (h, w) uint8, brightness.
+    corner: tuple[int, int]  #: column and row of the first pixel in the picture.
 
     @classmethod
-    def of(cls, picture: NDArray[np.uint8], corner: tuple[int, int]) -> ColourCrop:
+    def of(cls, picture: ByteArray, corner: tuple[int, int]) -> ColourCrop:
         """Crop of a part (h, w, 3) of a picture, BGR, whose first pixel is at a corner."""
         grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
         return cls(quantise(picture), chromaticity(picture), grey, corner)
 
-    def part(self, image: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def part(self, image: BoolArray) -> BoolArray:
         """The rectangle (h, w) of an image as large as the picture."""
         (height, width), (left, top) = self.bins.shape, self.corner
         return image[top : top + height, left : left + width]
 
 
-def quantise(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def quantise(picture: ByteArray) -> NDArray[np.uint16]:
     """Numbers (h, w) uint16, below 8192, of the colours of a picture (h, w, 3) uint8, BGR."""
     lab = np.asarray(cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2LAB)), np.uint8)
     one, two, three = (axis >> shift for axis, shift in zip(lab, _SHIFTS, strict=True))
@@ -62,17 +56,15 @@ def quantise(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
     )
 
 
-def coarse_histogram(bins: NDArray[np.uint16]) -> NDArray[np.float64]:
+def coarse_histogram(bins: NDArray[np.uint16]) -> FloatArray:
     """Shares (2048,) float64 of a quarter as many colours among numbers (n,) from `quantise`."""
     counts = np.bincount(bins, minlength=int(np.prod(_BINS)))
     fine = counts.reshape(_BINS[0], _BINS[1] // 2, 2, _BINS[2] // 2, 2)
     return fine.sum(axis=(2, 4)).ravel() / max(len(bins), 1)
 
 
-def unlikeness(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How different histograms (..., n) of shares are, (...) float64 from 0 to 1: Hellinger's
-    distance.
-    """
+def unlikeness(first: FloatArray, second: FloatArray) -> FloatArray:
+    """How different histograms (..., n) of shares are, (...) from 0 to 1: Hellinger's distance."""
     return np.asarray(np.sqrt(np.maximum(1 - np.sqrt(first * second).sum(axis=-1), 0)), float)
 
 
@@ -80,13 +72,10 @@ class HeadColours:
     """Histograms of the colours of the head and of the rest of a person."""
 
     def __init__(self) -> None:
-        """Starts without any picture."""
         size = int(np.prod(_BINS))
         self._head, self._rest = np.zeros(size), np.zeros(size)
 
-    def add(
-        self, bins: NDArray[np.uint16], head: NDArray[np.bool_], person: NDArray[np.bool_]
-    ) -> None:
+    def add(self, bins: NDArray[np.uint16], head: BoolArray, person: BoolArray) -> None:
         """Adds a picture.
 
         Args:
@@ -103,7 +92,7 @@ class HeadColours:
         self._head *= factor
         self._rest *= factor
 
-    def likelihood(self) -> NDArray[np.float32] | None:
+    def likelihood(self) -> Float32Array | None:
         r"""How much likelier each colour (8192,) is on the head, 0 to 1; None: too few pixels.
 
         .. math:: L(c) = \frac{p(c | \text{head})}{p(c | \text{head}) + p(c | \text{rest})}

@@ -5,21 +5,18 @@ overlap the network sees either. Who is not known yet is looked for where the pi
 in squares of it, a few in each frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import ByteArray
 from silhouette_core.estimator import Frame
 from silhouette_core.image.cleanup import dilated
 from silhouette_core.image.pose_network import Crop, PersonSeen, PoseNetwork
 
-MOST = 6
-"""People who are followed by a camera."""
+MOST = 6  #: People who are followed by a camera.
 _TURNS = np.radians([0, 90, -90]).tolist()  # somebody stands, or lies on either side
 _EVERY = 4  # frames in which others are looked for once, where somebody is known
 _CHANGED = 12  # grey levels by which a place changes: more than noise and flicker do
@@ -29,17 +26,11 @@ _BESIDE_PX = 9  # of those pictures: what is nearer changes together
 
 @dataclass(eq=False)
 class FollowedWindow:
-    """Somebody who is followed.
+    """Somebody who is followed."""
 
-    Attributes:
-        number: of the person, as people were found.
-        seen: in the last frame.
-        absent: frames since then.
-    """
-
-    number: int
-    seen: PersonSeen
-    absent: int = 0
+    number: int  #: of the person, as people were found.
+    seen: PersonSeen  #: in the last frame.
+    absent: int = 0  #: frames since then.
 
 
 class PeopleWindows:
@@ -55,7 +46,7 @@ class PeopleWindows:
         self._people: list[FollowedWindow] = []
         self._gone: list[FollowedWindow] = []
         self._squares: Iterator[Crop] = iter(())
-        self._small: NDArray[np.uint8] | None = None
+        self._small: ByteArray | None = None
         self._count = self._frame = self._turn = 0
 
     def see(self, picture: Frame, skipped: bool = False) -> dict[int, PersonSeen]:

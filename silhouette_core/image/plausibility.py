@@ -1,15 +1,13 @@
 """Whether silhouettes can be those of a person at all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray
 from calib.components import label_components
 from calib.errors import InputError
 from calib.moments import even_moments
@@ -33,7 +31,7 @@ class ImplausibleSilhouettesError(InputError):
 
     def __init__(
         self,
-        masks: Mapping[str, Sequence[NDArray[np.bool_]]],
+        masks: Mapping[str, Sequence[BoolArray]],
         faults: Mapping[str, str],
         lenses: Mapping[str, UndistortedView],
         given: bool = False,
@@ -61,7 +59,7 @@ def telling_frames(count: int) -> list[int]:
 
 
 def check_plausible(
-    masks: Mapping[str, Sequence[NDArray[np.bool_]]],
+    masks: Mapping[str, Sequence[BoolArray]],
     least: int,
     *,
     person: bool = True,
@@ -88,7 +86,7 @@ def check_plausible(
         raise ImplausibleSilhouettesError(refused, faults, lenses or {}, given)
 
 
-def _fault(masks: Sequence[NDArray[np.bool_]], person: bool) -> str:
+def _fault(masks: Sequence[BoolArray], person: bool) -> str:
     shares = [float(mask.mean()) for mask in masks]
     share = float(np.median(shares))
     if share > PLAUSIBILITY.covered:
@@ -113,7 +111,7 @@ def _fault(masks: Sequence[NDArray[np.bool_]], person: bool) -> str:
     return "jump in size from frame to frame" if np.median(jumps) > _JUMP else ""
 
 
-def _shape(mask: NDArray[np.bool_]) -> tuple[float, bool]:
+def _shape(mask: BoolArray) -> tuple[float, bool]:
     """What the largest piece fills of its upright rectangle, and whether that goes from one border
     of the picture to the opposite one.
     """
@@ -124,7 +122,7 @@ def _shape(mask: NDArray[np.bool_]) -> tuple[float, bool]:
     return float(pieces.sizes[1 + largest] / (high - low).prod()), spans
 
 
-def _solid(mask: NDArray[np.bool_]) -> float:
+def _solid(mask: BoolArray) -> float:
     """Fraction of the foreground that an opening by three by three pixels leaves."""
     opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return float(opened.sum() / mask.sum())

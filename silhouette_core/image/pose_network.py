@@ -1,7 +1,6 @@
 """The pose network that a user installed: what it sees of one person in a square of a picture.
 
-MediaPipe's pose landmark network (BlazePose), run by OpenCV. See `network_files` for where it
-comes from.
+MediaPipe's pose landmark network (BlazePose), run by OpenCV. `network_files` says from where.
 
 Source: Bazarevsky et al., BlazePose: On-device real-time body pose tracking (2020).
 """
@@ -16,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, RealArray
 from silhouette_core.estimator import Frame
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.tuning import PRESENCE
@@ -23,8 +23,7 @@ from silhouette_core.tuning import PRESENCE
 FILE = Path(__file__).with_suffix(".toml")
 """What was fitted to its outputs: log odds of pixels over what the mask says; of the joints weights
 of the points, deviations across viewing rays, and what is added for those that are not seen."""
-POINTS = 33
-"""Points of the body that the network gives, MediaPipe's numbers 0 to 32."""
+POINTS = 33  #: Points of the body that the network gives, MediaPipe's numbers 0 to 32.
 _SIDE_PX = 256  # of the square that the network takes
 _STEPS, _MOST = 8, 127  # of a nat, in which logits are kept, and the most of them
 _HEADS = "Identity", "Identity_1", "Identity_2"
@@ -32,19 +31,12 @@ _HEADS = "Identity", "Identity_1", "Identity_2"
 
 @dataclass(frozen=True)
 class Crop:
-    """A square of a picture, turned, which may reach beyond it.
+    """A square of a picture, turned, which may reach beyond it."""
 
-    Attributes:
-        x_px: column of its centre.
-        y_px: row of its centre.
-        side_px: length of a side.
-        turn_rad: by which its upward axis is turned to the right from the picture's.
-    """
-
-    x_px: float
-    y_px: float
-    side_px: float
-    turn_rad: float = 0.0
+    x_px: float  #: column of its centre.
+    y_px: float  #: row of its centre.
+    side_px: float  #: length of a side.
+    turn_rad: float = 0.0  #: by which its upward axis is turned to the right from the picture's.
 
     @classmethod
     def about(cls, x_px: float, y_px: float, longer_px: float, turn_rad: float = 0.0) -> Crop:
@@ -53,13 +45,13 @@ class Crop:
         return cls(x_px, y_px, max(margin * longer_px, 16.0), turn_rad)
 
     @classmethod
-    def around(cls, box_px: NDArray[np.float64]) -> Crop:
+    def around(cls, box_px: FloatArray) -> Crop:
         """The square about a person in a box (2, 2) of corners."""
         x, y = box_px.mean(axis=0).tolist()
         return cls.about(x, y, float((box_px[1] - box_px[0]).max()))
 
     @property
-    def from_network(self) -> NDArray[np.float64]:
+    def from_network(self) -> FloatArray:
         """(2, 3): pixels of the picture from those of the network's square."""
         scale, half = self.side_px / _SIDE_PX, 0.5 * (_SIDE_PX - 1)
         cos, sin = scale * np.cos(self.turn_rad), scale * np.sin(self.turn_rad)
@@ -69,24 +61,15 @@ class Crop:
 
 @dataclass(frozen=True, eq=False)
 class PersonSeen:
-    """What the network sees of one person.
+    """What the network sees of one person."""
 
-    Attributes:
-        crop: where it looked.
-        presence: probability that somebody is there.
-        logits: (256, 256) int8, eighths of a nat: odds of the person in the square's pixels.
-        points_px: (33, 2), in the picture.
-        visibility: (33,), probability that a point is seen.
-        circle_px: (2, 2) centre of the person and a point above it, on the circle that holds the
-            whole body.
-    """
-
-    crop: Crop
-    presence: float
-    logits: NDArray[np.int8]
-    points_px: NDArray[np.float64]
-    visibility: NDArray[np.float64]
-    circle_px: NDArray[np.float64]
+    crop: Crop  #: where it looked.
+    presence: float  #: probability that somebody is there.
+    logits: NDArray[np.int8]  #: (256, 256) int8, eighths of a nat: odds of the person.
+    points_px: FloatArray  #: (33, 2), in the picture.
+    visibility: FloatArray  #: (33,), probability that a point is seen.
+    circle_px: FloatArray
+    """(2, 2) centre of the person and a point above it, on the circle that holds the whole body."""
 
     @property
     def is_there(self) -> bool:
@@ -99,7 +82,7 @@ class PersonSeen:
         return self.presence >= PRESENCE.sure and self.is_there
 
     @cached_property
-    def outline_px(self) -> NDArray[np.float64] | None:
+    def outline_px(self) -> FloatArray | None:
         """(N, 2) outline in the picture of the largest piece of the mask; None without a mask."""
         mask = (self.logits > 0).view(np.uint8)
         pieces, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
@@ -110,12 +93,12 @@ class PersonSeen:
         return largest @ back[:, :2].T + back[:, 2]
 
     @property
-    def box_px(self) -> NDArray[np.float64] | None:
+    def box_px(self) -> FloatArray | None:
         """(2, 2) corners of the box about the outline; None without a mask."""
         outline = self.outline_px
         return None if outline is None else np.array([outline.min(0), outline.max(0)])
 
-    def odds(self, size: tuple[int, int], scale: float) -> NDArray[np.float32]:
+    def odds(self, size: tuple[int, int], scale: float) -> Float32Array:
         """Odds of the person (h, w) float32, nats, in an image of the picture; outside of the
         square the lowest.
 
@@ -127,14 +110,14 @@ class PersonSeen:
         matrix[:, 2] += 0.5 * (scale - 1)
         return self._warped(matrix, size)
 
-    def odds_in(self, crop: Crop) -> NDArray[np.float32]:
+    def odds_in(self, crop: Crop) -> Float32Array:
         """The same (256, 256) in the pixels of another square."""
         back = cv2.invertAffineTransform(crop.from_network)
         matrix = back[:, :2] @ self.crop.from_network
         matrix[:, 2] += back[:, 2]
         return self._warped(matrix, (_SIDE_PX, _SIDE_PX))
 
-    def _warped(self, matrix: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.float32]:
+    def _warped(self, matrix: RealArray, size: tuple[int, int]) -> Float32Array:
         """Odds (h, w) in an image to which an affine (2, 3) leads from the square."""
         logits, outside = self.logits.astype(np.float32) / _STEPS, -_MOST / _STEPS
         if not self.is_sure:  # what it misses then says nothing
@@ -146,7 +129,6 @@ class PoseNetwork:
     """The network, for one thread."""
 
     def __init__(self, path: Path) -> None:
-        """Reads the network's file."""
         # OpenCV 5's new engine gives outputs of wrong shapes.
         engine = getattr(cv2.dnn, "ENGINE_CLASSIC", None)
         self._net = cv2.dnn.readNetFromTFLite(str(path), *(() if engine is None else (engine,)))
@@ -156,9 +138,7 @@ class PoseNetwork:
         """Another process reads the file itself."""
         return PoseNetwork, (self._path,)
 
-    def look(
-        self, picture: Frame, crop: Crop, others: NDArray[np.bool_] | None = None
-    ) -> PersonSeen:
+    def look(self, picture: Frame, crop: Crop, others: BoolArray | None = None) -> PersonSeen:
         """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR; where others are,
         (256, 256), there is the mean colour instead.
         """
@@ -180,7 +160,7 @@ class PoseNetwork:
         )
 
 
-def cropped(picture: Frame, crop: Crop) -> NDArray[np.uint8]:
+def cropped(picture: Frame, crop: Crop) -> ByteArray:
     """A square of a picture in the network's size, black where the picture ends."""
     finer = max(round(crop.side_px / _SIDE_PX), 1)  # pixels of the picture are averaged
     matrix, size = crop.from_network, (finer * _SIDE_PX,) * 2

@@ -8,20 +8,29 @@ closed mesh, oriented outwards and seen from outside, culling gives the same ima
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array, float_array, image_size
+from calib.checks import (
+    ByteArray,
+    Float32Array,
+    FloatArray,
+    IndexArray,
+    RealArray,
+    check_array,
+    float_array,
+    image_size,
+)
 from silhouette_core.image.kernels import raster as kernels
 
 NEAR_M = 5 / 100
 
 
 def render_parts(
-    vertices_cam: NDArray[np.floating],
-    faces: NDArray[np.integer],
-    face_part: NDArray[np.integer],
-    matrix: NDArray[np.floating],
+    vertices_cam: RealArray,
+    faces: IndexArray,
+    face_part: IndexArray,
+    matrix: RealArray,
     size: tuple[int, int],
     cull_back: bool = False,
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+) -> tuple[ByteArray, Float32Array]:
     """Renders a mesh into an image of part numbers and one of depths.
 
     Args:
@@ -61,13 +70,13 @@ def render_parts(
 
 
 def render_many(
-    vertices_cam: NDArray[np.floating],
-    faces: NDArray[np.integer],
-    face_part: NDArray[np.integer],
-    matrix: NDArray[np.floating],
+    vertices_cam: RealArray,
+    faces: IndexArray,
+    face_part: IndexArray,
+    matrix: RealArray,
     size: tuple[int, int],
     cull_back: bool = True,
-) -> NDArray[np.uint8]:
+) -> ByteArray:
     """Renders the part images (N, h, w) uint8 of many poses of one mesh, in parallel over them.
 
     Arguments as of `render_parts`, but for vertices_cam (N, V, 3) and face_part, which may be
@@ -89,12 +98,12 @@ def render_many(
 
 
 def _checked(
-    faces: NDArray[np.integer],
-    face_part: NDArray[np.integer],
-    matrix: NDArray[np.floating],
+    faces: IndexArray,
+    face_part: IndexArray,
+    matrix: RealArray,
     size: tuple[int, int],
     vertices: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], tuple[int, int]]:
+) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray, tuple[int, int]]:
     """Checks the arguments of both renderers and converts them to the kernels' types."""
     check_array("faces", faces, ("F", 3), np.integer)
     check_array("face_part", face_part, (*face_part.shape[:-1], len(faces)), np.integer)

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.pose_network import FILE, POINTS, PersonSeen
@@ -21,15 +21,10 @@ from silhouette_core.image.pose_network import FILE, POINTS, PersonSeen
 
 @dataclass(frozen=True, eq=False)
 class SeenJoints:
-    """Joints of a person as the network sees them.
+    """Joints of a person as the network sees them."""
 
-    Attributes:
-        rays: (15, 3) viewing rays in axes of the camera, of depth 1.
-        visibility: (15,) 0 to 1.
-    """
-
-    rays: NDArray[np.float64]
-    visibility: NDArray[np.float64]
+    rays: FloatArray  #: (15, 3) viewing rays in axes of the camera, of depth 1.
+    visibility: FloatArray  #: (15,) 0 to 1.
 
     @classmethod
     def of(cls, person: PersonSeen, camera: Camera) -> SeenJoints | None:
@@ -43,10 +38,7 @@ class SeenJoints:
 
     @classmethod
     def from_points(
-        cls,
-        rays: NDArray[np.float64],
-        visibility: NDArray[np.float64],
-        weights: NDArray[np.float64],
+        cls, rays: FloatArray, visibility: FloatArray, weights: FloatArray
     ) -> SeenJoints:
         """Joints of the network's points.
 
@@ -60,7 +52,7 @@ class SeenJoints:
 
 
 def joints_of_silhouette(
-    people: Mapping[int, PersonSeen], camera: Camera, mask: NDArray[np.bool_]
+    people: Mapping[int, PersonSeen], camera: Camera, mask: BoolArray
 ) -> SeenJoints | None:
     """Joints of who shares most with a silhouette (h, w) bool of a camera; None where nobody does,
     or as of `SeenJoints.of`.
@@ -73,21 +65,19 @@ def joints_of_silhouette(
     return SeenJoints.of(people[best], camera)
 
 
-def point_rays(person: PersonSeen, camera: Camera) -> NDArray[np.float64]:
-    """Viewing rays (33, 3) of the points in axes of the camera, of depth 1; NaN where its lens
-    shows no such place.
-    """
+def point_rays(person: PersonSeen, camera: Camera) -> FloatArray:
+    """Viewing rays (33, 3) of the points in camera axes, of depth 1; NaN where there are none."""
     pixels = camera.undistort(person.points_px)
     matrix = np.linalg.inv(camera.pinhole(1.0).matrix)
     return np.column_stack([pixels, np.ones(len(pixels))]) @ matrix.T
 
 
-def deviations_m(visibility: NDArray[np.float64]) -> NDArray[np.float64]:
+def deviations_m(visibility: FloatArray) -> FloatArray:
     """Deviations (..., 15) of joints across their rays, by their visibility (..., 15)."""
     weights = fitted_weights(FILE)
     return 0.001 * (weights["across_mm"] + (1 - visibility) * weights["across_hidden_mm"])
 
 
-def joint_weights() -> NDArray[np.float64]:
+def joint_weights() -> FloatArray:
     """Weights (15, 33) of the points, each joint's summing to 1."""
     return fitted_weights(FILE)["points"].reshape(len(LANDMARK_NAMES), POINTS)

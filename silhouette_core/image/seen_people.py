@@ -1,7 +1,5 @@
 """What the pose network sees of the people in a recording, camera by camera and frame by frame."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,8 +8,8 @@ from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, Float32Array
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.person_windows import PeopleWindows
@@ -28,7 +26,6 @@ class People(Protocol):
 
     def look(self, step: int, frames: Mapping[str, Frame]) -> None:
         """Looks at the frames of a time step, (H, W, 3) uint8, BGR, by camera name."""
-        ...
 
     def of(self, name: str, step: int) -> Mapping[int, PersonSeen]:
         """People in a frame of a camera, by number; nobody where it was not looked at."""
@@ -167,7 +164,7 @@ def people_seen(source: FrameSource, settings: Settings, reporter: Reporter) -> 
 
 def people_odds(
     people: Mapping[int, PersonSeen], scale: float, size: tuple[int, int]
-) -> NDArray[np.float32]:
+) -> Float32Array:
     """Odds of a person (h, w) float32, nats, in an image: 0 where nobody is seen in the picture.
 
     Args:
@@ -183,7 +180,7 @@ def people_odds(
 
 def people_masks(
     people: Mapping[int, PersonSeen], scale: float, size: tuple[int, int]
-) -> list[NDArray[np.bool_]]:
+) -> list[BoolArray]:
     """Where each of some people is seen, (h, w) bool: of several, who is likeliest in a pixel.
 
     Args:

@@ -7,13 +7,11 @@ recording is. Source: own, after Horn, Shape from shading (1970); Okada and Sten
 the inside of the outline as further work.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, ByteArray, Float32Array, check_array
 from silhouette_core.tuning import COLOURS
 
 _BINS = 64  # of red's and of green's share of a colour
@@ -21,7 +19,7 @@ _LOG = np.log(np.arange(256) + COLOURS.dark).astype(np.float32)
 _LEAST_PX = 200  # of a colour and those nearest to it, before anything is said of it
 
 
-def chromaticity(picture: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def chromaticity(picture: ByteArray) -> NDArray[np.uint16]:
     """Numbers (h, w) uint16, below 4096, of the shares of red and green in a picture (h, w, 3)
     uint8, BGR, which do not depend on how brightly a surface is lit.
     """
@@ -35,10 +33,9 @@ class ColourBrightness:
     """Mean brightness of every colour of a person."""
 
     def __init__(self) -> None:
-        """Starts without any picture."""
         self._count, self._sum = np.zeros((2, _BINS**2))
 
-    def add(self, colours: NDArray[np.uint16], grey: NDArray[np.uint8]) -> None:
+    def add(self, colours: NDArray[np.uint16], grey: ByteArray) -> None:
         """Adds pixels of the person.
 
         Args:
@@ -53,7 +50,7 @@ class ColourBrightness:
         self._count *= factor
         self._sum *= factor
 
-    def mean(self) -> NDArray[np.float32]:
+    def mean(self) -> Float32Array:
         """Mean logarithm (4096,) of the brightness of every colour and, with less weight, of
         colours near to it; NaN where too few pixels were seen.
         """
@@ -66,11 +63,8 @@ class ColourBrightness:
 
 
 def relative_shading(
-    colours: NDArray[np.uint16],
-    grey: NDArray[np.uint8],
-    mean: NDArray[np.float32],
-    inside: NDArray[np.bool_],
-) -> NDArray[np.float32]:
+    colours: NDArray[np.uint16], grey: ByteArray, mean: Float32Array, inside: BoolArray
+) -> Float32Array:
     """Logarithm (h, w) float32 of the brightness relative to the colour's mean, at most a factor of
     e; 0 outside the person and where the colour is not known.
 

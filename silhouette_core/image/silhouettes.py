@@ -12,9 +12,9 @@ from typing import get_args
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, ByteArray, Float32Array, IntArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.estimator import BackgroundKind, Frame, FrameSource
@@ -146,7 +146,7 @@ class Silhouettes:
         for name, mask in self.unknown.items():
             self._regions[name] = ~mask & self._regions.get(name, True)
 
-    def unknown_of(self, names: Sequence[str]) -> list[NDArray[np.bool_]] | None:
+    def unknown_of(self, names: Sequence[str]) -> list[BoolArray] | None:
         """Unknown places (h, w) bool of some cameras; None where there are none in any."""
         if not self.unknown:
             return None
@@ -199,7 +199,7 @@ class Silhouettes:
         frames: Mapping[str, Frame],
         near: Mapping[str, Window] | None = None,
         step: int | None = None,
-    ) -> dict[str, NDArray[np.bool_]]:
+    ) -> dict[str, BoolArray]:
         """Silhouettes (H, W) bool of frames (H, W, 3) uint8, BGR, by camera name.
 
         Args:
@@ -212,7 +212,7 @@ class Silhouettes:
 
         self._look(step, frames)
 
-        def silhouette(name: str) -> NDArray[np.bool_]:
+        def silhouette(name: str) -> BoolArray:
             if near is None or self._given:
                 return self._known(name, self._silhouette(name, frames[name], step))
             mask = self._silhouette_near(name, frames[name], near.get(name), step)
@@ -220,7 +220,7 @@ class Silhouettes:
 
         return dict(zip(frames, side_by_side(silhouette, list(frames)), strict=True))
 
-    def of_people(self, name: str, step: int) -> list[NDArray[np.bool_]]:
+    def of_people(self, name: str, step: int) -> list[BoolArray]:
         """Where the pose network sees each of the people in a frame whose silhouette was made, of
         its size; nobody where the network is not asked.
         """
@@ -265,7 +265,7 @@ class Silhouettes:
         stages = self._models[name].stages(frame, self._regions.get(name), told)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
-    def _known(self, name: str, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _known(self, name: str, mask: BoolArray) -> BoolArray:
         """Mask without what is unknown, where holes may have been filled."""
         return mask & ~self.unknown[name] if name in self.unknown else mask
 
@@ -274,14 +274,14 @@ class Silhouettes:
         if self.people is not None and step is not None:
             self.people.look(step, frames)
 
-    def _evidence(self, name: str, step: int | None) -> NDArray[np.float32] | None:
+    def _evidence(self, name: str, step: int | None) -> Float32Array | None:
         """What the pose network says of a frame in the size in which it is cut."""
         if step is None or self.people is None:
             return None
         size, seen = cut_size(self._sizes[name]), self.people.of(name, step)
         return people_odds(seen, size[0] / self._cameras[name].size[0], size)
 
-    def joints(self, name: str, step: int, mask: NDArray[np.bool_]) -> SeenJoints | None:
+    def joints(self, name: str, step: int, mask: BoolArray) -> SeenJoints | None:
         """Joints that the network sees, in a frame of a camera, of the person with a silhouette
         (h, w) bool; None where it does not.
         """
@@ -289,7 +289,7 @@ class Silhouettes:
             return None
         return joints_of_silhouette(self.people.of(name, step), self._cameras[name], mask)
 
-    def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> NDArray[np.bool_]:
+    def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> BoolArray:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
             told, model = self._evidence(name, step), self._models[name]
@@ -302,7 +302,7 @@ class Silhouettes:
 
     def _silhouette_near(
         self, name: str, frame: Frame, near: Window | None, step: int | None
-    ) -> NDArray[np.bool_]:
+    ) -> BoolArray:
         """Within a window, or of the whole frame, whose exposure is then remembered."""
         region, model = self._regions.get(name), self._models[name]
         exposure = self._exposures.get(name)
@@ -311,7 +311,7 @@ class Silhouettes:
         window, part = self._part(name, frame, near)
         return model.silhouette_near(frame, part, window, exposure, region)
 
-    def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, NDArray[np.uint8]]:
+    def _part(self, name: str, frame: Frame, near: Window) -> tuple[Window, ByteArray]:
         """A frame in a window of its silhouette, and the window: widened so that its edges are
         edges of the frame's pixels too.
         """
@@ -327,13 +327,13 @@ class Silhouettes:
             part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
         return (inside[0], inside[1]), part  # type: ignore[return-value]
 
-    def scaled(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def scaled(self, name: str, image: ByteArray) -> ByteArray:
         """A camera's picture (H, W) or (H, W, 3) uint8 in the size of its silhouettes."""
         if image.shape[1::-1] == self._sizes[name]:
             return image
         return cv2.resize(image, self._sizes[name], interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
-    def _registered(self, name: str, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def _registered(self, name: str, image: ByteArray) -> ByteArray:
         """A camera's frame, scaled; of one that shakes, registered where that succeeds."""
         image = self.scaled(name, image)
         return self._shaking[name].registered(image) if name in self._shaking else image
@@ -344,12 +344,12 @@ class Silhouettes:
         names: Sequence[str],
         count: int,
         backgrounds: Mapping[str, Iterable[Frame]],
-    ) -> dict[str, tuple[list[Frame], list[NDArray[np.float32]] | None]]:
+    ) -> dict[str, tuple[list[Frame], list[Float32Array] | None]]:
         """Frames of some cameras, few enough for memory, and the evidence of each. They tell which
         cameras move, and which shake.
         """
         samples: dict[str, list[Frame]] = {name: [] for name in names}
-        told: dict[str, list[NDArray[np.float32]]] = {}
+        told: dict[str, list[Float32Array]] = {}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
         for step, frames in zip(steps, source.at(steps), strict=False):
             self._look(step, {name: frames[name] for name in names})
@@ -368,7 +368,7 @@ class Silhouettes:
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:
         """Measures the darkest cast shadow of cameras together: they see the same light."""
 
-        def counts(name: str) -> NDArray[np.int64]:
+        def counts(name: str) -> IntArray:
             return np.sum([self._models[name].shadow_counts(one) for one in samples[name]], axis=0)
 
         found = side_by_side(counts, list(samples))
@@ -377,7 +377,7 @@ class Silhouettes:
             self._models |= {name: self._models[name].with_shadow(darkest) for name in samples}
 
 
-def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, NDArray[np.bool_]]:
+def scaled_unknown(source: FrameSource, long_side_px: int | None) -> dict[str, BoolArray]:
     """Unknown places (h, w) bool of a recording by camera name, of its silhouettes' size; pixels
     that are so in part included.
     """
@@ -401,7 +401,7 @@ def working_scale(camera: Camera, long_side_px: int | None) -> float:
     return 1.0 if long_side_px is None else min(1.0, long_side_px / max(camera.size))
 
 
-def as_recorded(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
+def as_recorded(image: Float32Array, camera: Camera) -> Float32Array:
     """An image (h, w) of a camera's pinhole, where its lens shows it."""
     if camera.is_pinhole:
         return image
@@ -411,9 +411,7 @@ def as_recorded(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float3
 
 
 @lru_cache(64)  # cameras of a recording, at two sizes
-def _recorded_maps(
-    camera: Camera, size: tuple[int, int]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _recorded_maps(camera: Camera, size: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
     """Two (h, w) for cv2.remap, from recorded to pinhole, px, of images of a size (w, h)."""
     scale = camera.size[0] / size[0]
     x, y = np.meshgrid(*(scale * (np.arange(count) + 0.5) - 0.5 for count in size))
@@ -424,16 +422,11 @@ def _recorded_maps(
 
 @dataclass(frozen=True, eq=False)
 class UndistortedView:
-    """Undistortion of a camera's silhouettes.
+    """Undistortion of a camera's silhouettes."""
 
-    Attributes:
-        pinhole: Camera without distortion, of the size of the silhouettes.
-        maps: Two (h, w) float32 for cv2.remap, from pinhole to silhouette, px; None if the camera
-            has no distortion.
-    """
-
-    pinhole: Camera
+    pinhole: Camera  #: Camera without distortion, of the size of the silhouettes.
     maps: tuple[np.ndarray, np.ndarray] | None
+    """Two (h, w) float32 for cv2.remap, from pinhole to silhouette, px; None without distortion."""
 
     @classmethod
     def from_camera(cls, camera: Camera, long_side_px: int | None) -> UndistortedView:
@@ -447,23 +440,21 @@ class UndistortedView:
         )
         return cls(camera.pinhole(scale), (map_x, map_y))
 
-    def undistort(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def undistort(self, mask: BoolArray) -> BoolArray:
         """Silhouette (h, w) bool as the pinhole camera sees it."""
         if self.maps is None:
             return mask
         return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 127
 
-    def undistort_unknown(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Unknown places (h, w) bool as the pinhole camera sees them, pixels that are so in part
-        included.
-        """
+    def undistort_unknown(self, mask: BoolArray) -> BoolArray:
+        """Unknown places (h, w) bool as the pinhole camera sees them, also where in part."""
         if self.maps is None:
             return mask
         return cv2.remap(mask.view(np.uint8) * 255, *self.maps, cv2.INTER_LINEAR) > 0
 
     def undistort_part(
-        self, picture: NDArray[np.uint8], corner: tuple[int, int], size: tuple[int, int]
-    ) -> NDArray[np.uint8]:
+        self, picture: ByteArray, corner: tuple[int, int], size: tuple[int, int]
+    ) -> ByteArray:
         """Part of a picture as the pinhole camera sees it.
 
         Args:

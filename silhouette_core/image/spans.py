@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, IntArray, check_array
 
 Rectangle = tuple[int, int, int, int]
 """(left, top, right, bottom) in pixels; columns left to right - 1, rows top to bottom - 1."""
@@ -19,23 +19,16 @@ class Spans:
     """Silhouettes as runs of foreground in image rows; those of silhouette k are number offsets[k]
     to offsets[k + 1].
 
-    Attributes:
-        rows: (S,) int32, image row of each run.
-        starts: (S,) int32, its first column.
-        ends: (S,) int32, the column after its last.
-        offsets: (K + 1,) int64.
-
     Raises:
         ValueError: The arrays do not belong together.
     """
 
-    rows: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    ends: NDArray[np.int32]
-    offsets: NDArray[np.int64]
+    rows: NDArray[np.int32]  #: (S,) int32, image row of each run.
+    starts: NDArray[np.int32]  #: (S,) int32, its first column.
+    ends: NDArray[np.int32]  #: (S,) int32, the column after its last.
+    offsets: IntArray  #: (K + 1,) int64.
 
     def __post_init__(self) -> None:
-        """Checks every value once."""
         count = len(self.rows)
         check_array("starts", self.starts, (count,))
         check_array("ends", self.ends, (count,))
@@ -63,7 +56,7 @@ class Spans:
         return left, top, int(self.ends.max()), int(self.rows.max()) + 1
 
     @classmethod
-    def from_masks(cls, masks: Iterable[NDArray[np.bool_]]) -> Spans:
+    def from_masks(cls, masks: Iterable[BoolArray]) -> Spans:
         """Takes the runs of silhouettes (h, w) bool, row by row from the top."""
         result = []
         for mask in masks:

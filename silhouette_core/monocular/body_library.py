@@ -4,17 +4,15 @@ A root that stands still is found first; the body's poses are then seen from whe
 to it, one view of each, and so many more of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
@@ -59,7 +57,7 @@ def body_of_track(body: str, library: str, reporter: Reporter) -> BodyModel | No
     return model if model.person is None else None
 
 
-SomeSilhouettes = tuple[Camera, list[NDArray[np.bool_]]]
+SomeSilhouettes = tuple[Camera, list[BoolArray]]
 """Pinhole camera without distortion, z up, and silhouettes (h, w) bool, not empty."""
 
 
@@ -91,11 +89,7 @@ def some_silhouettes(
 
 
 def library_of_body(
-    model: BodyModel,
-    file: str,
-    silhouettes: SomeSilhouettes,
-    backend: Backend,
-    reporter: Reporter,
+    model: BodyModel, file: str, silhouettes: SomeSilhouettes, backend: Backend, reporter: Reporter
 ) -> tuple[PoseLibrary, Pose | None]:
     """Library of a body, and the place of its root if that stands still.
 
@@ -175,7 +169,7 @@ def sampled_motion(model: BodyModel, rng: np.random.Generator, frames: int) -> M
     return Motion(FPS, model, root, quaternions(turns), _between(angles, frames))
 
 
-def _between(knots: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+def _between(knots: FloatArray, frames: int) -> FloatArray:
     """Values (T, n) that pass through knots (K, n) and never beyond their neighbours."""
     times = np.arange(len(knots)) * _FRAMES_PER_KNOT
     return np.asarray(PchipInterpolator(times, knots)(np.arange(frames)))

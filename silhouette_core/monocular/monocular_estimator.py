@@ -1,7 +1,5 @@
 """Monocular estimator: motion from the silhouettes of one camera."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
@@ -9,9 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, Float32Array, FloatArray
 from calib.errors import InputError
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import (
@@ -26,11 +24,7 @@ from silhouette_core.image.plausibility import check_plausible, telling_frames
 from silhouette_core.image.seen_people import people_seen
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.jit import fewer_threads, set_threads
-from silhouette_core.monocular.body_library import (
-    body_of_track,
-    library_of_body,
-    some_silhouettes,
-)
+from silhouette_core.monocular.body_library import body_of_track, library_of_body, some_silhouettes
 from silhouette_core.monocular.monocular_stages import (
     MonocularOptions,
     PoseStages,
@@ -160,7 +154,7 @@ class _Tracking:
         source, name = self.source, self.source.rig.names[0]
         self.reporter.stage("people", source.frame_count)
 
-        def seen() -> Iterator[tuple[Frame, NDArray[np.bool_], list[NDArray[np.bool_]]]]:
+        def seen() -> Iterator[tuple[Frame, BoolArray, list[BoolArray]]]:
             for step, (_, _, frames) in enumerate(source):
                 mask = self.silhouettes.of(frames, step=step)[name]
                 yield frames[name], mask, self.silhouettes.of_people(name, step)
@@ -188,17 +182,16 @@ class _Tracking:
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
         stages = PoseStages(tracked, self.camera, settings, options, clock, root)
         people = read_ahead(_people(source, self.silhouettes, finder, clock))
-        frames = _noted(people, stages)
+        frames = (
+            (number, None if person is None else stages.noted(number, seconds, person))
+            for number, seconds, person in people
+        )
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
         estimates = _estimates(frames, stages, absent, source.frame_count, self.reporter)
         with nullcontext() if settings.smooth else fewer_threads():
             motion = _motion(
-                estimates,
-                stages.trajectory,
-                hypotheses,
-                source.fps,
-                settings.applied_conditioning,
+                estimates, stages.trajectory, hypotheses, source.fps, settings.applied_conditioning
             )
         if motion is None:
             raise InputError(
@@ -232,9 +225,7 @@ class HypothesisStore:
         self._frames, self._counts = array("q"), array("q")
         self._joints = 0
 
-    def put(
-        self, frame: int, probability: NDArray[np.float64], joints_m: NDArray[np.float64]
-    ) -> None:
+    def put(self, frame: int, probability: FloatArray, joints_m: FloatArray) -> None:
         """Stores a frame's n hypotheses: probabilities (n,) and joints (n, L, 3), m."""
         joints_m = self._upright.world_points(joints_m)
         self._joints = joints_m.shape[1]
@@ -245,7 +236,7 @@ class HypothesisStore:
         self._frames.append(frame)
         self._counts.append(len(rows))
 
-    def __iter__(self) -> Iterator[tuple[int, NDArray[np.float32], NDArray[np.float32]]]:
+    def __iter__(self) -> Iterator[tuple[int, Float32Array, Float32Array]]:
         """Yields frame number, probabilities (n,) and joints (n, L, 3), world, m."""
         start, width = 0, 1 + 3 * self._joints
         for frame, count in zip(self._frames, self._counts, strict=True):
@@ -301,10 +292,7 @@ def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFr
 
 
 def _people(
-    source: FrameSource,
-    silhouettes: Silhouettes,
-    finder: PersonFinder,
-    clock: StageClock,
+    source: FrameSource, silhouettes: Silhouettes, finder: PersonFinder, clock: StageClock
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it."""
     name = source.rig.names[0]
@@ -315,14 +303,6 @@ def _people(
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
         yield number, seconds, person
-
-
-def _noted(
-    people: Iterable[tuple[int, float, Person | None]], stages: PoseStages
-) -> Iterator[tuple[int, PendingFrame | None]]:
-    """Number of every frame, and what is kept of it if it shows a person."""
-    for number, seconds, person in people:
-        yield number, None if person is None else stages.noted(number, seconds, person)
 
 
 def _estimates(

@@ -1,7 +1,5 @@
 """Stages of one camera, frame by frame, for recordings and for live pictures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,20 +33,15 @@ STARTS = "facing", "any"
 
 @dataclass(frozen=True)
 class MonocularOptions:
-    """Options of this estimator only, checked.
+    """Options of this estimator only, checked."""
 
-    Attributes:
-        library: path of a pose library, whose proposal is used; empty: that of the program.
-        start: "facing" (the person mostly faces the camera in the first frame) or "any".
-        outline_only: whether what lies inside the outline is left out.
-        body: the person's body, as `load_body` names it, which is kept as it is; empty: the body
-            is adapted to the person.
-    """
-
-    library: str = ""
+    library: str = ""  #: Path of a pose library, whose proposal is used; empty: the program's.
     start: str = "facing"
-    outline_only: bool = False
+    """Either "facing" (the person mostly faces the camera in the first frame) or "any"."""
+    outline_only: bool = False  #: whether what lies inside the outline is left out.
     body: str = ""
+    """The person's body, as `load_body` names it, which is kept as it is; empty: the body is
+    adapted to the person."""
 
     def __post_init__(self) -> None:
         for name, kind, what in (

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import BoolArray, FloatArray, IndexArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_many
 from silhouette_core.monocular.tuning import MOTION_MODEL
@@ -12,7 +13,7 @@ from silhouette_core.monocular.window import SIZE, STATURE_PX
 _SIDES, _FAR = 24, 2  # views of an upright body; their distance, in lengths of it
 
 
-def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
+def usual_areas(areas: IndexArray) -> FloatArray:
     """Largest area that each part usually shows.
 
     Args:
@@ -24,7 +25,7 @@ def usual_areas(areas: NDArray[np.integer]) -> NDArray[np.float64]:
     return np.percentile(areas, 99, axis=0)
 
 
-def standing_areas(model: BodyModel) -> NDArray[np.float64]:
+def standing_areas(model: BodyModel) -> FloatArray:
     """Largest area that each part shows of an upright body, from all sides.
 
     Returns:
@@ -43,7 +44,7 @@ def standing_areas(model: BodyModel) -> NDArray[np.float64]:
     return np.max(counts, axis=0).astype(float)
 
 
-def occluded_parts(areas: NDArray[np.number], usual: NDArray[np.float64]) -> NDArray[np.bool_]:
+def occluded_parts(areas: NDArray[np.number], usual: FloatArray) -> BoolArray:
     r"""Occlusion flags of the parts of a pose.
 
     .. math::

@@ -1,45 +1,34 @@
 """Person in a foreground image, and the distance at which a person of that size stands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from calib.components import label_components
 from silhouette_core.image.head_colours import ColourCrop
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.monocular.tuning import PERSON
 
 _BORDER_PX = 2
-LEAST_PX = 150
-"""Of a person's smallest silhouette."""
+LEAST_PX = 150  #: Of a person's smallest silhouette.
 
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """Silhouette of one person.
+    """Silhouette of one person."""
 
-    Attributes:
-        mask: (h, w) bool, the silhouette.
-        cut: whether the border of the image cuts the person.
-        colours: of the picture about the person; None: they are not known, or not to be used.
-        joints: as a pose network sees them; None: it does not.
-    """
-
-    mask: NDArray[np.bool_]
-    cut: bool
+    mask: BoolArray  #: (h, w) bool, the silhouette.
+    cut: bool  #: whether the border of the image cuts the person.
     colours: ColourCrop | None = None
-    joints: SeenJoints | None = None
+    """Of the picture about the person; None: they are not known, or not to be used."""
+    joints: SeenJoints | None = None  #: as a pose network sees them; None: it does not.
 
 
 def find_person(
-    mask: NDArray[np.bool_],
-    near_px: NDArray[np.float64] | None = None,
-    usual_px: float | None = None,
+    mask: BoolArray, near_px: FloatArray | None = None, usual_px: float | None = None
 ) -> Person | None:
     """Largest connected component of a foreground image, with those near it.
 
@@ -89,12 +78,12 @@ def find_person(
     return Person(person, _is_cut(person))
 
 
-def slenderness(width: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
+def slenderness(width: FloatArray, height: FloatArray) -> FloatArray:
     """Height over width of boxes, relative to that of most silhouettes; 1 at most."""
     return np.minimum(height / (PERSON.slender * width), 1)
 
 
-def _is_cut(mask: NDArray[np.bool_]) -> bool:
+def _is_cut(mask: BoolArray) -> bool:
     edge = _BORDER_PX
     touching = max(
         np.count_nonzero(mask[:edge].any(0)),
@@ -105,7 +94,7 @@ def _is_cut(mask: NDArray[np.bool_]) -> bool:
     return touching > max(PERSON.border * np.sqrt(np.count_nonzero(mask)) * 4, 3)
 
 
-def area_distance(camera: Camera, mask: NDArray[np.bool_], area_m2: float) -> float:
+def area_distance(camera: Camera, mask: BoolArray, area_m2: float) -> float:
     """Distance of a body whose silhouette has the observed area.
 
     Args:
@@ -120,7 +109,7 @@ def area_distance(camera: Camera, mask: NDArray[np.bool_], area_m2: float) -> fl
     return float(np.sqrt(area_m2 * focal2 / np.count_nonzero(mask)))
 
 
-def upright_distance(camera: Camera, mask: NDArray[np.bool_], stature_m: float) -> float:
+def upright_distance(camera: Camera, mask: BoolArray, stature_m: float) -> float:
     """Distance of an upright person whose silhouette has the observed height.
 
     Args:

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from calib.components import MaskComponents, label_components
 from silhouette_core.estimator import Frame
+from silhouette_core.image.cleanup import bounding_box
 from silhouette_core.image.head_colours import ColourCrop, coarse_histogram, unlikeness
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.monocular.person import LEAST_PX, Person, find_person, slenderness
@@ -26,8 +28,8 @@ from silhouette_core.ranking import rounded
 
 LONG_SIDE_PX = 960
 _MOST = 2  # what it costs that a silhouette is somebody's: 1 by its place, 1 by its colours
-Mask = NDArray[np.bool_]
-Averaged = TypeVar("Averaged", float, NDArray[np.float64])
+Mask = BoolArray
+Averaged = TypeVar("Averaged", float, FloatArray)
 
 
 class PersonFinder:
@@ -39,7 +41,7 @@ class PersonFinder:
 
     def __init__(self, camera: Camera, coloured: bool):
         self._lens, self._coloured = UndistortedView.from_camera(camera, LONG_SIDE_PX), coloured
-        self._near_px: NDArray[np.float64] | None = None
+        self._near_px: FloatArray | None = None
         self._usual_px: float | None = None
 
     def find(self, picture: Frame, silhouette: Mask, people: Sequence[Mask] = ()) -> Person | None:
@@ -77,27 +79,16 @@ class PersonFinder:
 
 @dataclass(eq=False)
 class FollowedPerson:
-    """What is known of one of several people from the frames so far.
+    """What is known of one of several people from the frames so far."""
 
-    Attributes:
-        first: number of frames before the first.
-        near_px: (2,) where the silhouette was, or may be.
-        speed_px: (2,) by which it moves in a frame.
-        usual_px: its area.
-        looks: (n,) coarse histogram of the colours; None: they are not known.
-        box_px: (2, 2) corners of the box about it.
-        seen: frames in which the silhouette was apart, each by how slender it was.
-        came_from: number of a person in whose silhouette this one was before; None: nobody's.
-    """
-
-    first: int
-    near_px: NDArray[np.float64]
-    speed_px: NDArray[np.float64]
-    usual_px: float
-    looks: NDArray[np.float64] | None
-    box_px: NDArray[np.float64]
-    came_from: int | None
-    seen: float = 0.0
+    first: int  #: number of frames before the first.
+    near_px: FloatArray  #: (2,) where the silhouette was, or may be.
+    speed_px: FloatArray  #: (2,) by which it moves in a frame.
+    usual_px: float  #: its area.
+    looks: FloatArray | None  #: (n,) coarse histogram of the colours; None: they are not known.
+    box_px: FloatArray  #: (2, 2) corners of the box about it.
+    came_from: int | None  #: Number of a person in whose silhouette this one was before.
+    seen: float = 0.0  #: frames in which the silhouette was apart, each by how slender it was.
 
     @classmethod
     def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
@@ -128,9 +119,9 @@ class _Piece:
     label: int
     area: float
     slender: float
-    centre_px: NDArray[np.float64]
-    box_px: NDArray[np.float64]
-    looks: NDArray[np.float64] | None
+    centre_px: FloatArray
+    box_px: FloatArray
+    looks: FloatArray | None
 
 
 class PeopleFollower:
@@ -218,8 +209,7 @@ class PeopleFollower:
     ) -> dict[int, int]:
         """By number, people who have one silhouette with others, and which piece that is.
 
-        Who has no silhouette is in that which holds the place, if it is larger than its owner's
-        alone.
+        Who has no silhouette is in that which holds the place, if it is larger than its owner.
         """
         merged: dict[int, int] = {}
         for k in followed:
@@ -235,10 +225,7 @@ class PeopleFollower:
 
 
 def people_apart(
-    frames: Iterator[tuple[Frame, Mask, Sequence[Mask]]],
-    camera: Camera,
-    count: int,
-    coloured: bool,
+    frames: Iterator[tuple[Frame, Mask, Sequence[Mask]]], camera: Camera, count: int, coloured: bool
 ) -> list[FollowedPerson]:
     """The people who are longest seen apart, as they begin, in the order of their places.
 
@@ -341,7 +328,7 @@ def _unlike(person: FollowedPerson, piece: _Piece) -> float:
     return float(rounded(unlikeness(person.looks, piece.looks)))
 
 
-def _holds(box_px: NDArray[np.float64], place_px: NDArray[np.float64]) -> bool:
+def _holds(box_px: FloatArray, place_px: FloatArray) -> bool:
     """Whether a place is in a box."""
     return bool((box_px[0] <= place_px).all() and (place_px <= box_px[1]).all())
 
@@ -364,12 +351,9 @@ def _mixed(old: Averaged, new: Averaged) -> Averaged:
     return 0.9 * old + 0.1 * new
 
 
-def _colours(lens: UndistortedView, picture: Frame, mask: NDArray[np.bool_]) -> ColourCrop:
+def _colours(lens: UndistortedView, picture: Frame, mask: BoolArray) -> ColourCrop:
     """Colours in the rectangle that holds a silhouette."""
-    (top, bottom), (left, right) = (
-        (int(lines[0]), int(lines[-1]) + 1)
-        for lines in (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    )
-    return ColourCrop.of(
-        lens.undistort_part(picture, (left, top), (right - left, bottom - top)), (left, top)
-    )
+    rows, columns = bounding_box(mask)
+    corner = columns.start, rows.start
+    size = columns.stop - columns.start, rows.stop - rows.start
+    return ColourCrop.of(lens.undistort_part(picture, corner, size), corner)

@@ -2,32 +2,22 @@
 for whoever has silhouettes, and no track yet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray
 from silhouette_core.monocular.person import find_person
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.tracking.pose_modes import (
-    MEMORY_S,
-    FrameModes,
-    ModeFinder,
-    ModeView,
-)
+from silhouette_core.monocular.tracking.pose_modes import MEMORY_S, FrameModes, ModeFinder, ModeView
 
 
 class SilhouetteProposer:
     """See `silhouette_core.refinement.proposed_poses.PoseProposer`. Beyond paper A."""
 
     def propose(
-        self,
-        camera: Camera,
-        stature_m: float,
-        frames: Iterable[tuple[float, NDArray[np.bool_]]],
+        self, camera: Camera, stature_m: float, frames: Iterable[tuple[float, BoolArray]]
     ) -> list[FrameModes | None]:
         """See `PoseProposer.propose`."""
         finder = ModeFinder(shipped_proposal(), camera, stature_m)

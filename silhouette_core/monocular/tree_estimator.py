@@ -1,7 +1,5 @@
 """Estimator of paper A, whole: silhouettes, tree, filter, likeliest sample."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from contextlib import suppress
@@ -9,10 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, FloatArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import nearest_preset
@@ -55,19 +53,16 @@ _HYPOTHESES = 5  # samples that are stored of a frame, at most
 
 @dataclass(frozen=True)
 class TreeOptions:
-    """Options of this estimator only, checked.
-
-    Attributes:
-        library: path of a pose library, which is used as it is; empty: one of the program's own
-            movements is built for the body, and kept.
-        start: "facing" (a Gaussian about the upright pose that faces the camera) or "any".
-        body: the person's body, as `load_body` names it; empty: of the paper's 24 the one nearest
-            in stature and chest girth.
-    """
+    """Options of this estimator only, checked."""
 
     library: str = ""
+    """Path of a pose library, which is used as it is; empty: one of the program's own movements is
+    built for the body, and kept."""
     start: str = "facing"
+    """Either "facing" (a Gaussian about the upright pose that faces the camera) or "any"."""
     body: str = ""
+    """The person's body, as `load_body` names it; empty: of the paper's 24 the one nearest in
+    stature and chest girth."""
 
     def __post_init__(self) -> None:
         if self.start not in STARTS:
@@ -148,12 +143,7 @@ class TreeFollower:
     """
 
     def __init__(
-        self,
-        library: PoseLibrary,
-        pinhole: Camera,
-        start: str,
-        interval_s: float,
-        backend: Backend,
+        self, library: PoseLibrary, pinhole: Camera, start: str, interval_s: float, backend: Backend
     ):
         self._library, self._pinhole, self._facing = library, pinhole, start == "facing"
         self._transitions = transitions(library, True, normalised=False, interval_s=interval_s)
@@ -161,9 +151,7 @@ class TreeFollower:
         self._views = PinholeViews.from_rig(Rig((pinhole,)))
         self._filter: PaperFilter | None = None
 
-    def step(
-        self, time_s: float, mask: NDArray[np.bool_]
-    ) -> tuple[Pose, float, NDArray[np.float64], NDArray[np.float64]]:
+    def step(self, time_s: float, mask: BoolArray) -> tuple[Pose, float, FloatArray, FloatArray]:
         """The likeliest pose in the next frame, of which the mask (h, w), not empty, is the
         silhouette, and its error; probabilities (n,) and joints (n, 15, 3) of poses, it first.
         """

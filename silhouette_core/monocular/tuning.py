@@ -4,8 +4,6 @@ A unit of 1 is a ratio, a probability or a logarithm. Angles are in degrees, as 
 "By eye" says that a number was chosen when its method was written and never varied on its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 Range = tuple[float, float]
@@ -34,13 +32,11 @@ class MotionModel:
     """1. Factor on the measured sigmas: with 54 joint angles, these would leave nearly all of a
     transition to two samples, and the filter could not recover from a wrong pose. With 3.5
     and 5 turn1 had 163.4 mm instead of 185.8 (2026-11-22); one recording decided nothing."""
-    least_sigma_deg: float = 0.5
-    """Degrees. Smallest step size of a joint angle. By eye."""
+    least_sigma_deg: float = 0.5  #: Degrees. Smallest step size of a joint angle. By eye.
     hidden_share: float = 0.15
     """1. Of the largest area that a part usually shows, below which it is occluded: T_A of eq. (3),
     which the paper has in pixels. By eye."""
-    magnification: float = 5.0
-    """1. Factor on the sigmas of an occluded part: m of eq. (5)."""
+    magnification: float = 5.0  #: 1. Factor on the sigmas of an occluded part: m of eq. (5).
 
 
 @dataclass(frozen=True)
@@ -52,17 +48,13 @@ class Distances:
     the person may crouch, or hold the arms up."""
     step: float = 0.05
     """1. Logarithm by which the other distances of a frame differ from the expected one."""
-    gain: float = 0.4
-    """1. Share of the measured change of the distance that is believed."""
-    pitch_sigma_deg: float = 8.0
-    """Degrees. Deviation of the library's pitch from the camera's."""
+    gain: float = 0.4  #: 1. Share of the measured change of the distance that is believed.
+    pitch_sigma_deg: float = 8.0  #: Degrees. Deviation of the library's pitch from the camera's.
     lost_factor: float = 2.5
     """1. A frame is lost where the distance of the best node, or of the best tracked hypothesis,
     exceeds the usual one by this factor and `lost_excess`."""
-    lost_excess: float = 0.05
-    """1. In units of the silhouette distance."""
-    longest_gap_s: float = 1.0
-    """Seconds without a person, after which filter and tracking start again."""
+    lost_excess: float = 0.05  #: 1. In units of the silhouette distance.
+    longest_gap_s: float = 1.0  #: Seconds without a person, after which tracking starts again.
 
 
 @dataclass(frozen=True)
@@ -76,16 +68,11 @@ class RootSearch:
     """Metres. With a free root, contours are first matched as far, then as of a near pose."""
     sigma_m: float = 0.06
     """Metres between the roots of two frames, and between a body and a sample of the tree."""
-    sigma_deg: float = 8.0
-    """Degrees between the roots of two frames."""
-    sigma_error: float = 0.03
-    """1. Deviation of the silhouette error."""
-    loose_rad: float = 0.6
-    """Radians. Deviation of joint angles from those of the library's pose."""
-    sample_rad: float = 0.20
-    """Radians. The same from those of a sample of the tree,"""
-    sample_turn_rad: float = 0.15
-    """Radians. and of its orientation."""
+    sigma_deg: float = 8.0  #: Degrees between the roots of two frames.
+    sigma_error: float = 0.03  #: 1. Deviation of the silhouette error.
+    loose_rad: float = 0.6  #: Radians. Deviation of joint angles from those of the library's pose.
+    sample_rad: float = 0.20  #: Radians. The same from those of a sample of the tree,
+    sample_turn_rad: float = 0.15  #: Radians. and of its orientation.
 
 
 @dataclass(frozen=True)
@@ -102,10 +89,8 @@ class Tree:
 class SampledMotion:
     """Motion of a body of which none was recorded (`body_library`). Chosen by eye."""
 
-    spread: float = 0.5
-    """1. Standard deviation about rest, of the way to a limit: few joints are at a limit."""
-    tilt_deg: float = 6.0
-    """Degrees. Lean of a root that is free, about each level axis."""
+    spread: float = 0.5  #: 1. Deviation about rest, of the way to a limit: few are at a limit.
+    tilt_deg: float = 6.0  #: Degrees. Lean of a root that is free, about each level axis.
 
 
 @dataclass(frozen=True)
@@ -115,18 +100,12 @@ class Training:
     Chosen by the error over virtual frames of held-out motion; not ablated one by one.
     """
 
-    last_rate: float = 1e-5
-    """1. Learning rate at the end."""
-    largest_gradient: float = 300.0
-    """1. Longer gradients are shortened."""
-    claimed: float = 0.4
-    """1. Share of the steps in which the nearest mode alone learns."""
-    share: float = 0.3
-    """1. Share of all modes meanwhile, at first."""
-    least_share: float = 0.02
-    """1. Share of all modes meanwhile, at last."""
-    last_gain: float = 0.3
-    """1. Of the first weights of the last layer, and of that of every block."""
+    last_rate: float = 1e-5  #: 1. Learning rate at the end.
+    largest_gradient: float = 300.0  #: 1. Longer gradients are shortened.
+    claimed: float = 0.4  #: 1. Share of the steps in which the nearest mode alone learns.
+    share: float = 0.3  #: 1. Share of all modes meanwhile, at first.
+    least_share: float = 0.02  #: 1. Share of all modes meanwhile, at last.
+    last_gain: float = 0.3  #: 1. Of the first weights of the last layer, and of every block's.
     withheld: float = 1 / 3
     """1. Share of the samples that read no later frames, and of those whose inside is not read."""
 
@@ -135,12 +114,9 @@ class Training:
 class Mixture:
     """Deviations of a pose's joints in the proposal (`proposal`). By eye."""
 
-    sigma: float = 0.05
-    """Statures. Deviation at a logarithm of 0; as far apart are the modes before training."""
-    joint_log_sigma: Range = (-1.6, 2.2)
-    """1. Range of a joint's log deviation."""
-    offset_log_sigma: Range = (-2.0, 3.0)
-    """1. The same of the person's place."""
+    sigma: float = 0.05  #: Statures. Deviation at a logarithm of 0, and of the first modes.
+    joint_log_sigma: Range = (-1.6, 2.2)  #: 1. Range of a joint's log deviation.
+    offset_log_sigma: Range = (-2.0, 3.0)  #: 1. The same of the person's place.
 
 
 @dataclass(frozen=True)
@@ -149,13 +125,11 @@ class FoundPerson:
 
     least_piece: float = 0.02
     """1. Of the person's area: smaller components are noise; a hand behind a gap is larger."""
-    largest_gap: float = 0.25
-    """1. Between a component and the main one, relative to the size of the latter."""
+    largest_gap: float = 0.25  #: 1. Between a component and the main one, of the latter's size.
     slender: float = 2.0
     """1. Height over width of most silhouettes: what is wider counts for less beside a person, as a
     board on the floor, or a box."""
-    least_of_usual: float = 0.2
-    """1. Smallest area of the person, relative to the usual one."""
+    least_of_usual: float = 0.2  #: 1. Smallest area of the person, relative to the usual one.
     border: float = 0.02
     """1. Length of contact with the border, relative to the size, up to which nobody is cut."""
 
@@ -164,10 +138,8 @@ class FoundPerson:
 class Head:
     """The head in a picture (`tracking.colour_evidence`). By eye."""
 
-    from_neck: float = 0.35
-    """1. Of the way from the neck to the top of the head: above it is the head."""
-    radius: float = 0.15
-    """1. Of the head, relative to that way."""
+    from_neck: float = 0.35  #: 1. Of the way from the neck to the top: above it is the head.
+    radius: float = 0.15  #: 1. Of the head, relative to that way.
     kept: float = 0.9
     """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
 
@@ -176,16 +148,11 @@ class Head:
 class BodyAdaptation:
     """The person's body (`tracking.body_adaptation`). By eye."""
 
-    stature_sigma_m: float = 0.008
-    """Metres. Deviation of the stature."""
-    contour_m: float = 0.02
-    """Metres. Standard deviation of a contour residual."""
-    independence: float = 0.15
-    """1. Fraction of contour points that count as independent."""
-    shod_sigma: float = 0.02
-    """Statures by which shoes and clothes make a person taller."""
-    sole_m: float = 0.012
-    """Metres. The lowest sampled point of a standing foot is so high above the floor."""
+    stature_sigma_m: float = 0.008  #: Metres. Deviation of the stature.
+    contour_m: float = 0.02  #: Metres. Standard deviation of a contour residual.
+    independence: float = 0.15  #: 1. Fraction of contour points that count as independent.
+    shod_sigma: float = 0.02  #: Statures by which shoes and clothes make a person taller.
+    sole_m: float = 0.012  #: Metres. Height of the lowest sampled point of a standing foot.
 
 
 @dataclass(frozen=True)
@@ -194,94 +161,62 @@ class BodyHeading:
 
     independence: float = 0.5
     """1. Frames read the same silhouettes: each counts as this fraction of an observation."""
-    turn_deg: float = 9.0
-    """Degrees. Turn within 1 / FPS."""
-    sigma_deg: float = 18.0
-    """Degrees. Deviation of a mode's heading."""
-    expected: float = 2.0
-    """1. Concentration of the heading expected in the first frame."""
-    jump: float = 1e-5
-    """1. Weight of any turn, relative to none."""
+    turn_deg: float = 9.0  #: Degrees. Turn within 1 / FPS.
+    sigma_deg: float = 18.0  #: Degrees. Deviation of a mode's heading.
+    expected: float = 2.0  #: 1. Concentration of the heading expected in the first frame.
+    jump: float = 1e-5  #: 1. Weight of any turn, relative to none.
 
 
 @dataclass(frozen=True)
 class ProposedModes:
     """Modes that become hypotheses (`tracking.pose_modes`). By eye."""
 
-    pelvis_sigma_m: float = 0.15
-    """Metres. Deviation of its pelvis."""
-    usual_height: float = 0.53
-    """Statures. Height of a person's middle."""
-    heights: Range = (0.15, 1.1)
-    """Statures. Range of it in which z = 0 may be the floor."""
-    alike_m: float = 0.08
-    """Metres. Mean distance of the joints of modes that are averaged."""
+    pelvis_sigma_m: float = 0.15  #: Metres. Deviation of its pelvis.
+    usual_height: float = 0.53  #: Statures. Height of a person's middle.
+    heights: Range = (0.15, 1.1)  #: Statures. Range of it in which z = 0 may be the floor.
+    alike_m: float = 0.08  #: Metres. Mean distance of the joints of modes that are averaged.
 
 
 @dataclass(frozen=True)
 class VariedMotion:
     """Chances and sizes of variations of recorded motion (`making.varied_motion`).
 
-    Chosen by the error on random recordings, seeds 1 to 40 of level 1; not ablated one by
-    one.
+    Chosen by the error on random recordings, seeds 1 to 40 of level 1; not ablated singly.
     """
 
-    other_upper_body: float = 0.25
-    """1. Chance of the upper body of another recording."""
-    other_arms: float = 0.6
-    """1. Chance of the arms of another recording."""
+    other_upper_body: float = 0.25  #: 1. Chance of the upper body of another recording.
+    other_arms: float = 0.6  #: 1. Chance of the arms of another recording.
     both: float = 0.5
     """1. Chance that these are both from the same; that both limbs of any pose do much the same."""
-    reversed: float = 0.3
-    """1. Chance that what is taken from another recording runs backwards."""
-    deviating: float = 0.7
-    """1. Chance of slow deviations of all joints."""
-    deviation_deg: Range = (2.0, 12.0)
-    """Degrees. Standard deviation of these."""
-    any_limb: float = 0.25
-    """1. Chance that both arms, or both legs, take any pose."""
-    leaning: float = 0.4
-    """1. Chance that the body leans."""
-    lean_deg: float = 30.0
-    """Degrees. Largest standard deviation of the lean."""
-    tumbling: float = 0.15
-    """1. Chance that the body lies or turns over."""
-    tumble_deg: float = 6.0
-    """Degrees a frame. Standard deviation of the turn."""
+    reversed: float = 0.3  #: 1. Chance that what is taken from another recording runs backwards.
+    deviating: float = 0.7  #: 1. Chance of slow deviations of all joints.
+    deviation_deg: Range = (2.0, 12.0)  #: Degrees. Standard deviation of these.
+    any_limb: float = 0.25  #: 1. Chance that both arms, or both legs, take any pose.
+    leaning: float = 0.4  #: 1. Chance that the body leans.
+    lean_deg: float = 30.0  #: Degrees. Largest standard deviation of the lean.
+    tumbling: float = 0.15  #: 1. Chance that the body lies or turns over.
+    tumble_deg: float = 6.0  #: Degrees a frame. Standard deviation of the turn.
 
 
 @dataclass(frozen=True)
 class VirtualPeople:
     """Bodies and clothes of virtual takes (`making.virtual_takes`). Source as of `VariedMotion`."""
 
-    spread: float = 0.8
-    """1. Deviation of shapes, relative to the spread of adults."""
-    stout: float = 0.12
-    """1. Common deviation of all girths."""
-    shape_limits: Range = (-0.3, 0.45)
-    """1. Least and largest change of a shape's axis."""
-    clothes_m: Range = (0.005, 0.035)
-    """Metres of a person of 1.75 m. Distance of wide clothes from the skin."""
-    cap: float = 0.2
-    """1. Chance of a cap or much hair: nothing else has the colours of the head."""
+    spread: float = 0.8  #: 1. Deviation of shapes, relative to the spread of adults.
+    stout: float = 0.12  #: 1. Common deviation of all girths.
+    shape_limits: Range = (-0.3, 0.45)  #: 1. Least and largest change of a shape's axis.
+    clothes_m: Range = (0.005, 0.035)  #: Metres at 1.75 m. Distance of wide clothes from the skin.
+    cap: float = 0.2  #: 1. Chance of a cap or much hair: nothing else has the colours of the head.
     bare_arms: tuple[float, float, float] = (0.96, 0.6, 0.25)
     """1. Chance of bare hands; of forearms if hands are; of upper arms if forearms are."""
-    bare_legs: float = 0.12
-    """1. Chance of bare shins, and that of bare feet."""
-    skin_like: float = 0.08
-    """1. Chance of clothes of the head's colours."""
-    surely_found: Range = (0.6, 1.0)
-    """1. Share of bare parts that is found as such."""
-    wrongly_found: Range = (0.0, 0.3)
-    """1. Share of the rest that is taken for bare, where any is."""
-    often: float = 0.4
-    """1. Chance that any is."""
-    skin_noise: Range = (0.0, 0.2)
-    """1. Standard deviation of the noise of what is found."""
-    exposure: float = 0.02
-    """1. Logarithm of brightness: standard deviation of a frame's exposure."""
-    grain: Range = (0.005, 0.05)
-    """1. Logarithm of brightness: standard deviation of a cell's noise."""
+    bare_legs: float = 0.12  #: 1. Chance of bare shins, and that of bare feet.
+    skin_like: float = 0.08  #: 1. Chance of clothes of the head's colours.
+    surely_found: Range = (0.6, 1.0)  #: 1. Share of bare parts that is found as such.
+    wrongly_found: Range = (0.0, 0.3)  #: 1. Share of the rest that is taken for bare, where any is.
+    often: float = 0.4  #: 1. Chance that any is.
+    skin_noise: Range = (0.0, 0.2)  #: 1. Standard deviation of the noise of what is found.
+    exposure: float = 0.02  #: 1. Logarithm of brightness: standard deviation of a frame's exposure.
+    grain: Range = (0.005, 0.05)  #: 1. Logarithm of brightness: deviation of a cell's noise.
 
 
 @dataclass(frozen=True)
@@ -291,24 +226,15 @@ class VirtualCameras:
     Source as of `VariedMotion`.
     """
 
-    distance_m: Range = (2.7, 7.5)
-    """Metres from the middle of the room."""
-    height_m: Range = (0.4, 3.2)
-    """Metres above the floor."""
-    nearest_m: float = 1.8
-    """Metres between camera and person at least."""
-    away_m: float = 0.35
-    """Metres. Deviation of the person's place from the middle of the room."""
-    raised: float = 0.08
-    """1. Chance that the person hangs or climbs."""
-    highest: float = 0.6
-    """Statures. How high at most."""
-    wrong: float = 0.09
-    """1. Logarithm of the error of the assumed distance: its constant part's deviation."""
-    wander: float = 0.008
-    """1. The same: deviation of its change from frame to frame."""
-    steady: float = 0.95
-    """1. Share of the changing part that remains in the next frame."""
+    distance_m: Range = (2.7, 7.5)  #: Metres from the middle of the room.
+    height_m: Range = (0.4, 3.2)  #: Metres above the floor.
+    nearest_m: float = 1.8  #: Metres between camera and person at least.
+    away_m: float = 0.35  #: Metres. Deviation of the person's place from the middle of the room.
+    raised: float = 0.08  #: 1. Chance that the person hangs or climbs.
+    highest: float = 0.6  #: Statures. How high at most.
+    wrong: float = 0.09  #: 1. Logarithm of the assumed distance's error: constant deviation.
+    wander: float = 0.008  #: 1. The same: deviation of its change from frame to frame.
+    steady: float = 0.95  #: 1. Share of the changing part that remains in the next frame.
 
 
 @dataclass(frozen=True)
@@ -320,33 +246,21 @@ class VirtualDefects:
 
     bout: float = 0.025
     """1. Chance that a bout of frames with defects begins; they make 30 % of the frames."""
-    hole_px: Range = (1.5, 4.0)
-    """Pixels. Radius of the holes at random places of the body."""
-    large_holes: tuple[float, float] = (0.5, 0.25)
-    """1. Chance of each of two larger holes in a bout."""
-    large_holes_px: tuple[Range, Range] = ((4.0, 9.0), (6.0, 14.0))
-    """Pixels. Their radii."""
-    strange: float = 0.35
-    """1. Chance of foreground beside the body in a bout."""
-    strange_px: Range = (3.0, 9.0)
-    """Pixels. Its radius."""
-    strange_away_px: float = 6.0
-    """Pixels. Deviation of its place from the body's."""
+    hole_px: Range = (1.5, 4.0)  #: Pixels. Radius of the holes at random places of the body.
+    large_holes: tuple[float, float] = (0.5, 0.25)  #: 1. Chance of each of two larger holes.
+    large_holes_px: tuple[Range, Range] = ((4.0, 9.0), (6.0, 14.0))  #: Pixels. Their radii.
+    strange: float = 0.35  #: 1. Chance of foreground beside the body in a bout.
+    strange_px: Range = (3.0, 9.0)  #: Pixels. Its radius.
+    strange_away_px: float = 6.0  #: Pixels. Deviation of its place from the body's.
     alike: float = 0.15
     """1. Chance that one of the colours is like the background's in places, which are at the same
     places of the body in all frames."""
-    places: tuple[int, int] = (2, 9)
-    """Places of that kind, the last excluded."""
-    place_px: Range = (2.5, 8.0)
-    """Pixels. Their radii."""
-    often: Range = (0.4, 1.0)
-    """1. Share of the frames in which they are missing."""
-    shadowed: float = 0.15
-    """1. Chance of a shadow on the floor."""
-    light_deg: Range = (35.0, 80.0)
-    """Degrees. Elevation of the light that casts it."""
-    shadow_of: Range = (0.1, 1.1)
-    """Statures. Height of the part of the body whose shadow is seen."""
+    places: tuple[int, int] = (2, 9)  #: Places of that kind, the last excluded.
+    place_px: Range = (2.5, 8.0)  #: Pixels. Their radii.
+    often: Range = (0.4, 1.0)  #: 1. Share of the frames in which they are missing.
+    shadowed: float = 0.15  #: 1. Chance of a shadow on the floor.
+    light_deg: Range = (35.0, 80.0)  #: Degrees. Elevation of the light that casts it.
+    shadow_of: Range = (0.1, 1.1)  #: Statures. Height of the part of the body whose shadow is seen.
 
 
 @dataclass(frozen=True)
@@ -356,22 +270,14 @@ class VirtualShading:
     Chosen by the error over virtual takes of held-out motion; not ablated one by one.
     """
 
-    light_deg: Range = (15.0, 90.0)
-    """Degrees. Elevation of the light."""
-    direct: Range = (0.15, 0.65)
-    """1. Its share of all light."""
-    sky: Range = (0.0, 0.4)
-    """1. Share of the sky in the rest."""
-    patterned: float = 0.4
-    """1. Chance of patterns on the clothes."""
-    pattern: float = 0.3
-    """1. Logarithm: largest deviation of their brightness."""
-    of_parts: float = 0.5
-    """1. How much of it is that of whole parts."""
-    alike: float = 0.2
-    """1. Chance of two colours alike."""
-    patch: float = 0.4
-    """1. Logarithm: deviation of their brightness from each other."""
+    light_deg: Range = (15.0, 90.0)  #: Degrees. Elevation of the light.
+    direct: Range = (0.15, 0.65)  #: 1. Its share of all light.
+    sky: Range = (0.0, 0.4)  #: 1. Share of the sky in the rest.
+    patterned: float = 0.4  #: 1. Chance of patterns on the clothes.
+    pattern: float = 0.3  #: 1. Logarithm: largest deviation of their brightness.
+    of_parts: float = 0.5  #: 1. How much of it is that of whole parts.
+    alike: float = 0.2  #: 1. Chance of two colours alike.
+    patch: float = 0.4  #: 1. Logarithm: deviation of their brightness from each other.
 
 
 FILTER = FilterSettings()

@@ -13,16 +13,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
-from calib.checks import check_array
+from calib.checks import BoolArray, ByteArray, FloatArray, RealArray, check_array
 from silhouette_core.image.cleanup import reduce_silhouette
 
-SIZE = (320, 240)
-"""(width, height) of the window, px."""
-STATURE_PX = 158
-"""Stature of a body at the assumed distance, px: the library's scale."""
+SIZE = (320, 240)  #: (width, height) of the window, px.
+STATURE_PX = 158  #: Stature of a body at the assumed distance, px: the library's scale.
 _OVERSAMPLE = 2
 _TURNS = 3  # the third turn moves the centroid by less than a pixel
 _CENTER = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2])
@@ -30,26 +27,16 @@ _CENTER = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2])
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """An observed silhouette in the form of the library's.
+    """An observed silhouette in the form of the library's."""
 
-    Attributes:
-        mask: (240, 320) bool, the silhouette.
-        seen: (240, 320) bool, where the camera's picture reaches; elsewhere nothing is known.
-        world_from_virtual: (3, 3) float64, the virtual camera's orientation (x right, level; y
-            down; z forward).
-        center_m: (3,) float64, the camera's place in the world.
-        focal_px: of the virtual camera.
-        axis_px: (2,) float64, where its optical axis meets the picture.
-        distance_m: assumed distance of the person.
-    """
-
-    mask: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
-    world_from_virtual: NDArray[np.float64]
-    center_m: NDArray[np.float64]
-    focal_px: float
-    axis_px: NDArray[np.float64]
-    distance_m: float
+    mask: BoolArray  #: (240, 320) bool, the silhouette.
+    seen: BoolArray  #: (240, 320) bool, where the camera's picture reaches, so that it is known.
+    world_from_virtual: FloatArray
+    """(3, 3) float64, the virtual camera's orientation (x right, level; y down; z forward)."""
+    center_m: FloatArray  #: (3,) float64, the camera's place in the world.
+    focal_px: float  #: of the virtual camera.
+    axis_px: FloatArray  #: (2,) float64, where its optical axis meets the picture.
+    distance_m: float  #: assumed distance of the person.
 
     @property
     def pitch_rad(self) -> float:
@@ -62,15 +49,15 @@ class Window:
         toward_x, toward_y = -self.world_from_virtual[0, 2], -self.world_from_virtual[1, 2]
         return float(np.arctan2(toward_x, -toward_y))
 
-    def unproject(self, pixel: NDArray[np.floating], distance_m: float) -> NDArray[np.float64]:
+    def unproject(self, pixel: RealArray, distance_m: float) -> FloatArray:
         """World points (N, 3), m, at pixels (N, 2) and a distance along the optical axis."""
         offset = (np.atleast_2d(pixel) - self.axis_px) / self.focal_px
         rays = np.concatenate([offset, np.ones((len(offset), 1))], axis=1)
         return self.center_m + distance_m * rays @ self.world_from_virtual.T
 
     def weighed(
-        self, reduction: int, weights_of: Callable[[NDArray[np.bool_]], NDArray[np.floating]]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        self, reduction: int, weights_of: Callable[[BoolArray], RealArray]
+    ) -> tuple[BoolArray, FloatArray]:
         """The silhouette (h, w) bool at full, half or quarter size (`reduction` 1, 2, 4) and the
         weights (h, w) float64 of its pixels; 0 where the camera does not reach: what it does not
         show speaks neither for nor against a pose.
@@ -81,12 +68,7 @@ class Window:
         return mask, np.where(seen, weights_of(mask), np.float32(0.0)).astype(np.float64)
 
 
-def look_at(
-    camera: Camera,
-    mask: NDArray[np.bool_],
-    distance_m: float,
-    pixels_per_metre: float,
-) -> Window:
+def look_at(camera: Camera, mask: BoolArray, distance_m: float, pixels_per_metre: float) -> Window:
     """Window of a virtual camera that is turned toward a silhouette.
 
     Args:
@@ -132,20 +114,14 @@ def look_at(
 
 @dataclass(frozen=True, eq=False)
 class _Picture:
-    """A silhouette's own rectangle of a camera's image.
+    """A silhouette's own rectangle of a camera's image."""
 
-    Attributes:
-        crop: (h, w) uint8, 0 or 255.
-        left_top: its upper left pixel (x, y).
-        centroid_px: of the silhouette in the whole image.
-    """
-
-    crop: NDArray[np.uint8]
-    left_top: tuple[int, int]
-    centroid_px: NDArray[np.float64]
+    crop: ByteArray  #: (h, w) uint8, 0 or 255.
+    left_top: tuple[int, int]  #: its upper left pixel (x, y).
+    centroid_px: FloatArray  #: of the silhouette in the whole image.
 
     @classmethod
-    def from_mask(cls, mask: NDArray[np.bool_]) -> _Picture:
+    def from_mask(cls, mask: BoolArray) -> _Picture:
         """Cuts out a silhouette (h, w) bool that is not empty."""
         left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
         crop = mask[top : top + height, left : left + width]
@@ -154,12 +130,8 @@ class _Picture:
         )
 
     def seen_by(
-        self,
-        camera: Camera,
-        camera_from_virtual: NDArray[np.float64],
-        focal: float,
-        size: tuple[int, int],
-    ) -> NDArray[np.bool_]:
+        self, camera: Camera, camera_from_virtual: FloatArray, focal: float, size: tuple[int, int]
+    ) -> BoolArray:
         """The silhouette (h, w) bool as a virtual camera sees it.
 
         Only where it can be in the virtual image is that computed.
@@ -191,9 +163,7 @@ class _Picture:
         return seen
 
 
-def _reach(
-    camera: Camera, camera_from_virtual: NDArray[np.float64], focal: float
-) -> NDArray[np.bool_]:
+def _reach(camera: Camera, camera_from_virtual: FloatArray, focal: float) -> BoolArray:
     """Where in the window (240, 320) the camera's picture reaches."""
     matrix = _camera_from_window(camera, camera_from_virtual, focal, SIZE)
     width, height = SIZE[0] * _OVERSAMPLE - 1, SIZE[1] * _OVERSAMPLE - 1
@@ -205,12 +175,12 @@ def _reach(
     return _warped(np.full(camera.size[::-1], 255, np.uint8), matrix, SIZE)
 
 
-def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _centroid(mask: BoolArray) -> FloatArray:
     moments = cv2.moments(mask.astype(np.uint8), binaryImage=True)
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
 
-def _turned(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(camera: Camera, pixel: FloatArray) -> FloatArray:
     """Rotation camera_from_virtual (3, 3) of the level camera that looks along a pixel's ray."""
     forward = np.linalg.solve(camera.matrix, np.array([pixel[0], pixel[1], 1.0]))
     forward /= np.linalg.norm(forward)
@@ -223,11 +193,8 @@ def _turned(camera: Camera, pixel: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _camera_from_window(
-    camera: Camera,
-    camera_from_virtual: NDArray[np.float64],
-    focal: float,
-    size: tuple[int, int],
-) -> NDArray[np.float64]:
+    camera: Camera, camera_from_virtual: FloatArray, focal: float, size: tuple[int, int]
+) -> FloatArray:
     """Homography (3, 3) from the samples of a virtual camera's pixels to pixels of a camera."""
     width, height = size
     fine = _OVERSAMPLE
@@ -241,9 +208,7 @@ def _camera_from_window(
     return camera.matrix @ camera_from_virtual @ np.linalg.inv(virtual)
 
 
-def _warped(
-    picture: NDArray[np.uint8], from_samples: NDArray[np.float64], size: tuple[int, int]
-) -> NDArray[np.bool_]:
+def _warped(picture: ByteArray, from_samples: FloatArray, size: tuple[int, int]) -> BoolArray:
     """Picture through a homography from samples; each pixel is the majority of its samples."""
     wide = cv2.warpPerspective(
         picture,

@@ -34,8 +34,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from calib.checks import FloatArray
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -76,19 +77,15 @@ _ANGLES = {
 
 @dataclass(frozen=True, eq=False)
 class AnatomicalAngles:
-    """Anatomical angles of a motion.
-
-    Attributes:
-        names: A names, such as `left_knee_flexion`. Positive angles mean the movement named;
-            `trunk` and `neck` bend laterally, and `pelvis` is oblique (raised), toward the right,
-            and they turn to the left.
-        degrees: (T, A) float64, -180 to 180, a row for each pose of the motion.
-    """
+    """Anatomical angles of a motion."""
 
     names: tuple[str, ...]
-    degrees: NDArray[np.float64]
+    """A names, such as `left_knee_flexion`. Positive angles mean the movement named; `trunk` and
+    `neck` bend laterally, and `pelvis` is oblique (raised), toward the right, and they turn to the
+    left."""
+    degrees: FloatArray  #: (T, A) float64, -180 to 180, a row for each pose of the motion.
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> FloatArray:
         """One angle (T,) float64, degrees."""
         return self.degrees[:, self.names.index(name)]
 
@@ -117,7 +114,7 @@ def anatomical_angles(motion: Motion) -> AnatomicalAngles:
     return AnatomicalAngles(tuple(columns), np.column_stack(list(columns.values())))
 
 
-def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
+def joint_rotations(motion: Motion) -> Mapping[str, FloatArray]:
     """Rotations, at T poses, of the far side of every joint relative to the near side.
 
     Returns:
@@ -129,7 +126,7 @@ def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
     axes = segment_axes(model)
     axes_in_world = {name: rotation[:, model.names.index(name)] @ axes[name] for name in axes}
 
-    def between(near: str, far: str) -> NDArray[np.float64]:
+    def between(near: str, far: str) -> FloatArray:
         return np.swapaxes(axes_in_world[near], 1, 2) @ axes_in_world[far]
 
     rotations = {"pelvis": LAB_FROM_WORLD @ axes_in_world["pelvis"]}
@@ -143,7 +140,7 @@ def joint_rotations(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
     return rotations
 
 
-def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
+def segment_axes(model: BodyModel) -> Mapping[str, FloatArray]:
     """Axes of the segments at rest by part, (3, 3): forward, up and right in the body frame."""
     joint = dict(zip(model.names, model.joints_m, strict=True))
     axes = {name: _UPRIGHT for name in ("pelvis", "upper_thorax", "head")}
@@ -165,7 +162,7 @@ def segment_axes(model: BodyModel) -> Mapping[str, NDArray[np.float64]]:
     return axes
 
 
-def euler_degrees(matrices: NDArray[np.float64], order: str) -> NDArray[np.float64]:
+def euler_degrees(matrices: FloatArray, order: str) -> FloatArray:
     """Euler angles (T, 3), degrees, of rotation matrices (T, 3, 3).
 
     The matrices are the product of turns about the axes of `order`, from the left. In gimbal lock
@@ -176,12 +173,12 @@ def euler_degrees(matrices: NDArray[np.float64], order: str) -> NDArray[np.float
         return Rotation.from_matrix(matrices).as_euler(order, degrees=True)
 
 
-def _along(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(up: FloatArray, right: FloatArray) -> FloatArray:
     y = up / np.linalg.norm(up)
     z = right - (right @ y) * y
     z /= np.linalg.norm(z)
     return np.column_stack([np.cross(y, z), y, z])
 
 
-def _wrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+def _wrapped(degrees: FloatArray) -> FloatArray:
     return (degrees + 180.0) % 360.0 - 180.0

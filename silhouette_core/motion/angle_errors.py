@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi, norm
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.gait_values import SIDES
 
@@ -31,7 +31,7 @@ _SEGMENTS = {
 }
 
 
-def expected_angle_errors(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
+def expected_angle_errors(motion: Motion) -> Mapping[str, FloatArray]:
     r"""Median error to be expected of some anatomical angles, degrees.
 
     .. math::
@@ -46,16 +46,15 @@ def expected_angle_errors(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
 
     Returns:
         (T,) float64 each, by the names of `anatomical_angles`; empty where the motion's quality
-        states no errors of the joints. Half of the angles should be nearer, as half of the joints
-        are.
+        states no errors of the joints. Half of the angles should be nearer, as of the joints.
     """
     stated_mm = motion.quality.get("joint_error_mm")
     if stated_mm is None or np.shape(stated_mm)[1] != len(LANDMARK_NAMES):
         return {}
-    joints: dict[str, NDArray[np.float64]] = dict(
+    joints: dict[str, FloatArray] = dict(
         zip(LANDMARK_NAMES, np.swapaxes(motion.landmarks(), 0, 1), strict=True)
     )
-    errors_m: dict[str, NDArray[np.float64]] = dict(
+    errors_m: dict[str, FloatArray] = dict(
         zip(LANDMARK_NAMES, np.asarray(stated_mm, float).T / 1000, strict=True)
     )
     _, origin = motion.parts()
@@ -73,9 +72,9 @@ def expected_angle_errors(motion: Motion) -> Mapping[str, NDArray[np.float64]]:
 def _propagated(
     near: list[str],
     far: list[str],
-    joints_m: Mapping[str, NDArray[np.float64]],
-    errors_m: Mapping[str, NDArray[np.float64]],
-) -> NDArray[np.float64]:
+    joints_m: Mapping[str, FloatArray],
+    errors_m: Mapping[str, FloatArray],
+) -> FloatArray:
     """Median error (T,), degrees, of the angle between two segments."""
     (u, near_m), (v, far_m) = (_direction(joints_m[a], joints_m[b]) for a, b in (near, far))
     cosine = np.clip((u * v).sum(axis=1), -1, 1)
@@ -90,9 +89,7 @@ def _propagated(
     return np.degrees(norm.ppf(3 / 4) / chi.median(3) * np.sqrt(variance))
 
 
-def _direction(
-    start_m: NDArray[np.float64], end_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _direction(start_m: FloatArray, end_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     along = end_m - start_m
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-6)
     return along / length[:, None], length

@@ -28,21 +28,13 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Conditioning:
-    """What is done to the poses of a motion after the estimation.
+    """What is done to the poses of a motion after the estimation."""
 
-    Attributes:
-        filter: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
-        cutoff_hz: its cut-off, Hz: half of the amplitude is left there.
-        filter_order: its order; None: the usual one.
-        gap_limit: longest gap that is filled: frames, or text such as `0.2s`; 0 fills none.
-        gap_method: `linear`, `pchip`, or `none`, which fills none.
-    """
-
-    filter: str = "auto"
-    cutoff_hz: float = DYNAMICS.cutoff_hz
-    filter_order: int | None = None
-    gap_limit: int | str = 0
-    gap_method: str = "linear"
+    filter: str = "auto"  #: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
+    cutoff_hz: float = DYNAMICS.cutoff_hz  #: its cut-off, Hz: half of the amplitude is left there.
+    filter_order: int | None = None  #: its order; None: the usual one.
+    gap_limit: int | str = 0  #: Longest gap that is filled: frames, or text such as `0.2s`.
+    gap_method: str = "linear"  #: `linear`, `pchip`, or `none`, which fills none.
 
     def __post_init__(self) -> None:
         """Checks the values.

@@ -66,8 +66,7 @@ def _per_dof_rad(
     return np.radians(values)
 
 
-RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)
-"""(D,) joint angles of a person's resting stance."""
+RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)  #: (D,) joint angles of a person's resting stance.
 
 
 def is_person_tree(tree: KinematicTree) -> bool:
@@ -77,9 +76,7 @@ def is_person_tree(tree: KinematicTree) -> bool:
 
 @lru_cache(maxsize=16)
 def usual_rad(tree: KinematicTree) -> np.ndarray:
-    """(D,) standard deviation of a body's joint angles about `relaxed_rad`: wide where the body is
-    no person's.
-    """
+    """(D,) deviation of a body's joint angles about `relaxed_rad`, wide where it is no person's."""
     if is_person_tree(tree):
         return _per_dof_rad(_USUAL_DEG, _OTHER_USUAL_DEG, tree)
     return np.full(len(tree.dofs), np.radians(_ANY_USUAL_DEG))
@@ -96,9 +93,7 @@ def relaxed_rad(tree: KinematicTree) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def pose_step_sigma(tree: KinematicTree) -> np.ndarray:
-    """(6 + D,) standard deviations of all coordinates of a body's step within 1 / `FPS`, in the
-    order of `Pose.minus`.
-    """
+    """(6 + D,) deviations of a body's step within 1 / `FPS`, in the order of `Pose.minus`."""
     if is_person_tree(tree):
         angles = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG, tree)
     else:

@@ -20,10 +20,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import g
 from scipy.signal import find_peaks
 
+from calib.checks import FloatArray
 from silhouette_core.motion.gait_values import SIDES, Gait, Side, Step, Stride
 from silhouette_core.motion.smoothing import runs_of
 
@@ -37,21 +37,13 @@ _LEAST_CONTACTS = 4
 
 @dataclass(frozen=True, eq=False)
 class WalkerPoints:
-    """What gait is read from, in an upright frame (z up), metres, without gaps in time.
+    """What gait is read from, in an upright frame (z up), metres, without gaps in time."""
 
-    Attributes:
-        time_s: (T,) float64, increasing, seconds.
-        pelvis_m: (T, 3) float64.
-        ahead: (T, 2) float64, unit, where the pelvis faces, seen from above.
-        heels_m: (T, 2, 3) float64, left and right.
-        toes_m: (T, 2, 3) float64, left and right.
-    """
-
-    time_s: NDArray[np.float64]
-    pelvis_m: NDArray[np.float64]
-    ahead: NDArray[np.float64]
-    heels_m: NDArray[np.float64]
-    toes_m: NDArray[np.float64]
+    time_s: FloatArray  #: (T,) float64, increasing, seconds.
+    pelvis_m: FloatArray  #: (T, 3) float64.
+    ahead: FloatArray  #: (T, 2) float64, unit, where the pelvis faces, seen from above.
+    heels_m: FloatArray  #: (T, 2, 3) float64, left and right.
+    toes_m: FloatArray  #: (T, 2, 3) float64, left and right.
 
 
 class _Event(NamedTuple):
@@ -67,7 +59,7 @@ class _Event(NamedTuple):
 class _Bout(NamedTuple):
     points: WalkerPoints
     events: list[_Event]
-    placed: list[NDArray[np.float64]]  # (2,) m, of the foot of each contact
+    placed: list[FloatArray]  # (2,) m, of the foot of each contact
 
     @property
     def contacts(self) -> list[_Event]:
@@ -104,7 +96,7 @@ def walker_points(motion: Motion) -> WalkerPoints:
     return WalkerPoints(motion.time_s, origin[:, part["pelvis"]], ahead, heels, origin[:, toes])
 
 
-def _heel(model: BodyModel, foot: int) -> NDArray[np.float64]:
+def _heel(model: BodyModel, foot: int) -> FloatArray:
     """The rearmost vertex (3,) of a foot's part at rest, below the ankle, m."""
     own = np.unique(model.faces[model.face_part == foot])
     vertices = model.vertices_m[own]
@@ -112,11 +104,8 @@ def _heel(model: BodyModel, foot: int) -> NDArray[np.float64]:
     return below[np.argmax(below[:, 1])]
 
 
-def foot_events(
-    points: WalkerPoints, least_m: float
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    r"""Times, s, of contacts and of offs of the left and the right foot, whether or not somebody
-    walks.
+def foot_events(points: WalkerPoints, least_m: float) -> tuple[list[FloatArray], list[FloatArray]]:
+    r"""Times, s, of contacts and of offs of the left and the right foot, walking or not.
 
     .. math::
 
@@ -133,14 +122,14 @@ def foot_events(
     """
     direction = _directions(points)[:, None]
 
-    def turns(feet_m: NDArray[np.float64], sign: int) -> list[NDArray[np.float64]]:
+    def turns(feet_m: FloatArray, sign: int) -> list[FloatArray]:
         away = sign * ((feet_m - points.pelvis_m[:, None])[..., :2] * direction).sum(axis=2)
         return [_peak_times(curve, points.time_s, least_m) for curve in away.T]
 
     return turns(points.heels_m, 1), turns(points.toes_m, -1)
 
 
-def _directions(points: WalkerPoints) -> NDArray[np.float64]:
+def _directions(points: WalkerPoints) -> FloatArray:
     """Unit vectors (T, 2) in which the pelvis goes in the second around, about a stride."""
     time, path = points.time_s, points.pelvis_m[:, :2]
     ends = [
@@ -151,9 +140,7 @@ def _directions(points: WalkerPoints) -> NDArray[np.float64]:
     return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
 
 
-def _peak_times(
-    curve: NDArray[np.float64], time_s: NDArray[np.float64], least: float
-) -> NDArray[np.float64]:
+def _peak_times(curve: FloatArray, time_s: FloatArray, least: float) -> FloatArray:
     peaks, _ = find_peaks(curve, prominence=least)
     before, middle, after = curve[peaks - 1], curve[peaks], curve[peaks + 1]
     bend = before - 2 * middle + after
@@ -195,10 +182,8 @@ def _chains(events: Sequence[_Event]) -> Iterator[list[_Event]]:
     yield chain
 
 
-def _placements(points: WalkerPoints, events: Sequence[_Event]) -> list[NDArray[np.float64]]:
-    """Where the heel of each contact stands, (2,) m: where it is slowest until the other foot's
-    contact.
-    """
+def _placements(points: WalkerPoints, events: Sequence[_Event]) -> list[FloatArray]:
+    """Where the heel of each contact stands, (2,) m: where it is slowest until the next contact."""
     placed, contacts = [], [event for event in events if event.contact]
     longest = max((b.time_s - a.time_s for a, b in pairwise(contacts)), default=0.0)
     for k, (time, side, _) in enumerate(contacts):

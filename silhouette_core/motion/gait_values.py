@@ -12,28 +12,24 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calib.checks import FloatArray, RealArray
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
-CYCLE = 101
-"""Number of moments of a normalised stride, 0 to 100 %."""
+CYCLE = 101  #: Number of moments of a normalised stride, 0 to 100 %.
 
 
 @dataclass(frozen=True)
 class Stride:
-    """From a foot's contact to its next one; the foot's off is between them.
-
-    Attributes:
-        both_s: how long both feet are on the ground, seconds.
-    """
+    """From a foot's contact to its next one; the foot's off is between them."""
 
     side: Side
     contact_s: float
     off_s: float
     end_s: float
     length_m: float
-    both_s: float
+    both_s: float  #: how long both feet are on the ground, seconds.
 
     @property
     def time_s(self) -> float:
@@ -53,18 +49,13 @@ class Stride:
 
 @dataclass(frozen=True)
 class Step:
-    """From the other foot's contact to this one's.
+    """From the other foot's contact to this one's."""
 
-    Attributes:
-        side: of the foot that lands.
-        length_m: how far it lands ahead of the other one, along the stride.
-        width_m: how far to its own side of the other foot's stride, negative where feet cross; None
-            where the other foot's next contact was not recorded.
-    """
-
-    side: Side
-    length_m: float
+    side: Side  #: of the foot that lands.
+    length_m: float  #: how far it lands ahead of the other one, along the stride.
     width_m: float | None
+    """How far to its own side of the other foot's stride, negative where feet cross; None where the
+    other foot's next contact was not recorded."""
 
 
 @dataclass(frozen=True)
@@ -86,23 +77,14 @@ class Spread:
 
 @dataclass(frozen=True)
 class Gait:
-    """Walking over the ground: all its bouts.
+    """Walking over the ground: all its bouts."""
 
-    Attributes:
-        contacts_s: times of the contacts by side, seconds.
-        offs_s: times of the offs by side, seconds.
-        strides: in their order.
-        steps: in their order.
-        cadence_per_min: steps a minute.
-        speed_m_s: of the pelvis along its way.
-    """
-
-    contacts_s: Mapping[Side, tuple[float, ...]]
-    offs_s: Mapping[Side, tuple[float, ...]]
-    strides: tuple[Stride, ...]
-    steps: tuple[Step, ...]
-    cadence_per_min: float
-    speed_m_s: float
+    contacts_s: Mapping[Side, tuple[float, ...]]  #: times of the contacts by side, seconds.
+    offs_s: Mapping[Side, tuple[float, ...]]  #: times of the offs by side, seconds.
+    strides: tuple[Stride, ...]  #: in their order.
+    steps: tuple[Step, ...]  #: in their order.
+    cadence_per_min: float  #: steps a minute.
+    speed_m_s: float  #: of the pelvis along its way.
 
     def strides_of(self, side: Side) -> tuple[Stride, ...]:
         """The strides of a side."""
@@ -134,8 +116,8 @@ class Gait:
 
 
 def normalised_cycles(
-    values: NDArray[np.floating], time_s: NDArray[np.float64], strides: Sequence[Stride]
-) -> NDArray[np.float64]:
+    values: RealArray, time_s: FloatArray, strides: Sequence[Stride]
+) -> FloatArray:
     """Values (n, 101) at 0 to 100 % of n strides, of values (T,) at times (T,), s."""
     share = np.linspace(0, 1, CYCLE)
     at = [one.contact_s + share * one.time_s for one in strides]

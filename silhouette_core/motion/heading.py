@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES, exchanged_sides
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion
 
 
-def split_heading(
-    root_quaternion: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def split_heading(root_quaternion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Heading and tilt of orientations (T, 4) w x y z, world_from_body: q = (heading about z) *
     tilt (swing-twist decomposition).
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.kernels.kinematics import solve_angles
@@ -13,31 +13,24 @@ from silhouette_core.tuning import RETARGETING
 
 @dataclass
 class Targets:
-    """Target directions for the parts of a body over time.
-
-    Attributes:
-        parts: part of each target.
-        axes: (3,) float64 each, unit, fixed in the part, in the body frame of the rest pose.
-        directions: (T, 3) float64 each, unit, world direction to which that axis should point.
-        weights: weight of each target's squared error.
-    """
+    """Target directions for the parts of a body over time."""
 
     model: BodyModel
-    parts: list[int] = field(default_factory=list)
-    axes: list[NDArray[np.float64]] = field(default_factory=list)
-    directions: list[NDArray[np.float64]] = field(default_factory=list)
-    weights: list[float] = field(default_factory=list)
+    parts: list[int] = field(default_factory=list)  #: part of each target.
+    axes: list[FloatArray] = field(default_factory=list)
+    """(3,) float64 each, unit, fixed in the part, in the body frame of the rest pose."""
+    directions: list[FloatArray] = field(default_factory=list)
+    """(T, 3) float64 each, unit, world direction to which that axis should point."""
+    weights: list[float] = field(default_factory=list)  #: weight of each target's squared error.
 
-    def add(
-        self, part: str, axis: NDArray[np.float64], direction: NDArray[np.float64], weight: float
-    ) -> None:
+    def add(self, part: str, axis: FloatArray, direction: FloatArray, weight: float) -> None:
         """Adds a target; the axis may have any length."""
         self.parts.append(self.model.names.index(part))
         self.axes.append(np.asarray(axis, float) / np.linalg.norm(axis))
         self.directions.append(direction)
         self.weights.append(weight)
 
-    def angles(self, root_rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angles(self, root_rotation: FloatArray) -> FloatArray:
         r"""Joint angles (T, D) float64, rad, in the order of `KinematicTree.dof_names`, that
         minimise the weighted errors of the directions in every frame.
 
@@ -71,8 +64,8 @@ class Targets:
 
 
 def lowest_foot(
-    model: BodyModel, root_quaternion: NDArray[np.float64], angles_rad: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    model: BodyModel, root_quaternion: FloatArray, angles_rad: FloatArray
+) -> FloatArray:
     """Height of the lowest point of the feet above the pelvis, (T,) float64, m; negative.
 
     Args:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import FloatArray, IntArray, check_array
 from calib.upright import Z_UP, UprightFrame
 
 if TYPE_CHECKING:
@@ -20,48 +20,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Poses of one body over time.
-
-    Attributes:
-        model: the body; it defines the order of parts and joint angles.
-        root_m: (T, 3) float64, position of the root part's joint in the world, metres.
-        root_quaternion: (T, 4) float64, unit, w x y z, world_from_body of the root part.
-        angles_rad: (T, D) float64, joint angles, radians.
-        frames: (T,) int64, increasing, frame of the recording of each pose; lost frames are left
-            out.
-        time_s: (T,) float64, increasing, seconds.
-        quality: arrays with T rows. Known names, all optional: `part_overlap` (T, P), fraction of
-            the part's volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the
-            part; `unexplained` (T,), fraction of the hull's voxels that no part covers; `outside`
-            (T,), fraction of the body outside the hull; `outline_agreement` (T,), share of their
-            union that body and silhouettes have in common, the mean over the cameras, and
-            `camera_agreement` (T, C) of each; `joint_disagreement` (T, 15), share of the
-            surroundings of each joint in which they differ; `joint_sigma_mm` (T, 15), its standard
-            deviation by the outlines; `joint_error_mm` (T, 15), median error to expect;
-            `landmark_confidence` (T, 15), probability that a joint is within 30 mm of the truth;
-            `right_probability` (T,), that the joints' mean error is below 80 mm; `pose_probability`
-            (T,), of the likeliest hypothesis that one camera leaves, and `pose_error_mm` (T,), the
-            mean over the joints of the median error to expect, relative to the pelvis.
-        up: (3,) float64, unit, direction of up in the world.
-        floor_m: height of the floor in the world, along up, metres.
-        filled: (T,) bool, whether the frame's pose is interpolated, since none was found.
-        conditioning: filter and filling of gaps that made these poses; None: not recorded.
-        unfiltered: the poses before that, without quality; None: there are no others.
-    """
+    """Poses of one body over time."""
 
     fps: float
-    model: BodyModel
-    root_m: NDArray[np.float64]
-    root_quaternion: NDArray[np.float64]
-    angles_rad: NDArray[np.float64]
-    frames: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    time_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    model: BodyModel  #: the body; it defines the order of parts and joint angles.
+    root_m: FloatArray  #: (T, 3) float64, position of the root part's joint in the world, metres.
+    root_quaternion: FloatArray  #: (T, 4) float64, unit, w x y z, world_from_body of the root part.
+    angles_rad: FloatArray  #: (T, D) float64, joint angles, radians.
+    frames: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(T,) int64, increasing, frame of the recording of each pose; lost frames are left out."""
+    time_s: FloatArray = field(default_factory=lambda: np.zeros(0))  #: (T,) float64, increasing.
     quality: Mapping[str, NDArray] = field(default_factory=dict)
-    up: NDArray[np.float64] = field(default_factory=Z_UP.copy)
-    floor_m: float = 0.0
+    """Arrays with T rows. Known names, all optional: `part_overlap` (T, P), fraction of the part's
+    volume inside the hull; `part_unsupported` (T, P) bool, no voxel supports the part;
+    `unexplained` (T,), fraction of the hull's voxels that no part covers; `outside` (T,), fraction
+    of the body outside the hull; `outline_agreement` (T,), share of their union that body and
+    silhouettes have in common, the mean over the cameras, and `camera_agreement` (T, C) of each;
+    `joint_disagreement` (T, 15), share of the surroundings of each joint in which they differ;
+    `joint_sigma_mm` (T, 15), its standard deviation by the outlines; `joint_error_mm` (T, 15),
+    median error to expect; `landmark_confidence` (T, 15), probability that a joint is within 30 mm
+    of the truth; `right_probability` (T,), that the joints' mean error is below 80 mm;
+    `pose_probability` (T,), of the likeliest hypothesis that one camera leaves, and `pose_error_mm`
+    (T,), the mean over the joints of the median error to expect, relative to the pelvis."""
+    up: FloatArray = field(default_factory=Z_UP.copy)
+    """(3,) float64, unit, direction of up in the world."""
+    floor_m: float = 0.0  #: height of the floor in the world, along up, metres.
     filled: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    """(T,) bool, whether the frame's pose is interpolated, since none was found."""
     conditioning: Conditioning | None = None
-    unfiltered: Motion | None = None
+    """Filter and filling of gaps that made these poses; None: not recorded."""
+    unfiltered: Motion | None = None  #: The poses before that, without quality; None: no others.
 
     def __post_init__(self) -> None:
         """Completes frames, times and what is filled if not given, and checks the arrays.
@@ -101,7 +89,7 @@ class Motion:
         """Number of frames with a pose."""
         return len(self.root_m)
 
-    def parts(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def parts(self) -> tuple[FloatArray, FloatArray]:
         """Rotations and positions of all parts.
 
         Returns:
@@ -112,7 +100,7 @@ class Motion:
 
         return kinematics.forward(self.model, self.root_m, self.root_quaternion, self.angles_rad)
 
-    def landmarks(self) -> NDArray[np.float64]:
+    def landmarks(self) -> FloatArray:
         """Joints of joints.csv (T, L, 3) in the world, metres, in the order of the body's
         `landmark_names`: of a person (T, 15, 3).
         """
@@ -152,13 +140,13 @@ class Motion:
             unfiltered=None if self.unfiltered is None else self.unfiltered.in_world(frame),
         )
 
-    def _turned(self, rotation: NDArray[np.float64]) -> Motion:
+    def _turned(self, rotation: FloatArray) -> Motion:
         from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 
         turned = quaternions(rotation @ rotation_matrices(self.root_quaternion))
         return replace(self, root_quaternion=turned)
 
-    def landmark_confidence(self) -> NDArray[np.float64]:
+    def landmark_confidence(self) -> FloatArray:
         """Confidence (T, 15) of the landmarks, from 0 to 1.
 
         As stated by the estimator, else the overlap of the landmark's part, else the confidence of
@@ -166,7 +154,7 @@ class Motion:
         """
         return np.where(self.filled[:, None], 0.0, self._stated_confidence())
 
-    def _stated_confidence(self) -> NDArray[np.float64]:
+    def _stated_confidence(self) -> FloatArray:
         if "landmark_confidence" in self.quality:
             return np.asarray(self.quality["landmark_confidence"], float)
         if "part_overlap" in self.quality:
@@ -191,7 +179,7 @@ class Motion:
             quality={name: array[rows] for name, array in self.quality.items()},
         )
 
-    def _unfiltered_at(self, frames: NDArray[np.int64]) -> Motion | None:
+    def _unfiltered_at(self, frames: IntArray) -> Motion | None:
         other = self.unfiltered
         return (
             None if other is None else other.select(np.flatnonzero(np.isin(other.frames, frames)))

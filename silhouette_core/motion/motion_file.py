@@ -43,20 +43,10 @@ _TYPES = {
 }
 _QUALITY_TYPES = ("F64", "F32", "BOOL", "I64", "I32", "U8")
 _FLAT = (
-    "unexplained",
-    "outside",
-    "outline_agreement",
-    "right_probability",
-    "pose_probability",
-    "pose_error_mm",
+    "unexplained outside outline_agreement right_probability pose_probability pose_error_mm".split()
 )
 _UNFIT = (
-    KeyError,
-    TypeError,
-    ValueError,
-    OverflowError,
-    IndexError,
-    RecursionError,
+    *(KeyError, TypeError, ValueError, OverflowError, IndexError, RecursionError),
     msgspec.ValidationError,
 )
 # Half a day at 60 frames a second; a pose takes some 1,400 bytes.
@@ -80,16 +70,9 @@ def write_motion(motion: Motion, path: Path) -> None:
     settings of filter and filling. A body that is not made from a person's measurements is written
     itself: its arrays as `body.NAME`, its kinematic tree in the metadata.
     """
-    arrays = {
-        "root_m": motion.root_m,
-        "root_quaternion": motion.root_quaternion,
-        "angles_rad": motion.angles_rad,
-        "frames": motion.frames,
-        "time_s": motion.time_s,
-        "body_shape": motion.model.shape,
-        "up": motion.up,
-        **{_QUALITY + name: array for name, array in motion.quality.items()},
-    }
+    arrays = {name: getattr(motion, name) for name in (*_POSES, "frames", "time_s", "up")}
+    arrays |= {_QUALITY + name: array for name, array in motion.quality.items()}
+    arrays["body_shape"] = motion.model.shape
     if motion.filled.any():
         arrays["filled"] = motion.filled
     if motion.unfiltered is not None:
@@ -124,9 +107,7 @@ def write_motion(motion: Motion, path: Path) -> None:
 
 
 def _with_ordered_metadata(data: bytes) -> bytes:
-    """The same file with its metadata in order, which safetensors leaves to chance: equal motions
-    make equal files.
-    """
+    """The same file, its metadata in order, not as chance has it: equal motions, equal files."""
     start = 8 + int.from_bytes(data[:8], "little")
     header = json.loads(data[8:start])
     header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
@@ -177,9 +158,7 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 
 def _arrays(file: Any) -> dict[str, NDArray[Any]]:
-    """Arrays of an open file that belong to a motion, whose shapes and dtypes are checked before
-    anything is read.
-    """
+    """Arrays of an open file that belong to a motion, of shapes and dtypes checked before."""
     types = _TYPES | {_BODY + name: kind for name, kind in BODY_TYPES.items()}
     names = [name for name in file.keys() if name in types or name.startswith(_QUALITY)]  # noqa: SIM118 (not a dict)
     shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
@@ -207,11 +186,8 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     motion = Motion(
         fps=float(about["fps"]),
         model=_model(about, arrays),
-        root_m=arrays["root_m"],
-        root_quaternion=arrays["root_quaternion"],
-        angles_rad=arrays["angles_rad"],
-        frames=arrays["frames"],
-        time_s=arrays["time_s"],
+        unfiltered=None,
+        **{name: arrays[name] for name in (*_POSES, "frames", "time_s")},
         quality={
             name.removeprefix(_QUALITY): array
             for name, array in arrays.items()

@@ -13,22 +13,14 @@ from silhouette_core.body.joints import HUMAN
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Position, orientation and joint angles of a body.
+    """Position, orientation and joint angles of a body."""
 
-    Attributes:
-        root_m: (3,) float64, world position of the root part's joint.
-        root_rotation: (3, 3) float64, world from body.
-        angles_rad: (D,) float64, in the order of `KinematicTree.dof_names`.
-    """
-
-    root_m: np.ndarray
-    root_rotation: np.ndarray
-    angles_rad: np.ndarray
+    root_m: np.ndarray  #: (3,) float64, world position of the root part's joint.
+    root_rotation: np.ndarray  #: (3, 3) float64, world from body.
+    angles_rad: np.ndarray  #: (D,) float64, in the order of `KinematicTree.dof_names`.
 
     def moved(self, step: np.ndarray) -> Pose:
-        """Pose after a step (6 + D,): root position (m), root rotation vector in the world (rad),
-        joint angles (rad).
-        """
+        """Pose after a step (6 + D,): root position (m), turn in the world and angles (rad)."""
         turn = Rotation.from_rotvec(step[3:6]).as_matrix()
         return Pose(self.root_m + step[:3], turn @ self.root_rotation, self.angles_rad + step[6:])
 
@@ -46,17 +38,11 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class PoseArrays:
-    """K poses as arrays for kernels; the attributes are those of `Pose`.
+    """K poses as arrays for kernels; the attributes are those of `Pose`."""
 
-    Attributes:
-        root_m: (K, 3) float64.
-        root_rotation: (K, 3, 3) float64.
-        angles_rad: (K, D) float64.
-    """
-
-    root_m: np.ndarray
-    root_rotation: np.ndarray
-    angles_rad: np.ndarray
+    root_m: np.ndarray  #: (K, 3) float64.
+    root_rotation: np.ndarray  #: (K, 3, 3) float64.
+    angles_rad: np.ndarray  #: (K, D) float64.
 
     @classmethod
     def from_poses(cls, poses: Sequence[Pose]) -> PoseArrays:

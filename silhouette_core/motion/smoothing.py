@@ -20,19 +20,15 @@ _SIGMA_HZ = math.sqrt(math.log(2) / 2) / math.pi  # of the Gaussian with that re
 
 @dataclass(frozen=True)
 class LowPass:
-    """A low-pass filter without lag.
-
-    Attributes:
-        kind: of `FILTERS`: `butterworth` forward and backward, `savgol` (Savitzky and Golay),
-            `gaussian`, or `none`.
-        cutoff_hz: frequency at which half of the amplitude is left, with every kind.
-        order: of the Butterworth filter, which is applied twice, or of Savitzky and Golay's
-            polynomial; None: 2 and 3. A Gaussian has none.
-    """
+    """A low-pass filter without lag."""
 
     kind: str = "butterworth"
-    cutoff_hz: float = DYNAMICS.cutoff_hz
+    """Of `FILTERS`: `butterworth` forward and backward, `savgol` (Savitzky and Golay), `gaussian`,
+    or `none`."""
+    cutoff_hz: float = DYNAMICS.cutoff_hz  #: Frequency at which half of the amplitude is left.
     order: int | None = None
+    """Of the Butterworth filter, which is applied twice, or of Savitzky and Golay's polynomial;
+    None: 2 and 3. A Gaussian has none."""
 
     def __post_init__(self) -> None:
         """Checks the values.

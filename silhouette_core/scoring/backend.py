@@ -11,8 +11,6 @@ chooses it by name. docs/architecture.md says what it does not cover, and why; e
 backend written by this page, and `silhouette_core.scoring.conformance` tests any.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, Protocol, runtime_checkable
@@ -20,15 +18,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, check_array
 from silhouette_core.entry_points import load_registered
 from silhouette_core.image.spans import Spans
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.target import Target
 
 GROUP = "silhouette_core.backends"
-
-FloatArray = NDArray[np.float64]
 
 
 class Grid(Protocol):
@@ -83,12 +79,7 @@ class Backend(Protocol):
     part, in its frame, and `rotations` (K, 3, 3) and `translations_m` (K, 3) are world from part.
     """
 
-    def span_distances(
-        self,
-        target: Target,
-        spans: Spans,
-        which: NDArray[np.integer],
-    ) -> FloatArray:
+    def span_distances(self, target: Target, spans: Spans, which: IndexArray) -> FloatArray:
         """Distance from observed silhouettes to others: nodes of the tree, samples of a library.
 
         Args:
@@ -112,12 +103,12 @@ class Backend(Protocol):
     def part_images(
         self,
         vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        face_part: NDArray[np.integer],
+        faces: IndexArray,
+        face_part: IndexArray,
         matrix: FloatArray,
         size: tuple[int, int],
         cull_back: bool = True,
-    ) -> NDArray[np.uint8]:
+    ) -> ByteArray:
         """Part images of K poses of a mesh.
 
         Args:
@@ -136,11 +127,7 @@ class Backend(Protocol):
         ...
 
     def drawn_weights(
-        self,
-        weights: FloatArray,
-        vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        matrix: FloatArray,
+        self, weights: FloatArray, vertices_cam: FloatArray, faces: IndexArray, matrix: FloatArray
     ) -> FloatArray:
         r"""Sum of pixel weights under each of K drawn meshes.
 
@@ -163,11 +150,11 @@ class Backend(Protocol):
 
     def silhouette_errors(
         self,
-        masks: Sequence[NDArray[np.bool_]],
+        masks: Sequence[BoolArray],
         matrices: FloatArray,
         vertices_cam: FloatArray,
-        faces: NDArray[np.integer],
-        unknown: Sequence[NDArray[np.bool_]] | None = None,
+        faces: IndexArray,
+        unknown: Sequence[BoolArray] | None = None,
     ) -> FloatArray:
         r"""Unexplained fraction of the silhouettes for K poses, the mean over the cameras.
 
@@ -195,7 +182,7 @@ class Backend(Protocol):
         points: FloatArray,
         rotations: FloatArray,
         translations_m: FloatArray,
-    ) -> NDArray[np.int64]:
+    ) -> IntArray:
         """Sum of the pixels to which the points of each placement project, over all cameras.
 
         A point is looked up in the pixel at floor(v + 1/2) of its column and row. One less than
@@ -213,7 +200,7 @@ class Backend(Protocol):
     def voxel_overlap(
         self,
         grid: Grid,
-        occupancy: NDArray[np.bool_],
+        occupancy: BoolArray,
         points: FloatArray,
         weights: FloatArray,
         rotations: FloatArray,
@@ -241,7 +228,7 @@ class Backend(Protocol):
         points: FloatArray,
         rotations: FloatArray,
         translations_m: FloatArray,
-    ) -> tuple[NDArray[np.uint64], NDArray[np.int64], NDArray[np.int64]]:
+    ) -> tuple[NDArray[np.uint64], IntArray, IntArray]:
         """Voxels that each placement covers, as sets of bits.
 
         Args:
@@ -269,7 +256,7 @@ def load_backend(name: str) -> Backend:
     return load_registered(GROUP, "backend", Backend, name)
 
 
-def chosen_spans(spans: Spans, which: NDArray[np.integer]) -> NDArray[np.integer]:
+def chosen_spans(spans: Spans, which: IndexArray) -> IndexArray:
     """Returns the numbers of the silhouettes to be measured, checked; for backends."""
     if len(which) and (which.min() < 0 or which.max() >= len(spans)):
         raise ValueError(f"which must be 0 to {len(spans) - 1}, got {which.min()} to {which.max()}")

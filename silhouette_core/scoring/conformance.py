@@ -7,8 +7,6 @@ in a file of tests, or `BackendConformance.run(MyBackend())` without any. Rules 
 missed have a case each with a known answer; the rest is compared with `cpu` on random cases.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -17,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import ByteArray, FloatArray, IntArray
 from silhouette_core.image.spans import Spans
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CpuBackend
@@ -203,9 +202,7 @@ class BackendConformance:
         assert_array_equal(bits[:, 0], np.array([free, free, upper, 0], np.uint64))
         assert_array_equal([empty, taken], [[0, 12, 18, 36], [12, 0, 6, 0]])
 
-    def _draws(
-        self, corners: Any, faces: Any, expected: NDArray[np.uint8], cull_back: bool = True
-    ) -> None:
+    def _draws(self, corners: Any, faces: Any, expected: ByteArray, cull_back: bool = True) -> None:
         """Corners given in pixels and metres, as all methods that draw see them."""
         meshes, faces = _scene(corners, faces)
         parts = np.zeros(len(faces), np.int64)
@@ -230,7 +227,7 @@ class BackendConformance:
         return result
 
 
-def _dyadic(rng: np.random.Generator, shape: Any) -> NDArray[np.float64]:
+def _dyadic(rng: np.random.Generator, shape: Any) -> FloatArray:
     """Weights from 0 to 1 whose sums are exact."""
     return rng.integers(0, 1 << 12, shape) / (1 << 12)
 
@@ -252,26 +249,24 @@ def _spans(rng: np.random.Generator, count: int) -> Spans:
     return Spans(rows, starts, ends, spans.offsets)
 
 
-def _meshes(rng: np.random.Generator, *shape: int) -> NDArray[np.float64]:
+def _meshes(rng: np.random.Generator, *shape: int) -> FloatArray:
     """Triangles (..., 30, 3) before a camera, some of them cut by its near plane."""
     return rng.normal(size=(*shape, 30, 3)) * (0.5, 0.5, 0.6) + (0, 0, 1.2)
 
 
-def _scene(corners: Any, faces: Any) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _scene(corners: Any, faces: Any) -> tuple[FloatArray, IntArray]:
     """A mesh (1, V, 3) whose corners are given in pixels and metres, and its faces."""
     vertices = np.array(corners, np.float64)
     vertices[:, :2] *= vertices[:, 2:]
     return vertices[None], np.array(faces)
 
 
-def _placements(
-    rng: np.random.Generator, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _placements(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
     turns = [Rotation.from_rotvec(rng.normal(size=3)).as_matrix() for _ in range(count)]
     return np.reshape(turns, (-1, 3, 3)), rng.normal(size=(count, 3))
 
 
-def _views(*arrays: NDArray[np.float64]) -> SimpleNamespace:
+def _views(*arrays: FloatArray) -> SimpleNamespace:
     """Cameras by their intrinsics, rotations and translations, which are all that counts."""
     names = "intrinsics", "rotation", "translation_m"
     return SimpleNamespace(**dict(zip(names, arrays, strict=True)))

@@ -1,13 +1,10 @@
 """The scoring backend in compiled loops over CPU threads."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import FloatArray, IntArray, check_array
 from silhouette_core.image.raster import NEAR_M, render_many
-from silhouette_core.scoring.backend import Backend, FloatArray, checked_placements, chosen_spans
+from silhouette_core.scoring.backend import Backend, checked_placements, chosen_spans
 from silhouette_core.scoring.kernels import pixels, voxels
 from silhouette_core.scoring.kernels import spans as span_kernels
 
@@ -122,9 +119,7 @@ class CpuBackend(Backend):
         return bits, empty, taken
 
 
-def _windows(
-    meshes: FloatArray, size: tuple[int, int]
-) -> tuple[NDArray[np.int64], tuple[int, int]]:
+def _windows(meshes: FloatArray, size: tuple[int, int]) -> tuple[IntArray, tuple[int, int]]:
     """Upper left corners (K, C, 2) of windows of one size (width, height) within images of a given
     size, that hold meshes (K, C, V, 3) given in pixels times depth.
     """

@@ -1,7 +1,5 @@
 """How well a pose explains the silhouettes: its own, rendered, against those observed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

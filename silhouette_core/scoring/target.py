@@ -1,13 +1,11 @@
 """Observed silhouettes prepared for comparison with many others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray, IntArray, RealArray
 from silhouette_core.ranking import summable
 from silhouette_core.scoring.kernels import spans as kernels
 
@@ -17,22 +15,17 @@ class Target:
     """Silhouettes seen through P windows, each compared with candidates moved by S shifts.
 
     Combination c of the C = P S is window c // S and shift c % S.
-
-    Attributes:
-        masks: P arrays (h, w) bool, P of eq. (7).
-        weights: P arrays (h, w) float32 or float64, d_P, made `summable`. Beyond the window the
-            weight at its border goes on.
-        shifts_px: (S, 2) int64, whole pixels (right, down) by which candidates are moved.
-        scale: Factor on the weighted disagreement.
     """
 
-    masks: tuple[NDArray[np.bool_], ...]
-    weights: tuple[NDArray[np.floating], ...]
-    shifts_px: NDArray[np.int64] = field(default_factory=lambda: np.zeros((1, 2), np.int64))
-    scale: float = 1.0
+    masks: tuple[BoolArray, ...]  #: P arrays (h, w) bool, P of eq. (7).
+    weights: tuple[RealArray, ...]
+    """P arrays (h, w) float32 or float64, d_P, made `summable`. Beyond the window the weight at its
+    border goes on."""
+    shifts_px: IntArray = field(default_factory=lambda: np.zeros((1, 2), np.int64))
+    """(S, 2) int64, whole pixels (right, down) by which candidates are moved."""
+    scale: float = 1.0  #: Factor on the weighted disagreement.
 
     def __post_init__(self) -> None:
-        """Makes all sums of weights exact."""
         object.__setattr__(self, "weights", tuple(map(summable, self.weights)))
 
     @property
@@ -41,7 +34,7 @@ class Target:
         return int(np.abs(self.shifts_px).max(initial=0))
 
     @cached_property
-    def prefixes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def prefixes(self) -> tuple[FloatArray, FloatArray]:
         """Sums of the signed weights d_P (1 - 2 P) along rows, of every window and a margin m about
         it, (P, h + 2 m, w + 2 m + 1) float64; and the weight of each silhouette P, (C,) float64.
         """

@@ -87,11 +87,6 @@ def brightness(rng):
     return Example((*scene(rng), np.empty(SIZE, np.float32)), rtol=1e-4, atol=1e-4)
 
 
-def look_up(rng):
-    table = rng.normal(size=(16, 16, 16)).astype(np.float32)
-    return Example((frame(rng), table, 4, np.empty(SIZE, np.float32)))
-
-
 def log_odds(rng):
     """A third of the pixels are the background's, a third are in a shadow."""
     mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
@@ -110,7 +105,7 @@ def log_odds(rng):
         shades,
         rng.uniform(-5, 5, SIZE).astype(np.float32),
         np.float32(4),
-        (table, others),
+        (table, others, rng.uniform(0, 1, table.shape).astype(np.float32)),
         3,
     )
     filled = blob(rng), np.empty(SIZE, np.float32)

@@ -18,14 +18,3 @@ def adam_step(rng):
     moments = rng.normal(size=20), rng.uniform(0, 1, 20)
     settings = int(rng.integers(1, 5)), 0.01, 0.1, 0.7
     return Example((rng.normal(size=20), rng.normal(size=20), *moments, *settings), rtol=1e-12)
-
-
-def gather_patches(rng):
-    images = rng.normal(size=(3, 9, 12, 2)).astype(np.float32)
-    filled = np.empty((3, 5, 7, 3, 3, 2), np.float32)  # the last ones reach beyond the right edge
-    return Example((images, *rng.integers(0, 3, 2), 2, filled))
-
-
-def scatter_patches(rng):
-    given, images = rng.normal(size=(3, 5, 7, 3, 3, 2)), rng.normal(size=(3, 9, 12, 2))
-    return Example((given, *rng.integers(0, 3, 2), 2, images), rtol=1e-12)

@@ -142,11 +142,6 @@ def brightness(frame, mean, scales, out):
     out[:] = (_split(frame, mean, scales)[1] - 1) * scales[2]
 
 
-def look_up(frame, table, shift, out):
-    """Table entries of the pixels' colours."""
-    out[:] = table[tuple(np.moveaxis(frame >> shift, 2, 0))]
-
-
 def log_odds(
     frame, mean, scales, noise, flicker, shades, uneven, spread_across, densities, shift, known, out
 ):
@@ -164,11 +159,12 @@ def log_odds(
     ratio = along / length
     shade = shades[np.clip((ratio * len(shades)).astype(int), 0, len(shades) - 1)]
     shaded = across * np.exp(-0.5 * uneven) * shade * (ratio < 1) / length
-    table, others = densities
+    table, others, worn = densities
     any_share = np.where(known, CUT.otherwise, 1) * others[tuple(frame >> shift)]
     background = 0.85 * lit + shaded + any_share
     person = table[tuple(frame >> shift)]
-    out[:] = np.clip(person - np.log(background), -COLOURS.most_odds, COLOURS.most_odds)
+    odds = np.clip(person - np.log(background), -COLOURS.most_odds, COLOURS.most_odds)
+    out[:] = np.where(odds < 0, odds * worn[tuple(frame >> shift)], odds)
 
 
 def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):

@@ -74,24 +74,3 @@ def _inward(slope, raw, limits):
     """Slopes, without those that push a value beyond its limits further out."""
     outward = ((raw < limits[0]) & (slope > 0)) | ((raw > limits[1]) & (slope < 0))
     return np.where(outward, 0.0, slope)
-
-
-def gather_patches(images, top, left, stride, patches):
-    """Windows of images in a margin of zeros."""
-    rows, columns, size = patches.shape[1:4]
-    margin = size + stride * max(rows, columns)
-    padded = np.pad(images, [(0, 0), (margin, margin), (margin, margin), (0, 0)])
-    for row, column in np.ndindex(rows, columns):
-        y, x = margin + row * stride - top, margin + column * stride - left
-        patches[:, row, column] = padded[:, y : y + size, x : x + size]
-
-
-def scatter_patches(patches, top, left, stride, images):
-    """Windows added in a margin, which is cut off."""
-    rows, columns, size = patches.shape[1:4]
-    margin = size + stride * max(rows, columns)
-    padded = np.pad(images, [(0, 0), (margin, margin), (margin, margin), (0, 0)])
-    for row, column in np.ndindex(rows, columns):
-        y, x = margin + row * stride - top, margin + column * stride - left
-        padded[:, y : y + size, x : x + size] += patches[:, row, column]
-    images[:] = padded[:, margin:-margin, margin:-margin]

@@ -7,30 +7,23 @@ from pathlib import Path
 
 from calib.errors import InputError
 
-MOST_JOINTS = 1000
-"""Joints of a recorded skeleton; those with all fingers and helpers have some two hundred."""
-LARGEST_VALUE = 10_000_000
-"""Below which every angle, in degrees, and position, in any unit, stays."""
+MOST_JOINTS = 1000  #: Joints of a recorded skeleton; with all fingers some two hundred.
+LARGEST_VALUE = 10_000_000  #: Every angle, in degrees, and position, in any unit, is below it.
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)
 _END_SITE = -2
 
 
 @dataclass
 class BvhJoint:
-    """Joint of the hierarchy.
-
-    Attributes:
-        parent: index of the parent, -1 for the root.
-        offset: (3,), position relative to the parent.
-        channels: axis and kind of each channel, in the file's order: ("X", "position"), ….
-        end: (3,), position of its end site, None without one.
-    """
+    """Joint of the hierarchy."""
 
     name: str
-    parent: int
+    parent: int  #: index of the parent, -1 for the root.
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """(3,), position relative to the parent."""
     channels: list[tuple[str, str]] = field(default_factory=list)
-    end: list[float] | None = None
+    """Axis and kind of each channel, in the file's order: ("X", "position"), …."""
+    end: list[float] | None = None  #: (3,), position of its end site, None without one.
 
 
 def split_bvh(text: str, path: Path) -> tuple[list[BvhJoint], str]:

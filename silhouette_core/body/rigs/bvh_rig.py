@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from calib.documents import load_text
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
@@ -40,8 +40,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
         path: the file. BVH does not say its unit: NAME.rig.toml beside it has to.
 
     Raises:
-        InputError: the file is damaged, its unit is not said, or it has a rig that no body can
-            have.
+        InputError: the file is damaged, its unit is not said, or it has a rig that none can have.
     """
     table = read_rig_table(path)
     joints, _ = split_bvh(load_text(path, _LARGEST, errors="replace"), path)
@@ -99,7 +98,7 @@ def _dofs(joint: BvhJoint, table: RigTable) -> tuple[Dof, ...]:
     return tuple(dofs)
 
 
-def _positions(joints: list[BvhJoint], unit_m: float) -> NDArray[np.float64]:
+def _positions(joints: list[BvhJoint], unit_m: float) -> FloatArray:
     """Positions (P, 3) at rest, the root where its offset says."""
     positions = np.zeros((len(joints), 3))
     for number, joint in enumerate(joints):
@@ -108,9 +107,7 @@ def _positions(joints: list[BvhJoint], unit_m: float) -> NDArray[np.float64]:
     return positions
 
 
-def _capsule(
-    start: NDArray[np.float64], end: NDArray[np.float64], radius_m: float | None
-) -> Capsule:
+def _capsule(start: FloatArray, end: FloatArray, radius_m: float | None) -> Capsule:
     length = float(np.linalg.norm(end - start))
     first, last = tuple(start.tolist()), tuple(end.tolist())
     return Capsule(first, last, MEASURING.bone_radius * length if radius_m is None else radius_m)

@@ -5,14 +5,15 @@ it an even number of times, by which points inside are told (`body.volume`).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from calib.checks import FloatArray, IndexArray, IntArray
+
 
 def close_surface(
-    vertices: NDArray[np.float64], faces: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int]:
+    vertices: FloatArray, faces: IndexArray
+) -> tuple[IntArray, IntArray, FloatArray, int]:
     """Closed, outward oriented surface of triangles that may have seams and holes.
 
     Vertices at one place are joined where seams are open; every hole is closed by triangles to the
@@ -49,7 +50,7 @@ def close_surface(
     return kept, _outward(points, faces), points, len(np.unique(holes))
 
 
-def _open_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _open_edges(faces: IntArray) -> IntArray:
     """Edges (E, 2) that belong to an odd number of triangles, in the direction of one of them."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     _, first, count = np.unique(
@@ -58,13 +59,13 @@ def _open_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     return edges[first[count % 2 == 1]]
 
 
-def _connected(edges: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _connected(edges: IntArray, count: int) -> IntArray:
     """Number of the connected group of each edge (E,)."""
     links = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
     return connected_components(links, directed=False)[1][edges[:, 0]]
 
 
-def _outward(points: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _outward(points: FloatArray, faces: IntArray) -> IntArray:
     """The faces, pieces of negative volume turned over."""
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     piece = _connected(ends, len(points))[: len(faces)]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import parse_json
+from calib.documents import load_bytes, parse_json
 from calib.errors import InputError
 from silhouette_core.body.rigs.rig_checks import short
 
@@ -29,15 +29,11 @@ _KNOWN = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_specula
 
 @dataclass(frozen=True, eq=False)
 class GltfDocument:
-    """A document of bounded size.
-
-    Attributes:
-        buffers: content of its buffers, as far as they are needed.
-    """
+    """A document of bounded size."""
 
     path: Path
     content: dict[str, Any]
-    buffers: dict[int, bytes]
+    buffers: dict[int, bytes]  #: content of its buffers, as far as they are needed.
 
     @classmethod
     def read(cls, path: Path) -> GltfDocument:
@@ -46,7 +42,7 @@ class GltfDocument:
         Raises:
             InputError: it cannot be read, or is none.
         """
-        data = _bytes_of(path)
+        data = load_bytes(path, _LARGEST)
         buffers: dict[int, bytes] = {}
         if data[:4] == b"glTF":
             text, binary = _chunks(path, data)
@@ -149,19 +145,7 @@ class GltfDocument:
                 f"{self.path} keeps its data at {short(uri)}: put the file beside it, or export as"
                 " .glb"
             )
-        return _bytes_of(self.path.parent / place)
-
-
-def _bytes_of(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(_LARGEST + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path} cannot be read: {reason}") from None
-    if len(data) > _LARGEST:
-        raise InputError(f"{path} is larger than {_LARGEST / 1e6:.0f} MB: export less into it")
-    return data
+        return load_bytes(self.path.parent / place, _LARGEST)
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
@@ -35,10 +35,10 @@ _TRIANGLES = 4
 class _Surface:
     """Triangles of one primitive in the rest pose, glTF's frame, and the joints that move them."""
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    parts: NDArray[np.int64]
-    weights: NDArray[np.float64]
+    vertices: FloatArray
+    faces: IntArray
+    parts: IntArray
+    weights: FloatArray
 
 
 def read_gltf(path: Path) -> BodyModel:
@@ -95,7 +95,7 @@ def read_gltf(path: Path) -> BodyModel:
 
 
 def _body(
-    path: Path, tree: KinematicTree, joints: NDArray[np.float64], surfaces: list[_Surface]
+    path: Path, tree: KinematicTree, joints: FloatArray, surfaces: list[_Surface]
 ) -> BodyModel:
     first = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     vertices = z_up(np.concatenate([surface.vertices for surface in surfaces]))
@@ -113,7 +113,7 @@ def _body(
     return skinned_body(tree, joints, vertices, faces, every[kept], shares[kept], joints)
 
 
-def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float64]], list[int]]:
+def _node_transforms(document: GltfDocument) -> tuple[dict[int, FloatArray], list[int]]:
     """World from node (4, 4) of every node, and the number of its parent, -1 without one."""
     nodes = document.items("nodes")
     if len(nodes) > _MOST_NODES:
@@ -129,7 +129,7 @@ def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float
             if above[child] >= 0:
                 raise document.damaged(f"node {child} has two parents")
             above[child] = number
-    worlds: dict[int, NDArray[np.float64]] = {}
+    worlds: dict[int, FloatArray] = {}
     order = [number for number, parent in enumerate(above) if parent < 0]
     for number in order:
         local, parent = _local(document, nodes[number]), above[number]
@@ -147,7 +147,7 @@ def _node_transforms(document: GltfDocument) -> tuple[dict[int, NDArray[np.float
     return worlds, above
 
 
-def _local(document: GltfDocument, node: dict[str, Any]) -> NDArray[np.float64]:
+def _local(document: GltfDocument, node: dict[str, Any]) -> FloatArray:
     """Parent from node, (4, 4)."""
     if "matrix" in node:
         return _numbers(document, node["matrix"], 16).reshape(4, 4).T
@@ -161,7 +161,7 @@ def _local(document: GltfDocument, node: dict[str, Any]) -> NDArray[np.float64]:
     return local
 
 
-def _numbers(document: GltfDocument, value: object, count: int) -> NDArray[np.float64]:
+def _numbers(document: GltfDocument, value: object, count: int) -> FloatArray:
     if not (isinstance(value, list) and len(value) == count) or not all(
         isinstance(x, int | float) and abs(x) < 1e9 for x in value
     ):
@@ -192,9 +192,7 @@ def _joint_above(node: int, above: list[int], names: dict[int, str]) -> int:
     return higher
 
 
-def _bind_to_rest(
-    document: GltfDocument, skin: int, worlds: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _bind_to_rest(document: GltfDocument, skin: int, worlds: FloatArray) -> FloatArray:
     """World from mesh (J, 4, 4) of every joint of a skin in the rest pose."""
     number = document.item("skins", skin).get("inverseBindMatrices")
     if number is None:
@@ -215,10 +213,7 @@ def _primitives(document: GltfDocument, mesh: object) -> list[dict[str, Any]]:
 
 
 def _surface_of(
-    document: GltfDocument,
-    primitive: dict[str, Any],
-    parts: NDArray[np.int64],
-    moves: NDArray[np.float64],
+    document: GltfDocument, primitive: dict[str, Any], parts: IntArray, moves: FloatArray
 ) -> _Surface:
     """A primitive moved to the rest pose by its skin."""
     attributes = primitive.get("attributes")

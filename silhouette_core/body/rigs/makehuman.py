@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from silhouette_core.body.joints import HUMAN, LANDMARK_BONES, LANDMARK_NAMES
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
@@ -77,22 +78,15 @@ PART_OF_BONE = (
 class MakeHumanPerson:
     """What MakeHuman makes a body from.
 
-    Attributes:
-        sex: "male" or "female".
-        height: -1 (smallest) to 1 (tallest); 0 is the average of the sex.
-        weight: -1 (lightest) to 1 (heaviest).
-        muscle: -1 (least) to 1 (most).
-        origin: "african", "asian" or "caucasian".
-
     Raises:
         InputError: something that MakeHuman does not make.
     """
 
-    sex: str = "male"
-    height: float = 0.0
-    weight: float = 0.0
-    muscle: float = 0.0
-    origin: str = "caucasian"
+    sex: str = "male"  #: "male" or "female".
+    height: float = 0.0  #: -1 (smallest) to 1 (tallest); 0 is the average of the sex.
+    weight: float = 0.0  #: -1 (lightest) to 1 (heaviest).
+    muscle: float = 0.0  #: -1 (least) to 1 (most).
+    origin: str = "caucasian"  #: "african", "asian" or "caucasian".
 
     def __post_init__(self) -> None:
         if self.sex not in ("male", "female"):
@@ -162,12 +156,12 @@ class _Skin:
     """A shaped mesh and the bones that move it, standing on the ground."""
 
     names: list[str]
-    heads_m: NDArray[np.float64]
-    vertices_m: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    weights: NDArray[np.float64]
+    heads_m: FloatArray
+    vertices_m: FloatArray
+    faces: IntArray
+    weights: FloatArray
 
-    def body(self, tree: KinematicTree, landmarks_m: NDArray[np.float64]) -> BodyModel:
+    def body(self, tree: KinematicTree, landmarks_m: FloatArray) -> BodyModel:
         """The body on a tree whose parts are these bones."""
         every = np.broadcast_to(np.arange(self.weights.shape[1]), self.weights.shape)
         return skinned_body(
@@ -205,14 +199,14 @@ class _Skin:
         skin = _Skin(list(HUMAN.names), joints - ground, vertices - ground, self.faces, weights)
         return skin.body(HUMAN, skin._landmarks(skin.heads_m[HUMAN.landmark_part]))
 
-    def _landmarks(self, joints_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _landmarks(self, joints_m: FloatArray) -> FloatArray:
         """Landmarks (15, 3): the joints of their parts, and the highest vertex."""
         marks = joints_m.copy()
         marks[LANDMARK_NAMES.index("head_top")] = self.vertices_m[self.vertices_m[:, 2].argmax()]
         return marks
 
 
-def _shaped(folder: Path, mesh: BaseMesh, person: MakeHumanPerson) -> NDArray[np.float64]:
+def _shaped(folder: Path, mesh: BaseMesh, person: MakeHumanPerson) -> FloatArray:
     """Vertices (N, 3) of the base mesh after the targets of a young adult of that shape."""
     count = len(mesh.vertices_m)
     average = "averagemuscle-averageweight"
@@ -239,10 +233,8 @@ def _level(value: float, kind: str) -> str:
     return ("max" if value > 0 else "min") + kind
 
 
-def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, NDArray[np.float64]]:
-    """Rotation (3, 3) of every bone with a head (3,), m, from MakeHuman's rest pose to the human
-    tree's.
-    """
+def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, FloatArray]:
+    """Turn (3, 3) of every bone with a head (3,), m, from MakeHuman's rest to the human tree's."""
     turns = {bone: np.eye(3) for bone in PART_OF_BONE}
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         along = np.array([sign, 0.0, -1.0]) / np.sqrt(2)
@@ -262,9 +254,7 @@ def turns_to_human_rest(heads_m: Mapping[str, NDArray]) -> dict[str, NDArray[np.
     return turns
 
 
-def native_dofs(
-    bone: str, parent: str, turns: Mapping[str, NDArray[np.float64]]
-) -> tuple[Dof, ...]:
+def native_dofs(bone: str, parent: str, turns: Mapping[str, FloatArray]) -> tuple[Dof, ...]:
     """Degrees of freedom of a bone in MakeHuman's rest pose: those of its part in the human tree,
     their axes and limits seen from that pose. A bone that continues its part has none.
 
@@ -288,11 +278,8 @@ def native_dofs(
 
 
 def human_rest(
-    names: Sequence[str],
-    heads_m: NDArray[np.float64],
-    vertices_m: NDArray[np.float64],
-    weights: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    names: Sequence[str], heads_m: FloatArray, vertices_m: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Joints (27, 3) and vertices (V, 3), m, and skin weights (V, 27), of a body of this rig in the
     rest pose of the human tree.
 
@@ -322,8 +309,8 @@ def human_rest(
 
 
 def _with_abdomen(
-    joints: NDArray[np.float64], vertices: NDArray[np.float64], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    joints: FloatArray, vertices: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The rig has one bone where the tree has two parts: the upper half is the abdomen's."""
     lumbar, abdomen, thorax = (HUMAN.names.index(n) for n in ("lumbar", "abdomen", "thorax"))
     joints[abdomen] = (joints[lumbar] + joints[thorax]) / 2
@@ -334,7 +321,7 @@ def _with_abdomen(
     return joints, vertices, weights
 
 
-def _frame(along: NDArray[np.float64], hinge: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frame(along: FloatArray, hinge: FloatArray) -> FloatArray:
     """Rotation (3, 3) whose first column points along, its second along the hinge."""
     first = along / np.linalg.norm(along)
     second = hinge - (hinge @ first) * first

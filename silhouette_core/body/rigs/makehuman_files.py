@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray, IntArray
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
@@ -27,17 +27,11 @@ _BODY = "body"  # group of the faces that are the body; the others are helpers
 
 @dataclass(frozen=True, eq=False)
 class BaseMesh:
-    """MakeHuman's base mesh with all helpers, whose targets and rigs count its vertices.
+    """MakeHuman's base mesh with all helpers, whose targets and rigs count its vertices."""
 
-    Attributes:
-        vertices_m: (N, 3) float64.
-        faces: (F, 3) int64, triangles of the body.
-        cubes: name of each helper group -> its vertices' numbers.
-    """
-
-    vertices_m: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    cubes: Mapping[str, NDArray[np.int64]]
+    vertices_m: FloatArray  #: (N, 3) float64.
+    faces: IntArray  #: (F, 3) int64, triangles of the body.
+    cubes: Mapping[str, IntArray]  #: name of each helper group -> its vertices' numbers.
 
 
 def read_base_mesh(folder: Path) -> BaseMesh:
@@ -81,7 +75,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
     return BaseMesh(0.1 * z_up(vertices), faces, cubes)
 
 
-def read_target(folder: Path, name: str, count: int) -> NDArray[np.float64]:
+def read_target(folder: Path, name: str, count: int) -> FloatArray:
     """Displacements (N, 3) float64 of the vertices by a shape target, metres.
 
     Args:
@@ -137,7 +131,7 @@ def read_bones(folder: Path, rig: str) -> dict[str, tuple[str, Mapping[str, Any]
     return result
 
 
-def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> NDArray[np.float64]:
+def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> FloatArray:
     """Skin weights (N, P) float64 of a rig.
 
     Args:
@@ -170,8 +164,8 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> N
 
 
 def place_of(
-    path: Path, bone: str, place: Mapping[str, Any], mesh: BaseMesh, vertices_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    path: Path, bone: str, place: Mapping[str, Any], mesh: BaseMesh, vertices_m: FloatArray
+) -> FloatArray:
     """Position (3,) float64 of the head of a bone in a shaped mesh.
 
     Args:
@@ -223,6 +217,6 @@ def _unpacked(path: Path) -> str:
     return data.decode(errors="replace")
 
 
-def _check_positions(path: Path, numbers: NDArray[np.float64]) -> None:
+def _check_positions(path: Path, numbers: FloatArray) -> None:
     if not (np.isfinite(numbers).all() and np.abs(numbers).max(initial=0) < _FARTHEST_DM):
         raise InputError(f"{path} has positions that no body has: copy it again")

@@ -6,20 +6,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib.checks import FloatArray, IndexArray, RealArray
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 
-MOST_PARTS = 250
-"""Parts of a body; the image of part numbers holds 254."""
-MOST_VERTICES = 400_000
-"""Vertices or triangles of a body."""
-SMALLEST_M, LARGEST_M = 1 / 100, 100
-"""Smallest and largest extent of a body."""
+MOST_PARTS = 250  #: Parts of a body; the image of part numbers holds 254.
+MOST_VERTICES = 400_000  #: Vertices or triangles of a body.
+SMALLEST_M, LARGEST_M = 1 / 100, 100  #: Smallest and largest extent of a body.
 LONGEST_NAME = 80
 
 
-def z_up(points: ArrayLike) -> NDArray[np.float64]:
+def z_up(points: ArrayLike) -> FloatArray:
     """Points (..., 3) of a file with y up, facing +z, with z up, facing -y."""
     x, y, z = np.moveaxis(np.asarray(points, float), -1, 0)
     return np.stack([x, -z, y], axis=-1)
@@ -80,7 +78,7 @@ def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS
     return order
 
 
-def check_rest(path: Path, joints_m: NDArray[np.floating], vertices_m: NDArray) -> None:
+def check_rest(path: Path, joints_m: RealArray, vertices_m: NDArray) -> None:
     """Checks that a body at rest has the size of a body.
 
     Args:
@@ -102,9 +100,7 @@ def check_rest(path: Path, joints_m: NDArray[np.floating], vertices_m: NDArray) 
         )
 
 
-def check_bones(
-    path: Path, names: list[str], parents: NDArray[np.integer], joints_m: NDArray[np.floating]
-) -> None:
+def check_bones(path: Path, names: list[str], parents: IndexArray, joints_m: RealArray) -> None:
     """Checks that no joint lies where its parent does.
 
     Args:
@@ -128,9 +124,7 @@ def check_bones(
         )
 
 
-def normalised_weights(
-    path: Path, parts: NDArray[np.integer], weights: NDArray[np.floating], count: int
-) -> NDArray[np.float64]:
+def normalised_weights(path: Path, parts: IndexArray, weights: RealArray, count: int) -> FloatArray:
     """Skin weights (V, K) float64 that sum to one, of those that a file holds.
 
     Args:
@@ -140,8 +134,7 @@ def normalised_weights(
         count: number of parts.
 
     Raises:
-        InputError: weights are negative, are not finite or do not sum to one, or a part does not
-            exist.
+        InputError: weights are negative, not finite or do not sum to one, or a part is missing.
     """
     if not np.isfinite(weights).all() or weights.min(initial=0) < 0:
         raise InputError(f"{path} has skin weights that are negative or not finite: mend them")
@@ -160,12 +153,12 @@ def normalised_weights(
 
 def skinned_body(
     tree: KinematicTree,
-    joints_m: NDArray[np.float64],
-    vertices_m: NDArray[np.float64],
-    faces: NDArray[np.integer],
-    parts: NDArray[np.integer],
-    weights: NDArray[np.float64],
-    landmarks_m: NDArray[np.float64],
+    joints_m: FloatArray,
+    vertices_m: FloatArray,
+    faces: IndexArray,
+    parts: IndexArray,
+    weights: FloatArray,
+    landmarks_m: FloatArray,
 ) -> BodyModel:
     """Body of a skin, of whose weights the four largest of each vertex count; a face belongs to the
     part with the largest weight over its corners.

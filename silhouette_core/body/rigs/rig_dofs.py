@@ -14,8 +14,7 @@ from silhouette_core.body.rigs.rig_checks import short
 
 TURNS = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 """Name of a turn about an axis of the body frame -> that axis."""
-FREE_DEG = 150
-"""Limits of a joint of which nothing is known: so far to either side."""
+FREE_DEG = 150  #: Limits of a joint of which nothing is known: so far to either side.
 UNITS_M = METRES | {"in": 254 / 10_000, "ft": 3048 / 10_000}
 """Units of length that a table can name, in metres."""
 _LARGEST_TABLE = 1_000_000
@@ -23,20 +22,15 @@ _Angle = Annotated[float, Meta(ge=-360, le=360)]
 
 
 class RigTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a user says of a rig in NAME.rig.toml beside it.
+    """What a user says of a rig in NAME.rig.toml beside it."""
 
-    Attributes:
-        unit: the rig's unit of length, of `UNITS_M`; None: not said.
-        radius: of the capsules of a skeleton without a surface, metres; None: by their lengths.
-        limits: joint -> axis of the body frame -> smallest and largest angle, degrees; joints that
-            are left out turn as usual.
-        root_fixed: whether the root stands still in the world, as a robot's base does.
-    """
-
-    unit: str | None = None
+    unit: str | None = None  #: the rig's unit of length, of `UNITS_M`; None: not said.
     radius: Annotated[float, Meta(ge=1e-4, lt=10)] | None = None
+    """Of the capsules of a skeleton without a surface, metres; None: by their lengths."""
     limits: dict[str, dict[Literal["x", "y", "z"], tuple[_Angle, _Angle]]] = {}
-    root_fixed: bool = False
+    """Joint -> axis of the body frame -> smallest and largest angle, degrees; joints that are left
+    out turn as usual."""
+    root_fixed: bool = False  #: whether the root stands still in the world, as a robot's base does.
 
     def check_joints(self, path: Path, names: list[str]) -> None:
         """Refuses limits of joints that the rig does not have.

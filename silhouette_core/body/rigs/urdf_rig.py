@@ -11,8 +11,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray, IntArray
 from calib.documents import load_text, parse_xml
 from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
@@ -46,7 +46,7 @@ class _Robot:
 
     order: list[str]  #: names of the links, parents first.
     joint_to: dict[str, Any]  #: link -> the joint that carries it, yourdfpy's; none of the root.
-    world: dict[str, NDArray[np.float64]]  #: link -> its frame (4, 4) in the body frame.
+    world: dict[str, FloatArray]  #: link -> its frame (4, 4) in the body frame.
     part: dict[str, str]  #: link -> the link after which its part is named.
 
 
@@ -123,7 +123,7 @@ def _read_robot(path: Path, say: Callable[[str], None]) -> tuple[_Robot, dict[st
             raise InputError(f"{path}: joint {short(joint.name)} has the type {short(joint.type)}")
         joint_to[joint.child] = joint
     part: dict[str, str] = {}
-    world: dict[str, NDArray[np.float64]] = {}
+    world: dict[str, FloatArray] = {}
     above = {name: joint_to[name].parent if name in joint_to else "" for name in links}
     order = parents_first(path, above, most=_MOST_LINKS)
     for link in order:
@@ -204,7 +204,7 @@ def _chain_ends(robot: _Robot) -> list[str]:
     ]
 
 
-def link_shapes(path: Path, link: Any, world: NDArray[np.float64]) -> list[ClosedMesh]:
+def link_shapes(path: Path, link: Any, world: FloatArray) -> list[ClosedMesh]:
     """Shapes of a link, in the body frame.
 
     Args:
@@ -228,9 +228,7 @@ def link_shapes(path: Path, link: Any, world: NDArray[np.float64]) -> list[Close
     return shapes
 
 
-def _geometry(
-    path: Path, link: str, geometry: Any
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _geometry(path: Path, link: str, geometry: Any) -> tuple[FloatArray, IntArray]:
     from trimesh import creation
 
     if geometry.mesh is not None:
@@ -249,7 +247,7 @@ def _geometry(
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
-def _sizes(path: Path, link: str, sizes: Any, count: int) -> NDArray[np.float64]:
+def _sizes(path: Path, link: str, sizes: Any, count: int) -> FloatArray:
     values = np.array([np.nan if size is None else size for size in np.ravel(sizes)], float)
     if len(values) != count or not ((values > 1e-5) & (values < LARGEST_M)).all():
         raise InputError(

@@ -107,8 +107,7 @@ def _shows(mean, share, label, colour, radius):
 
 @kernel
 def least_cost_labels(own, right, down, rounds, labels):
-    """Fills labels (h, w) int64, of least cost together, nearly: belief propagation in sweeps from
-    each side.
+    """Fills labels (h, w) int64, of least cost together, nearly: belief propagation in sweeps.
 
     Own costs (h, w, L) float32; right and down (h, w, L, L) as of `step_costs`.
     """

@@ -94,31 +94,19 @@ def brightness(frame, mean, scales, out):
 
 
 @kernel
-def look_up(frame, table, shift, out):
-    """Fills out (H, W) float32: the entry of the table (n, n, n) for each pixel's colour."""
-    height, width = out.shape
-    for row in range(height):
-        for column in range(width):
-            out[row, column] = table[
-                frame[row, column, 0] >> shift,
-                frame[row, column, 1] >> shift,
-                frame[row, column, 2] >> shift,
-            ]
-
-
-@kernel
 def log_odds(
     frame, mean, scales, noise, flicker, shades, uneven, spread_across, densities, shift, known, out
 ):
-    """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), limited.
+    """Fills out (H, W) float32: log p(colour | person) - log p(colour | background), limited, and
+    times the third of the densities (n, n, n) where that is below 0.
 
-    The first of the densities (n, n, n) is the first logarithm. The background is seen as it was,
-    but for a brightness with the relative deviation flicker, or in a shadow, whose brightness has
-    the density shades (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or
-    otherwise, with the second density, more often where it is not known (H, W) but guessed. Frame
+    The first of them is the first logarithm. The background is seen as it was, but for a brightness
+    with the relative deviation flicker, or in a shadow, whose brightness has the density shades
+    (m,) from 0 to 1, each with Gaussian noise `noise` times the model's, or otherwise, with the
+    second density, more often where it is not known (H, W) but guessed. Frame
     and mean are (3, H, W), see `_split`.
     """
-    table, others = densities
+    table, others, worn = densities
     _, height, width = frame.shape
     for row in range(height):
         for column in range(width):
@@ -129,7 +117,7 @@ def log_odds(
             )
             background = others[colour] * _OTHERWISE[0 if known[row, column] else 1]
             if table[colour] - np.log(background) <= -_MOST_ODDS:  # whatever else it may be
-                out[row, column] = -_MOST_ODDS
+                out[row, column] = -_MOST_ODDS * worn[colour]
                 continue
             residual_0, residual_1, residual_2, ratio = _split(frame, mean, scales, row, column)
             deviation = noise / scales[1, row, column]
@@ -153,7 +141,8 @@ def log_odds(
                     / (across * length)
                 )
             odds = table[colour] - np.log(background)
-            out[row, column] = max(-_MOST_ODDS, min(_MOST_ODDS, odds))
+            odds = np.float32(max(-_MOST_ODDS, min(_MOST_ODDS, odds)))
+            out[row, column] = odds if odds >= np.float32(0.0) else odds * worn[colour]
 
 
 @kernel

@@ -1,7 +1,5 @@
 """Library files from motion files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -17,8 +15,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.making.proposal_learning import LearningSettings, learn_proposal
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.base_poses import base_poses
-from silhouette_core.monocular.tree.build import build_library
-from silhouette_core.monocular.tree.checkpoint import Checkpoint
+from silhouette_core.monocular.tree.build import Checkpoint, build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.monocular.tree.store import is_library, read_library, write_library
 from silhouette_core.motion.mocap.load import load_motions, motion_files

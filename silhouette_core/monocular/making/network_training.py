@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, RealArray
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
 from silhouette_core.monocular.proposal.kernels import mixture as kernels
 from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork, normalised
@@ -34,67 +35,40 @@ _SAMPLE = 4000  # frames, over which the codes' variance is measured
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """Settings of a training.
+    """Settings of a training."""
 
-    Attributes:
-        steps: number of steps.
-        batch: samples of a step, a multiple of 4.
-        rate: largest learning rate; it falls as a half cosine.
-        kept_rate: that of what has learned before, relative to it.
-        units: units of the hidden layers.
-        blocks: residual blocks.
-        modes: modes of the mixture.
-        noise: deviation of the noise on the inputs.
-        decay: decay of the weights per unit of rate.
-    """
-
-    steps: int = 16_000
-    batch: int = 320
-    rate: float = 2e-3
-    kept_rate: float = 0.25
-    units: int = 768
-    blocks: int = 2
-    modes: int = 8
-    noise: float = 0.03
-    decay: float = 3e-3
+    steps: int = 16_000  #: number of steps.
+    batch: int = 320  #: samples of a step, a multiple of 4.
+    rate: float = 2e-3  #: largest learning rate; it falls as a half cosine.
+    kept_rate: float = 0.25  #: that of what has learned before, relative to it.
+    units: int = 768  #: units of the hidden layers.
+    blocks: int = 2  #: residual blocks.
+    modes: int = 8  #: modes of the mixture.
+    noise: float = 0.03  #: deviation of the noise on the inputs.
+    decay: float = 3e-3  #: decay of the weights per unit of rate.
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingBatch:
-    """Samples of a step.
+    """Samples of a step."""
 
-    Attributes:
-        inputs: (N, I).
-        joints: (N, J, 3), statures.
-        offset: (N, 3), as in `VirtualTake`.
-    """
-
-    inputs: NDArray[np.floating]
-    joints: NDArray[np.floating]
-    offset: NDArray[np.floating]
+    inputs: RealArray  #: (N, I).
+    joints: RealArray  #: (N, J, 3), statures.
+    offset: RealArray  #: (N, 3), as in `VirtualTake`.
 
 
 @dataclass(frozen=True, eq=False)
 class LossGradient:
-    """Gradient of the mean of -log p over a batch.
+    """Gradient of the mean of -log p over a batch."""
 
-    Attributes:
-        loss: the mean.
-        weights: its gradient, one array per layer.
-        biases: likewise.
-        first: (N, K), with respect to what the first layer makes of every sample.
-    """
-
-    loss: float
-    weights: list[NDArray[np.floating]]
-    biases: list[NDArray[np.floating]]
-    first: NDArray[np.floating]
+    loss: float  #: the mean.
+    weights: list[RealArray]  #: its gradient, one array per layer.
+    biases: list[RealArray]  #: likewise.
+    first: RealArray  #: (N, K), with respect to what the first layer makes of every sample.
 
 
 def loss_gradient(
-    network: MixtureNetwork,
-    batch: TrainingBatch,
-    share: float = 0.0,
+    network: MixtureNetwork, batch: TrainingBatch, share: float = 0.0
 ) -> LossGradient:
     r"""Gradient of the loss with respect to a network's weights and biases.
 
@@ -160,19 +134,13 @@ class _Block:
     """What a residual block made of a batch: N vectors of K elements."""
 
     number: int  # of its first layer
-    normal: NDArray[np.floating]  # (N, K), what it read
-    deviation: NDArray[np.floating]  # (N, 1)
-    hidden: NDArray[np.floating]  # (N, K)
+    normal: RealArray  # (N, K), what it read
+    deviation: RealArray  # (N, 1)
+    hidden: RealArray  # (N, K)
 
 
-def _before_normalising(
-    gradient: NDArray[np.floating],
-    normal: NDArray[np.floating],
-    deviation: NDArray[np.floating],
-) -> NDArray[np.floating]:
-    """Gradient (N, K) with respect to vectors, from that with respect to what `normalised` makes
-    of them.
-    """
+def _before_normalising(gradient: RealArray, normal: RealArray, deviation: RealArray) -> RealArray:
+    """Gradient (N, K) with respect to vectors, from that of what `normalised` makes of them."""
     along = (gradient * normal).mean(axis=1, keepdims=True)
     return (gradient - gradient.mean(axis=1, keepdims=True) - normal * along) / deviation
 
@@ -219,7 +187,7 @@ def _parted(weights: Sequence[NDArray], rows: int) -> list[NDArray]:
 
 
 def descend(
-    parameters: Sequence[NDArray[np.floating]],
+    parameters: Sequence[RealArray],
     gradients: Callable[[np.random.Generator, int, float], tuple[float, list[NDArray]]],
     settings: TrainingSettings,
     rng: np.random.Generator,
@@ -287,21 +255,14 @@ def descend(
 
 @dataclass(frozen=True, eq=False)
 class PictureBatch:
-    """Samples of a step: N single frames.
+    """Samples of a step: N single frames."""
 
-    Attributes:
-        coverage: (N, 60, 80) uint8, as in `VirtualTake`.
-        skin: (N, 60, 80) uint8, likewise.
-        shading: (N, 60, 80) uint8, likewise.
-        coloured: (N,) bool, whether what lies inside the silhouettes is read.
-        samples: what is to be told, and as inputs what the network reads beside the codes.
-    """
-
-    coverage: NDArray[np.uint8]
-    skin: NDArray[np.uint8]
-    shading: NDArray[np.uint8]
-    coloured: NDArray[np.bool_]
+    coverage: ByteArray  #: (N, 60, 80) uint8, as in `VirtualTake`.
+    skin: ByteArray  #: (N, 60, 80) uint8, likewise.
+    shading: ByteArray  #: (N, 60, 80) uint8, likewise.
+    coloured: BoolArray  #: (N,) bool, whether what lies inside the silhouettes is read.
     samples: TrainingBatch
+    """What is to be told, and as inputs what the network reads beside the codes."""
 
 
 def train_encoders(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from calib.checks import IndexArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.making.network_training import (
@@ -55,32 +56,23 @@ _LEAST_STEPS = 200
 
 @dataclass(frozen=True)
 class LearningSettings:
-    """Settings of the proposal.
+    """Settings of the proposal."""
 
-    Attributes:
-        frames: largest number of virtual frames.
-        takes: largest number of virtual takes of each recorded frame.
-        mirror: whether the mirror image of each frame is learned from as well.
-        all_varied: whether the motion of all takes is varied instead of that of every other one.
-        pictures: number of virtual frames from which the encoders learn.
-        passes: how often each virtual frame and mirror image is learned from, if that takes fewer
-            steps than `encoding` and `training` allow.
-        encoding: settings of the training of the encoders, and of the network that goes with it.
-        training: settings of the training of the network.
-        seed: seed of everything random.
-    """
-
-    frames: int = 800_000
-    takes: int = 60
-    mirror: bool = True
-    all_varied: bool = False
-    pictures: int = 150_000
+    frames: int = 800_000  #: largest number of virtual frames.
+    takes: int = 60  #: largest number of virtual takes of each recorded frame.
+    mirror: bool = True  #: whether the mirror image of each frame is learned from as well.
+    all_varied: bool = False  #: Whether the motion of all takes is varied, not every other's.
+    pictures: int = 150_000  #: number of virtual frames from which the encoders learn.
     passes: float = 5.0
+    """How often each virtual frame and mirror image is learned from, if that takes fewer steps than
+    `encoding` and `training` allow."""
     encoding: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(steps=5_000, batch=256, units=512)
     )
+    """Settings of the training of the encoders, and of the network that goes with it."""
     training: TrainingSettings = field(default_factory=TrainingSettings)
-    seed: int = 0
+    """Settings of the training of the network."""
+    seed: int = 0  #: seed of everything random.
 
     @classmethod
     def of_begun(cls) -> LearningSettings:
@@ -186,7 +178,6 @@ class FramePool:
     """Frames of several takes, one after the other; nothing is copied before it is asked for."""
 
     def __init__(self, takes: Sequence[VirtualTake]) -> None:
-        """Keeps the takes."""
         self._takes = takes
         self._ends = np.cumsum([len(take) for take in takes])
 
@@ -194,7 +185,7 @@ class FramePool:
         """Number of frames."""
         return int(self._ends[-1])
 
-    def gathered(self, frames: NDArray[np.integer], name: str) -> NDArray:
+    def gathered(self, frames: IndexArray, name: str) -> NDArray:
         """An attribute (n, ...) of the takes in frames (n,)."""
         numbers = np.searchsorted(self._ends, frames, side="right")
         return np.stack(

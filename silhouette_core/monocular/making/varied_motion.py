@@ -5,16 +5,14 @@ recording on the body of another, and slow deviations of all joints, make poses 
 but that a body can take; so do bodies that lean, lie or turn over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.monocular.tuning import VARIED_MOTION as VARIED
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
@@ -24,7 +22,7 @@ _FRAMES_PER_KNOT = 12
 _ANY_LIMB_KNOTS = 24  # frames, likewise, where both legs, or both arms, take any pose
 
 
-def _limbs(*parts: str) -> list[NDArray[np.bool_]]:
+def _limbs(*parts: str) -> list[BoolArray]:
     """Joint angles (D,) of the parts of the left and of the right limb."""
     return [
         np.array(
@@ -78,7 +76,7 @@ def vary_motion(motion: Motion, others: Sequence[Motion], rng: np.random.Generat
     )
 
 
-def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> FloatArray:
     """Joint angles (count, D) from a random place of a random motion, sometimes in reverse."""
     other = others[int(rng.integers(len(others)))]
     first = int(rng.integers(max(1, len(other) - count)))
@@ -87,7 +85,7 @@ def _stretch(others: Sequence[Motion], count: int, rng: np.random.Generator) -> 
 
 
 def _put_anywhere(
-    angles_rad: NDArray[np.float64], limbs: Sequence[NDArray[np.bool_]], rng: np.random.Generator
+    angles_rad: FloatArray, limbs: Sequence[BoolArray], rng: np.random.Generator
 ) -> None:
     """Replaces the angles (count, D) of a left and a right limb by slow movements from pose to
     pose, anywhere within their limits; often both limbs do much the same.
@@ -101,7 +99,7 @@ def _put_anywhere(
     angles_rad[:, either] = anywhere[:, either]
 
 
-def _deviations(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _deviations(count: int, rng: np.random.Generator) -> FloatArray:
     """Smooth curves (count, D), radians; zero where an angle is fixed."""
     sigma = rng.uniform(*np.radians(VARIED.deviation_deg))
     return _curves(count, len(HUMAN.dof_fixed), sigma, rng) * ~HUMAN.dof_fixed
@@ -113,7 +111,7 @@ def _curves(
     sigma: float,
     rng: np.random.Generator,
     frames_per_knot: int = _FRAMES_PER_KNOT,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Smooth curves (count, columns) through random knots."""
     knots = max(2, count // frames_per_knot + 2)
     values = rng.normal(0, sigma, (knots, columns))
@@ -124,7 +122,7 @@ def _curves(
     return values[left] * (1 - part) + values[left + 1] * part
 
 
-def _tumbling(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _tumbling(count: int, rng: np.random.Generator) -> FloatArray:
     """Rotations (count, 3, 3) about a horizontal axis, from any angle on, at a steady rate."""
     azimuth, first = rng.uniform(0, 2 * np.pi, 2)
     angle = first + rng.normal(0, np.radians(VARIED.tumble_deg)) * np.arange(count)

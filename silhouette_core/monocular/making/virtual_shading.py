@@ -5,12 +5,11 @@ the head, of the clothes above and below, and of the shoes; now and then two of 
 not as bright. The renderer draws labels, each of which is a colour and a brightness.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, IndexArray
 from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.monocular.tuning import VIRTUAL_SHADING as SHADING
 
@@ -20,10 +19,10 @@ _BELOW, _SHOES = ("pelvis", "thigh", "shin"), ("foot", "toes")
 
 
 def lit_labels(
-    surface: NDArray[np.float32],
-    faces: NDArray[np.integer],
-    face_part: NDArray[np.integer],
-    bare: NDArray[np.bool_],
+    surface: Float32Array,
+    faces: IndexArray,
+    face_part: IndexArray,
+    bare: BoolArray,
     rng: np.random.Generator,
 ) -> NDArray[np.int32]:
     """Labels (T, F) of all faces in light that is the same in all frames.
@@ -53,7 +52,7 @@ def lit_labels(
     return (part_colours(bare)[face_part] * _LEVELS + levels).astype(np.int32)
 
 
-def part_colours(bare: NDArray[np.bool_]) -> NDArray[np.intp]:
+def part_colours(bare: BoolArray) -> NDArray[np.intp]:
     """Number (27,) of every part's colour: 0 of bare ones, 1 above, 2 below, 3 of shoes.
 
     Args:
@@ -64,12 +63,12 @@ def part_colours(bare: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.where(bare, 0, colours)
 
 
-def bare_pixels(images: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def bare_pixels(images: ByteArray) -> ByteArray:
     """Pixels, 1 or 0, of the head's colour in images of labels: 0 background, else label + 1."""
     return ((images > 0) & (images <= _LEVELS)).view(np.uint8)
 
 
-def relative_brightness(images: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.float32]:
+def relative_brightness(images: ByteArray, rng: np.random.Generator) -> Float32Array:
     """Logarithm of every pixel's brightness less its colour's mean in all images; 0 outside.
 
     Args:

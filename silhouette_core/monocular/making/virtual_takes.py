@@ -3,25 +3,24 @@
 All lengths are in statures, so that what is learned serves every body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_many
-from silhouette_core.monocular.making.kernels import virtual_views as kernels
 from silhouette_core.monocular.making.virtual_defects import (
     cast_shadow,
     passing_defects,
+    spoil_silhouettes,
+    virtual_seen_joints,
     wall_coloured_places,
 )
-from silhouette_core.monocular.making.virtual_joints import virtual_seen_joints
 from silhouette_core.monocular.making.virtual_shading import (
     bare_pixels,
     lit_labels,
@@ -71,34 +70,22 @@ _SKIN_LIKE_PARTS = (
 
 @dataclass(frozen=True, eq=False)
 class VirtualTake:
-    """T frames of a person before a virtual camera; lengths in statures, the floor at 0.
+    """T frames of a person before a virtual camera; lengths in statures, the floor at 0."""
 
-    Attributes:
-        coverage: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
-        feet: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
-        skin: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
-        shading: (T, 60, 80) uint8, see `shading_grid`.
-        seen: (T, 45) float32, joints as a pose network sees them, see `seen_codes`.
-        pitch_rad: (T,) float32, as in `FrameFeatures`.
-        heading_rad: (T,) float32, as in `FrameFeatures`.
-        anchor: (T, 3) float32, as in `FrameFeatures`.
-        time_s: (T,) float64.
-        joints: (T, 14, 3) float32, joints but the pelvis, relative to it: right, away, up.
-        offset: (T, 3) float32, the pelvis in the window (right, down) at the assumed distance, and
-            the logarithm of its true distance over the assumed one.
-    """
-
-    coverage: NDArray[np.uint8]
-    feet: NDArray[np.uint8]
-    skin: NDArray[np.uint8]
-    shading: NDArray[np.uint8]
-    seen: NDArray[np.float32]
-    pitch_rad: NDArray[np.float32]
-    heading_rad: NDArray[np.float32]
-    anchor: NDArray[np.float32]
-    time_s: NDArray[np.float64]
-    joints: NDArray[np.float32]
-    offset: NDArray[np.float32]
+    coverage: ByteArray  #: (T, 60, 80) uint8, 0 to 4, the silhouettes, see `coverage_grid`.
+    feet: ByteArray  #: (T, 28, 48) uint8, 0 or 4, their lowest parts, see `feet_grid`.
+    skin: ByteArray  #: (T, 60, 80) uint8, 0 to 4, what has the colours of the head.
+    shading: ByteArray  #: (T, 60, 80) uint8, see `shading_grid`.
+    seen: Float32Array  #: (T, 45) float32, joints as a pose network sees them, see `seen_codes`.
+    pitch_rad: Float32Array  #: (T,) float32, as in `FrameFeatures`.
+    heading_rad: Float32Array  #: (T,) float32, as in `FrameFeatures`.
+    anchor: Float32Array  #: (T, 3) float32, as in `FrameFeatures`.
+    time_s: FloatArray  #: (T,) float64.
+    joints: Float32Array
+    """(T, 14, 3) float32, joints but the pelvis, relative to it: right, away, up."""
+    offset: Float32Array
+    """(T, 3) float32, the pelvis in the window (right, down) at the assumed distance, and the
+    logarithm of its true distance over the assumed one."""
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -121,7 +108,7 @@ class VirtualBodies:
             for sex in sexes
         ]
 
-    def draw(self, rng: np.random.Generator) -> tuple[BodyModel, NDArray[np.float64], float]:
+    def draw(self, rng: np.random.Generator) -> tuple[BodyModel, FloatArray, float]:
         """Body, its clothed vertices (V, 3) at rest, m, and its stature, m."""
         template = self._templates[int(rng.integers(len(self._templates)))]
         stout = rng.normal(0, PEOPLE.stout)
@@ -172,9 +159,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
         fallen = _viewed(shadow - centre.astype(np.float32), camera_from_world, focal)
         masks |= render_many(fallen, model.faces, labels, _MATRIX, _SIZE, cull_back=False) > 0
     _spoil(masks, bare, viewed, part_colours(bare_parts)[_main_parts(model)], rng)
-    coverage = np.empty((count, *GRID), np.uint8)
-    corners = np.empty((count, 2), np.int32)
-    kernels.centre_coverage(masks, coverage, corners)
+    corners = _window_corners(masks)
     # The window's middle, relative to the canvas's.
     middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
     ray = np.column_stack([middle / focal[:, None], np.ones(count)])
@@ -182,7 +167,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     places /= _STATURE_PX
     relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
     return VirtualTake(
-        coverage,
+        window_coverage(masks, corners),
         feet_grid(masks.astype(bool)),
         _skin_grids(bare & masks, masks, corners, rng),
         _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
@@ -198,7 +183,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     )
 
 
-def _in_statures(lengths_m: Range) -> NDArray[np.float64]:
+def _in_statures(lengths_m: Range) -> FloatArray:
     """Lengths in statures of a person of 1.75 m."""
     return np.array(lengths_m) * _METRE
 
@@ -225,7 +210,7 @@ def mirror_image(take: VirtualTake) -> VirtualTake:
 
 def _performed(
     motion: Motion, bodies: VirtualBodies, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float32], BodyModel]:
+) -> tuple[FloatArray, Float32Array, BodyModel]:
     """Joints (T, 15, 3) and surfaces (T, V, 3) of a random body in statures, on the floor near the
     middle of the room, and the body.
     """
@@ -252,7 +237,7 @@ def _performed(
     return joints - moved, surface - moved.astype(np.float32), model
 
 
-def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
+def _bare_parts(rng: np.random.Generator) -> BoolArray:
     """Whether every part (27,) has the colours of the head."""
     bare = {"head"}
     if rng.random() >= PEOPLE.cap:
@@ -272,11 +257,8 @@ def _bare_parts(rng: np.random.Generator) -> NDArray[np.bool_]:
 
 
 def _skin_grids(
-    bare: NDArray[np.uint8],
-    masks: NDArray[np.uint8],
-    corners: NDArray[np.int32],
-    rng: np.random.Generator,
-) -> NDArray[np.uint8]:
+    bare: ByteArray, masks: ByteArray, corners: NDArray[np.int32], rng: np.random.Generator
+) -> ByteArray:
     """Grids (T, 60, 80) uint8, 0 to 4, of bare parts (T, H, W) 0 or 1 in windows at corners (T, 2):
     the colours of the head are found less surely than these, and elsewhere, too.
     """
@@ -290,11 +272,8 @@ def _skin_grids(
 
 
 def _shading_grids(
-    brightness: NDArray[np.float32],
-    masks: NDArray[np.uint8],
-    corners: NDArray[np.int32],
-    rng: np.random.Generator,
-) -> NDArray[np.uint8]:
+    brightness: Float32Array, masks: ByteArray, corners: NDArray[np.int32], rng: np.random.Generator
+) -> ByteArray:
     """Grids (T, 60, 80) uint8 of relative brightness (T, H, W) in windows at corners (T, 2), with
     exposures and noise that change from frame to frame.
     """
@@ -305,7 +284,19 @@ def _shading_grids(
     return shading_grid(sums + covered * (exposure + noise))
 
 
-def window_coverage(masks: NDArray, corners: NDArray[np.integer]) -> NDArray:
+def _window_corners(masks: ByteArray) -> NDArray[np.int32]:
+    """First pixels (T, 2), x and y, of windows about the centroids, rounded to whole pixels, of
+    masks (T, H, W), 0 or 1; of an empty one about the image's middle.
+    """
+    corners, count = np.empty((len(masks), 2), np.int32), masks.sum(axis=(1, 2), dtype=np.int64)
+    for k, pixels in enumerate(masks.shape[:0:-1]):
+        sums = masks.sum(axis=1 + k, dtype=np.int64) @ np.arange(pixels)
+        middle = np.where(count > 0, sums / np.maximum(count, 1), (pixels - 1) / 2)
+        corners[:, k] = np.floor(middle - (2 * GRID[1 - k] - 1) / 2 + 0.5)
+    return corners
+
+
+def window_coverage(masks: NDArray, corners: IndexArray) -> NDArray:
     """Coverage (T, 60, 80), 0 to 4, of masks (T, H, W), 0 or 1, in windows whose first pixels, x
     and y, are at corners (T, 2); outside the masks it is 0. Of other images: the sums of the cells.
     """
@@ -319,7 +310,7 @@ def window_coverage(masks: NDArray, corners: NDArray[np.integer]) -> NDArray:
     return counted(window)
 
 
-def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def _camera_place(roots: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Place (3,) of a camera that has the person's way (T, 2) before it."""
     azimuth = rng.uniform(0, 2 * np.pi)
     distance = np.exp(rng.uniform(*np.log(_in_statures(CAMERAS.distance_m))))
@@ -330,7 +321,7 @@ def _camera_place(roots: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return np.array([*(distance * direction), height])
 
 
-def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _distance_error(count: int, rng: np.random.Generator) -> FloatArray:
     """Logarithm (T,) of the assumed distance over the true one."""
     error = np.zeros(count)
     constant, steps = rng.normal(0, CAMERAS.wrong), rng.normal(0, CAMERAS.wander, count)
@@ -340,10 +331,8 @@ def _distance_error(count: int, rng: np.random.Generator) -> NDArray[np.float64]
 
 
 def _viewed(
-    surface: NDArray[np.float32],
-    camera_from_world: NDArray[np.float64],
-    focal_px: NDArray[np.float64],
-) -> NDArray[np.float32]:
+    surface: Float32Array, camera_from_world: FloatArray, focal_px: FloatArray
+) -> Float32Array:
     """Surfaces (T, V, 3) in the cameras' frames, x and y times the focal length: every frame has
     its own, and all are drawn with one matrix.
     """
@@ -353,17 +342,17 @@ def _viewed(
     return np.matmul(surface, scaled.transpose(0, 2, 1).astype(np.float32))
 
 
-def _main_parts(model: BodyModel) -> NDArray[np.integer]:
+def _main_parts(model: BodyModel) -> IndexArray:
     """Part (V,) that moves each vertex most."""
     main = model.skin_weights.argmax(axis=1)[:, None]
     return np.take_along_axis(model.skin_parts, main, axis=1)[:, 0]
 
 
 def _spoil(
-    masks: NDArray[np.uint8],
-    bare: NDArray[np.uint8],
-    viewed: NDArray[np.float32],
-    colour: NDArray[np.integer],
+    masks: ByteArray,
+    bare: ByteArray,
+    viewed: Float32Array,
+    colour: IndexArray,
     rng: np.random.Generator,
 ) -> None:
     """Gives silhouettes and bare parts (T, H, W), in place, the defects of real ones, each its own,
@@ -372,9 +361,9 @@ def _spoil(
     places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
     edges, discs = passing_defects(places, rng)
     alike = wall_coloured_places(places, colour, rng)
-    kernels.spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
+    spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
     edges, discs = passing_defects(places, rng, strange=False)
-    kernels.spoil_silhouettes(bare, np.zeros_like(edges), discs)
+    spoil_silhouettes(bare, np.zeros_like(edges), discs)
 
 
 def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator) -> list[Motion]:

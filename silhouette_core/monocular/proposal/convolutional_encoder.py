@@ -9,14 +9,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from calib.checks import check_array
-from silhouette_core.monocular.proposal.kernels import patches as kernels
+from calib.checks import Float32Array, check_array
 from silhouette_core.monocular.proposal.silhouette_features import GRID, product, scaled_components
 
-SIZES = (5, 3, 3)
-"""Side of the filters of every convolution, in cells."""
+SIZES = (5, 3, 3)  #: Side of the filters of every convolution, in cells.
 STRIDE = 2
 _WIDTHS = (1, 2, 4)  # channels after every convolution, relative to the first one
 _AT_ONCE = 16  # images, whose patches stay in the cache of a processor
@@ -32,16 +31,13 @@ class ConvolutionalEncoder:
 
     where :math:`\star_2` is the convolution at every other cell, 0 outside the grid.
 
-    Attributes:
-        weights: of the convolutions, (5 x 5 x channels, C), (3 x 3 x C, 2 C) and (3 x 3 x 2 C, 4 C)
-            with C filters in the first; of the linear layer (8 x 10 x 4 C, K).
-        biases: one (outputs,) each.
-
     Source: LeCun et al., Gradient-based learning applied to document recognition (1998).
     """
 
-    weights: tuple[NDArray[np.float32], ...]
-    biases: tuple[NDArray[np.float32], ...]
+    weights: tuple[Float32Array, ...]
+    """Of the convolutions, (5 x 5 x channels, C), (3 x 3 x C, 2 C) and (3 x 3 x 2 C, 4 C) with C
+    filters in the first; of the linear layer (8 x 10 x 4 C, K)."""
+    biases: tuple[Float32Array, ...]  #: one (outputs,) each.
 
     @classmethod
     def initial(
@@ -95,22 +91,22 @@ class ConvolutionalEncoder:
         return len(self.biases[-1])
 
     @property
-    def parameters(self) -> list[NDArray[np.float32]]:
+    def parameters(self) -> list[Float32Array]:
         """Weights and biases."""
         return [*self.weights, *self.biases]
 
-    def encode(self, images: NDArray[np.float32]) -> NDArray[np.float32]:
+    def encode(self, images: Float32Array) -> Float32Array:
         """Codes (N, K) of images (N, 60, 80, channels)."""
         codes = [self._linear(self._convolved(some).flat) for some in _portions(images)]
         return np.concatenate([np.zeros((0, self.codes), np.float32), *codes])
 
-    def traced(self, images: NDArray[np.float32]) -> tuple[NDArray[np.float32], EncoderTrace]:
+    def traced(self, images: Float32Array) -> tuple[Float32Array, EncoderTrace]:
         """Codes (N, K) of images (N, 60, 80, channels), and what their gradients need."""
         portions = [self._convolved(some) for some in _portions(images)]
         flat = np.concatenate([one.flat for one in portions])
         return self._linear(flat), EncoderTrace(self, portions, flat)
 
-    def ordered(self, images: NDArray[np.float32]) -> ConvolutionalEncoder:
+    def ordered(self, images: Float32Array) -> ConvolutionalEncoder:
         """The encoder whose codes are the principal components of these over images (N, 60, 80,
         channels), scaled as by `fit_basis`.
         """
@@ -121,8 +117,8 @@ class ConvolutionalEncoder:
         bias = ((self.biases[-1] - mean)[None] @ basis)[0].astype(np.float32)
         return ConvolutionalEncoder((*self.weights[:-1], weights), (*self.biases[:-1], bias))
 
-    def _convolved(self, images: NDArray[np.float32]) -> _Convolved:
-        patches: list[NDArray[np.float32]] = []
+    def _convolved(self, images: Float32Array) -> _Convolved:
+        patches: list[Float32Array] = []
         states = [images]
         for size, weights, bias in zip(SIZES, self.weights, self.biases, strict=False):
             read = _patches(states[-1], size)
@@ -133,7 +129,7 @@ class ConvolutionalEncoder:
             states.append(outputs.reshape(*read.shape[:3], -1))
         return _Convolved(patches, states)
 
-    def _linear(self, flat: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _linear(self, flat: Float32Array) -> Float32Array:
         return product(flat, self.weights[-1]) + self.biases[-1]
 
 
@@ -141,11 +137,11 @@ class ConvolutionalEncoder:
 class _Convolved:
     """What the convolutions made of a few images."""
 
-    patches: Sequence[NDArray[np.float32]]  # (N, rows, columns, size, size, channels)
-    states: Sequence[NDArray[np.float32]]  # (N, rows, columns, channels), first the images
+    patches: Sequence[Float32Array]  # (N, rows, columns, size, size, channels)
+    states: Sequence[Float32Array]  # (N, rows, columns, channels), first the images
 
     @property
-    def flat(self) -> NDArray[np.float32]:
+    def flat(self) -> Float32Array:
         """What the linear layer reads (N, I)."""
         return self.states[-1].reshape(len(self.states[-1]), -1)
 
@@ -156,11 +152,10 @@ class EncoderTrace:
 
     encoder: ConvolutionalEncoder
     portions: Sequence[_Convolved]
-    flat: NDArray[np.float32]
+    flat: Float32Array
 
-    def gradients(self, codes: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Gradients with respect to the encoder's parameters, from that (N, K) with respect to the
-        codes.
+    def gradients(self, codes: Float32Array) -> list[Float32Array]:
+        """Gradients with respect to the encoder's parameters, from that (N, K) of the codes.
 
         BLAS must run in one thread, as the sums over all patches are left to it.
         """
@@ -184,7 +179,7 @@ class EncoderTrace:
         return [*weights, *biases]
 
 
-def _portions(images: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+def _portions(images: Float32Array) -> list[Float32Array]:
     return [images[start : start + _AT_ONCE] for start in range(0, len(images), _AT_ONCE)]
 
 
@@ -192,29 +187,28 @@ def _halved(cells: int) -> int:
     return -(-cells // STRIDE)
 
 
-def _before(cells: int, size: int) -> int:
-    """Cells that the first of the filters on a row of cells reads before it."""
-    return max((_halved(cells) - 1) * STRIDE + size - cells, 0) // 2
+def _margins(shape: tuple[int, ...], size: int) -> list[tuple[int, int]]:
+    """Cells before and after a state of a shape (N, h, w, C) that the filters read beyond it."""
+    beyond = [(_halved(cells) - 1) * STRIDE + size - cells for cells in shape[1:3]]
+    return [(0, 0), *((cells // 2, cells - cells // 2) for cells in beyond), (0, 0)]
 
 
-def _patches(state: NDArray[np.float32], size: int) -> NDArray[np.float32]:
+def _patches(state: Float32Array, size: int) -> Float32Array:
     """Patches (N, h / 2, w / 2, size, size, C) of a state (N, h, w, C)."""
-    count, height, width, channels = state.shape
-    patches = np.empty((count, _halved(height), _halved(width), size, size, channels), state.dtype)
-    kernels.gather_patches(state, _before(height, size), _before(width, size), STRIDE, patches)
-    return patches
+    windows = sliding_window_view(np.pad(state, _margins(state.shape, size)), (size, size), (1, 2))
+    return np.ascontiguousarray(np.moveaxis(windows[:, ::STRIDE, ::STRIDE], 3, -1))
 
 
-def _spread(
-    slope: NDArray[np.float32], patches: tuple[int, ...], shape: tuple[int, ...]
-) -> NDArray[np.float32]:
-    """Gradient with respect to a state of a shape (N, h, w, C) from that with respect to its
-    patches.
-    """
-    state, size = np.zeros(shape, slope.dtype), patches[3]
-    rows, columns = _before(shape[1], size), _before(shape[2], size)
-    kernels.scatter_patches(slope.reshape(patches), rows, columns, STRIDE, state)
-    return state
+def _spread(slope: Float32Array, patches: tuple[int, ...], shape: tuple[int, ...]) -> Float32Array:
+    """Gradient with respect to a state of a shape (N, h, w, C) from that of its patches."""
+    (_, rows, columns, size), margins = patches[:4], _margins(shape, patches[3])
+    size_with_margins = [cells + sum(more) for cells, more in zip(shape, margins, strict=True)]
+    wide, of_patches = np.zeros(size_with_margins, slope.dtype), slope.reshape(patches)
+    for i, j in list(np.ndindex(size, size))[::-1]:  # every sum in the order of its patches
+        reach = slice(i, i + STRIDE * rows, STRIDE), slice(j, j + STRIDE * columns, STRIDE)
+        wide[:, *reach] += of_patches[:, :, :, i, j]
+    (top, _), (left, _) = margins[1:3]
+    return wide[:, top : top + shape[1], left : left + shape[2]]
 
 
 def layer_grid(layer: int) -> tuple[int, int]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import RealArray
 from silhouette_core.monocular.proposal.kernels.mixture import (
     JOINT_LOG_SIGMA,
     OFFSET_LOG_SIGMA,
@@ -22,25 +22,20 @@ from silhouette_core.monocular.tuning import TRAINING
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """M probable poses for each of N inputs, J joints; lengths in statures.
+    """M probable poses for each of N inputs, J joints; lengths in statures."""
 
-    Attributes:
-        probability: (N, M) float32, summing to 1.
-        joints: (N, M, J, 3) float32, relative to the pelvis, in the order of LANDMARK_NAMES, in the
-            frame of a level camera with the heading of the features: right, away and up.
-        sigma: (N, M, J, 2) float32, deviations across (right and up) and along (away) the line of
-            sight, scales of Student's t with 4 degrees of freedom.
-        offset: (N, 3) float32, the pelvis's place in the window from its middle, right and down, at
-            the assumed distance (1: 158 px of 240), and the logarithm of the pelvis's true distance
-            along the optical axis over the assumed one.
-        offset_sigma: (N, 3) float32, its deviations, likewise.
-    """
-
-    probability: NDArray[np.floating]
-    joints: NDArray[np.floating]
-    sigma: NDArray[np.floating]
-    offset: NDArray[np.floating]
-    offset_sigma: NDArray[np.floating]
+    probability: RealArray  #: (N, M) float32, summing to 1.
+    joints: RealArray
+    """(N, M, J, 3) float32, relative to the pelvis, in the order of LANDMARK_NAMES, in the frame of
+    a level camera with the heading of the features: right, away and up."""
+    sigma: RealArray
+    """(N, M, J, 2) float32, deviations across (right and up) and along (away) the line of sight,
+    scales of Student's t with 4 degrees of freedom."""
+    offset: RealArray
+    """(N, 3) float32, the pelvis's place in the window from its middle, right and down, at the
+    assumed distance (1: 158 px of 240), and the logarithm of the pelvis's true distance along the
+    optical axis over the assumed one."""
+    offset_sigma: RealArray  #: (N, 3) float32, its deviations, likewise.
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +50,15 @@ class MixtureNetwork:
 
     where n subtracts the mean of a vector's elements and divides by their deviation.
 
-    Attributes:
-        weights: one (inputs, outputs) per layer: the first, two of each of R blocks, the last.
-        biases: one (outputs,) per layer.
-        mean_joints: (J, 3), to which the modes' joints are relative, statures.
-        modes: number M of modes.
-
     Source: He et al., Identity mappings in deep residual networks (2016); Ba, Kiros and Hinton,
     Layer normalization (2016).
     """
 
-    weights: tuple[NDArray[np.floating], ...]
-    biases: tuple[NDArray[np.floating], ...]
-    mean_joints: NDArray[np.floating]
-    modes: int
+    weights: tuple[RealArray, ...]
+    """One (inputs, outputs) per layer: the first, two of each of R blocks, the last."""
+    biases: tuple[RealArray, ...]  #: one (outputs,) per layer.
+    mean_joints: RealArray  #: (J, 3), to which the modes' joints are relative, statures.
+    modes: int  #: number M of modes.
 
     @classmethod
     def initial(
@@ -77,7 +67,7 @@ class MixtureNetwork:
         units: int,
         blocks: int,
         modes: int,
-        mean_joints: NDArray[np.floating],
+        mean_joints: RealArray,
         rng: np.random.Generator,
     ) -> MixtureNetwork:
         """Network with random weights, of the dtype of `mean_joints`.
@@ -103,11 +93,11 @@ class MixtureNetwork:
         """Numbers of the first layers of the residual blocks."""
         return range(1, len(self.weights) - 1, 2)
 
-    def layer(self, number: int, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
+    def layer(self, number: int, inputs: RealArray) -> RealArray:
         """What a layer makes of its inputs, before any rectification."""
         return product(inputs, self.weights[number]) + self.biases[number]
 
-    def outputs(self, inputs: NDArray[np.floating]) -> NDArray[np.floating]:
+    def outputs(self, inputs: RealArray) -> RealArray:
         """Outputs (N, O) of inputs (N, I), see `kernels.mixture.mixture_gradients`."""
         state = self.layer(0, inputs)
         for number in self.blocks:
@@ -115,7 +105,7 @@ class MixtureNetwork:
             state += self.layer(number + 1, np.maximum(hidden, 0))
         return self.layer(len(self.weights) - 1, np.maximum(normalised(state)[0], 0))
 
-    def mixture(self, inputs: NDArray[np.floating]) -> Mixture:
+    def mixture(self, inputs: RealArray) -> Mixture:
         """Mixture for inputs (N, I)."""
         outputs, count = self.outputs(inputs), len(self.mean_joints)
         ends = np.cumsum(np.array([count * 3, count * 2, 1]) * self.modes)
@@ -130,12 +120,8 @@ class MixtureNetwork:
         )
 
 
-def normalised(
-    state: NDArray[np.floating],
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Vectors (N, K) less the means of their elements and divided by their deviations, and these
-    deviations (N, 1).
-    """
+def normalised(state: RealArray) -> tuple[RealArray, RealArray]:
+    """Vectors (N, K) less the means of their elements, over their deviations, and these (N, 1)."""
     centred = state - state.mean(axis=1, keepdims=True)
     deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(1e-5))
     return centred / deviation, deviation

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import BoolArray, ByteArray, Float32Array, IndexArray, check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.monocular.proposal.convolutional_encoder import (
@@ -40,17 +40,12 @@ _JOINT_INPUTS = SEEN_CODES * (1 + len(OFFSETS_S))
 
 @dataclass(frozen=True, eq=False)
 class PoseProposal:
-    """Trained network and encoding of silhouettes, see `proposal_learning.learn_proposal`.
+    """Trained network and encoding of silhouettes, see `proposal_learning.learn_proposal`."""
 
-    Attributes:
-        encoding: makes what the network reads of silhouettes.
-        network: the network, float32.
-    """
+    encoding: SilhouetteEncoding  #: makes what the network reads of silhouettes.
+    network: MixtureNetwork  #: the network, float32.
 
-    encoding: SilhouetteEncoding
-    network: MixtureNetwork
-
-    def codes(self, masks: NDArray[np.bool_]) -> SilhouetteCodes:
+    def codes(self, masks: BoolArray) -> SilhouetteCodes:
         """Codes of T silhouettes (T, 240, 320) bool in the window of the library, without colours.
 
         The window is that of `monocular.window.look_at`: the silhouette's centroid in its
@@ -65,7 +60,7 @@ class PoseProposal:
         self,
         sequences: Sequence[FrameFeatures],
         causal: bool = False,
-        frames: NDArray[np.integer] | None = None,
+        frames: IndexArray | None = None,
     ) -> list[Mixture]:
         """Probable poses in the same frames of several sequences, which the network reads at once.
 
@@ -74,8 +69,7 @@ class PoseProposal:
             frames: (n,), frames whose poses are asked for; None: all.
 
         Returns:
-            The modes of these frames in each sequence, with the pelvis, at 0, as the first of 15
-            joints.
+            The modes of these frames in each sequence, the pelvis, at 0, the first of 15 joints.
         """
         inputs = []
         for features in sequences:
@@ -110,8 +104,7 @@ class PoseProposal:
         Raises:
             KeyError: an array is missing.
             TypeError: an array is not float32.
-            ValueError: the arrays do not fit together, hold NaN, or are those of an earlier
-                version.
+            ValueError: the arrays do not fit together, hold NaN, or are an earlier version's.
         """
         layers = range(sum(name.startswith("weight") for name in arrays))
         # Earlier versions read principal components, by networks of three layers.
@@ -146,24 +139,18 @@ class PoseProposal:
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteEncoding:
-    """What makes codes of grids.
+    """What makes codes of grids."""
 
-    Attributes:
-        outline: encoder of the grids of coverage, reads `outline_images`.
-        feet: basis of the grids of the lowest parts.
-        inside: encoder of what lies inside, reads `inside_images`.
-    """
-
-    outline: ConvolutionalEncoder
-    feet: SilhouetteBasis
-    inside: ConvolutionalEncoder
+    outline: ConvolutionalEncoder  #: encoder of the grids of coverage, reads `outline_images`.
+    feet: SilhouetteBasis  #: basis of the grids of the lowest parts.
+    inside: ConvolutionalEncoder  #: encoder of what lies inside, reads `inside_images`.
 
     @property
-    def parameters(self) -> list[NDArray[np.float32]]:
+    def parameters(self) -> list[Float32Array]:
         """Weights and biases of both encoders."""
         return [*self.outline.parameters, *self.inside.parameters]
 
-    def codes(self, coverage: NDArray[np.uint8], feet: NDArray[np.uint8]) -> SilhouetteCodes:
+    def codes(self, coverage: ByteArray, feet: ByteArray) -> SilhouetteCodes:
         """Codes of T silhouettes without colours.
 
         Args:

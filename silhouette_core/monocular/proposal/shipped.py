@@ -4,8 +4,6 @@ proposal.toml beside it states from what, and when. Weights have eight bits each
 unit: a file of 5 MB instead of 19.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -19,26 +19,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import check_array
+from calib.checks import (
+    BoolArray,
+    ByteArray,
+    Float32Array,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    RealArray,
+    check_array,
+)
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 
-GRID = (60, 80)
-"""Rows and columns of the grid of coverage."""
-FEET_GRID = (28, 48)
-"""Rows and columns of the grid of the lowest part, whose cells are half as large."""
-STATURE_CELLS = 158 / 4
-"""Cells of a stature at the assumed distance: 158 pixels of the library's window."""
-FULL = 4
-"""Coverage of a cell inside the silhouette."""
-NEUTRAL = 32
-"""Shading of a cell that is as bright as others of its colour, or outside the silhouette."""
-OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30
-"""Instants that are read beside a frame's own, s."""
+GRID = (60, 80)  #: Rows and columns of the grid of coverage.
+FEET_GRID = (28, 48)  #: Rows and columns of the grid of the lowest part, of half the cell size.
+STATURE_CELLS = 158 / 4  #: Cells of a stature at the assumed distance: 158 px of the window.
+FULL = 4  #: Coverage of a cell inside the silhouette.
+NEUTRAL = 32  #: Shading of a cell as bright as others of its colour, or outside the silhouette.
+OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30  #: Instants read beside a frame's own, s.
 OUTLINE_CODES, FEET_COMPONENTS, INSIDE_CODES = 128, 48, 96
 """Codes of the outline, principal components of the feet, codes of what lies inside."""
-SEEN_CODES = 3 * len(LANDMARK_NAMES)
-"""Numbers that state where joints are seen, see `seen_codes`."""
+SEEN_CODES = 3 * len(LANDMARK_NAMES)  #: Numbers that state where joints are seen, see `seen_codes`.
 _FUTURE = OFFSETS_S > 0
 _WINDOW_PX = (240, 320)
 # Codes that are read of the instants beside a frame's own.
@@ -52,40 +54,22 @@ _BLOCK = 256  # larger inner dimensions are split by BLAS, and otherwise with ot
 class SilhouetteCodes:
     """Codes of T silhouettes, from `PoseProposal.codes`: float32, or float16 while a proposal is
     learned, which takes half the memory.
-
-    Attributes:
-        outline: (T, K), of the whole silhouette.
-        feet: (T, K'), of its lowest part.
-        inside: (T, K''), of what lies inside it; 0 where colours are not known.
-        coloured: (T,) bool, where they are known.
-        joints: (T, 45), of the joints that are seen, see `seen_codes`; 0 where none are.
     """
 
-    outline: NDArray[np.floating]
-    feet: NDArray[np.floating]
-    inside: NDArray[np.floating]
-    coloured: NDArray[np.bool_]
-    joints: NDArray[np.floating]
+    outline: RealArray  #: (T, K), of the whole silhouette.
+    feet: RealArray  #: (T, K'), of its lowest part.
+    inside: RealArray  #: (T, K''), of what lies inside it; 0 where colours are not known.
+    coloured: BoolArray  #: (T,) bool, where they are known.
+    joints: RealArray  #: (T, 45), of the joints that are seen, see `seen_codes`; 0 where none are.
 
     @classmethod
     def joined(cls, parts: Sequence[SilhouetteCodes]) -> SilhouetteCodes:
         """Codes of several sequences of silhouettes, one after the other."""
-        return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("outline", "feet", "inside", "coloured", "joints")
-            )
-        )
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
-    def __getitem__(self, rows: NDArray[np.integer] | slice) -> SilhouetteCodes:
+    def __getitem__(self, rows: IndexArray | slice) -> SilhouetteCodes:
         """Codes of some of the silhouettes."""
-        return SilhouetteCodes(
-            self.outline[rows],
-            self.feet[rows],
-            self.inside[rows],
-            self.coloured[rows],
-            self.joints[rows],
-        )
+        return SilhouetteCodes(*(codes[rows] for codes in vars(self).values()))
 
     def __len__(self) -> int:
         """Number of silhouettes."""
@@ -94,15 +78,10 @@ class SilhouetteCodes:
 
 @dataclass(frozen=True, eq=False)
 class InsideGrids:
-    """What lies inside silhouettes.
+    """What lies inside silhouettes."""
 
-    Attributes:
-        skin: (..., 60, 80) uint8, 0 to 4, what has the colours of the head.
-        shading: (..., 60, 80) uint8, see `shading_grid`.
-    """
-
-    skin: NDArray[np.uint8]
-    shading: NDArray[np.uint8]
+    skin: ByteArray  #: (..., 60, 80) uint8, 0 to 4, what has the colours of the head.
+    shading: ByteArray  #: (..., 60, 80) uint8, see `shading_grid`.
 
     def with_mirror_image(self) -> InsideGrids:
         """Grids (2, 60, 80): these (60, 80) and their mirror image."""
@@ -111,22 +90,16 @@ class InsideGrids:
 
 @dataclass(frozen=True, eq=False)
 class FrameFeatures:
-    """Silhouettes of one person in T frames, as seen by a camera turned toward each.
-
-    Attributes:
-        pitch_rad: (T,) float32, angle of the optical axis below the horizontal.
-        heading_rad: (T,) float32, direction of the optical axis from above, atan2(y, x); not the
-            person's.
-        anchor: (T, 3) float32, the point of the optical axis at the assumed distance, in the world
-            in statures, the floor at height 0.
-        time_s: (T,) float64, increasing.
-    """
+    """Silhouettes of one person in T frames, as seen by a camera turned toward each."""
 
     codes: SilhouetteCodes
-    pitch_rad: NDArray[np.floating]
-    heading_rad: NDArray[np.floating]
-    anchor: NDArray[np.floating]
-    time_s: NDArray[np.floating]
+    pitch_rad: RealArray  #: (T,) float32, angle of the optical axis below the horizontal.
+    heading_rad: RealArray
+    """(T,) float32, direction of the optical axis from above, atan2(y, x); not the person's."""
+    anchor: RealArray
+    """(T, 3) float32, the point of the optical axis at the assumed distance, in the world in
+    statures, the floor at height 0."""
+    time_s: RealArray  #: (T,) float64, increasing.
 
     def __post_init__(self) -> None:
         """Checks the arrays.
@@ -149,23 +122,18 @@ class FrameFeatures:
 
 @dataclass(frozen=True, eq=False)
 class SilhouetteBasis:
-    """Mean and principal components of P cells, see `fit_basis`.
+    """Mean and principal components of P cells, see `fit_basis`."""
 
-    Attributes:
-        mean: (P,) float32, of grids divided by 4.
-        components: (P, K) float32.
-    """
+    mean: Float32Array  #: (P,) float32, of grids divided by 4.
+    components: Float32Array  #: (P, K) float32.
 
-    mean: NDArray[np.float32]
-    components: NDArray[np.float32]
-
-    def encode(self, grids: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def encode(self, grids: ByteArray) -> Float32Array:
         """Codes (N, K) float32, (grid / 4 - mean) @ components, of grids (N, h, w)."""
         rows = grids.reshape(len(grids), -1).astype(np.float32) / FULL
         return product(rows - self.mean, self.components)
 
 
-def coverage_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def coverage_grid(masks: BoolArray) -> ByteArray:
     """Coverage (…, 60, 80) uint8, 0 to 4, of silhouettes (…, 240, 320) bool in the library's
     window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
     """
@@ -179,7 +147,7 @@ def counted(masks: NDArray) -> NDArray:
     return a + b + c + d
 
 
-def shading_grid(sums: NDArray[np.floating]) -> NDArray[np.uint8]:
+def shading_grid(sums: RealArray) -> ByteArray:
     """Shading (..., 60, 80) uint8 of the sums (..., 60, 80) over the 2 x 2 pixels of every cell of
     the logarithm of their relative brightness, 0 outside the silhouette: 48 levels are a factor of
     e, from 0 to 64.
@@ -187,12 +155,12 @@ def shading_grid(sums: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.clip(np.rint(NEUTRAL + _SHADES / FULL * sums), 0, 2 * NEUTRAL).astype(np.uint8)
 
 
-def outline_images(coverage: NDArray[np.uint8]) -> NDArray[np.float32]:
+def outline_images(coverage: ByteArray) -> Float32Array:
     """What the first encoder reads (N, 60, 80, 1) of grids of coverage (N, 60, 80)."""
     return coverage[..., None].astype(np.float32) / np.float32(FULL)
 
 
-def inside_images(skin: NDArray[np.uint8], shading: NDArray[np.uint8]) -> NDArray[np.float32]:
+def inside_images(skin: ByteArray, shading: ByteArray) -> Float32Array:
     """What the second encoder reads (N, 60, 80, 2) of grids (N, 60, 80) as in `InsideGrids`."""
     images = np.empty((*skin.shape, 2), np.float32)
     np.divide(skin, FULL, out=images[..., 0])
@@ -201,7 +169,7 @@ def inside_images(skin: NDArray[np.uint8], shading: NDArray[np.uint8]) -> NDArra
     return images
 
 
-def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def feet_grid(masks: BoolArray) -> ByteArray:
     """Lowest parts (N, 28, 48) uint8, 0 or 4, of silhouettes (N, h, w) bool at half the window's
     resolution: the rows that end with the lowest pixel, about their middle column.
     """
@@ -221,9 +189,7 @@ def feet_grid(masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return grids
 
 
-def seen_codes(
-    places: NDArray[np.floating], visibility: NDArray[np.floating]
-) -> NDArray[np.float32]:
+def seen_codes(places: RealArray, visibility: RealArray) -> Float32Array:
     """Codes (..., 45) float32 of joints that are seen.
 
     Args:
@@ -235,7 +201,7 @@ def seen_codes(
     return np.concatenate([flat, visibility], axis=-1, dtype=np.float32)
 
 
-def mirrored_seen_codes(codes: NDArray[np.floating]) -> NDArray[np.floating]:
+def mirrored_seen_codes(codes: RealArray) -> RealArray:
     """Codes (..., 45) of the same joints in a mirror."""
     count = len(LANDMARK_NAMES)
     places, visibility = codes[..., : 2 * count], codes[..., 2 * count :]
@@ -246,10 +212,8 @@ def mirrored_seen_codes(codes: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.concatenate([pairs.reshape(places.shape), visibility[..., exchanged]], axis=-1)
 
 
-def level_axes(heading_rad: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Right, away and up (T, 3, 3), as rows in the world, of level cameras that look along
-    headings (T,), atan2(y, x).
-    """
+def level_axes(heading_rad: RealArray) -> FloatArray:
+    """Right, away and up (T, 3, 3), as rows, of level cameras along headings (T,), atan2(y, x)."""
     heading = np.asarray(heading_rad, float)
     cosine, sine, none = np.cos(heading), np.sin(heading), np.zeros(len(heading))
     return np.stack(
@@ -262,7 +226,7 @@ def level_axes(heading_rad: NDArray[np.floating]) -> NDArray[np.float64]:
     )
 
 
-def nearby_frames(time_s: NDArray[np.floating]) -> NDArray[np.int64]:
+def nearby_frames(time_s: RealArray) -> IntArray:
     """Frames (T, 8) nearest to the instants `OFFSETS_S` about every frame; of two equally near the
     earlier. Instants before a frame give no later one, and the other way round.
     """
@@ -275,19 +239,19 @@ def nearby_frames(time_s: NDArray[np.floating]) -> NDArray[np.int64]:
     return np.where(later, after, before)
 
 
-def past_only(nearby: NDArray[np.int64], frames: NDArray[np.integer]) -> NDArray[np.int64]:
+def past_only(nearby: IntArray, frames: IndexArray) -> IntArray:
     """Nearby frames (n, 8) of frames (n,), the later ones replaced by the frame itself."""
     return np.where(_FUTURE, np.asarray(frames)[:, None], nearby)
 
 
 def network_inputs(
     features: FrameFeatures,
-    frames: NDArray[np.integer],
-    nearby: NDArray[np.int64],
-    causal: NDArray[np.bool_],
-    coloured: NDArray[np.bool_] | None = None,
-    jointed: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float32]:
+    frames: IndexArray,
+    nearby: IntArray,
+    causal: BoolArray,
+    coloured: BoolArray | None = None,
+    jointed: BoolArray | None = None,
+) -> Float32Array:
     """Inputs (n, I) of the network.
 
     Args:
@@ -332,7 +296,7 @@ def input_count(outline: int, feet: int, inside: int) -> int:
     return outline + feet + inside + len(OFFSETS_S) * beside + 4 + SEEN_CODES
 
 
-def fit_basis(grids: NDArray[np.uint8], components: int) -> SilhouetteBasis:
+def fit_basis(grids: ByteArray, components: int) -> SilhouetteBasis:
     """Mean and principal components of grids; the same on every machine if BLAS runs in one thread.
 
     Args:
@@ -350,7 +314,7 @@ def fit_basis(grids: NDArray[np.uint8], components: int) -> SilhouetteBasis:
     return SilhouetteBasis(mean, basis[:, :count].astype(np.float32))
 
 
-def scaled_components(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def scaled_components(rows: FloatArray) -> FloatArray:
     """Principal components (K, K) of rows (N, K) whose mean is 0, the largest first, divided by the
     square root of their deviation relative to that of the first.
     """

@@ -1,13 +1,11 @@
 """The body of the person seen by one camera: build and sex from the clearest frames of a take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
@@ -33,7 +31,7 @@ def adapted_body(
     model: BodyModel,
     sexes: Sequence[str],
     views: PinholeViews,
-    masks: Sequence[NDArray[np.bool_]],
+    masks: Sequence[BoolArray],
     modes: Sequence[FrameModes],
     backend: Backend,
 ) -> BodyModel:
@@ -81,7 +79,7 @@ def adapted_body(
     return _grown(body, scale)
 
 
-def shod_scale(lowest_m: NDArray[np.float64], camera_m: float) -> float:
+def shod_scale(lowest_m: FloatArray, camera_m: float) -> float:
     r"""Factor by which a person is taller than the body, from feet that hang above the floor.
 
     A person taller by the factor :math:`s` is put at :math:`1/s` of the distance, and what stands

@@ -4,11 +4,10 @@ Seen from the front and from behind, silhouettes are nearly alike; the frames th
 the others, by a hidden Markov model whose states are headings. Beyond paper A.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.monocular.tuning import HEADING
 from silhouette_core.motion.dynamics import FPS
@@ -21,20 +20,18 @@ _LEFT, _RIGHT = (
 )
 
 
-def body_headings(joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (…,), radians, of the axis from right to left hip and shoulder of joints
-    (…, 15, 3).
-    """
+def body_headings(joints: FloatArray) -> FloatArray:
+    """Headings (…,), rad, of the axis from right to left hip and shoulder, of joints (…, 15, 3)."""
     across = (joints[..., _LEFT, :] - joints[..., _RIGHT, :]).sum(axis=-2)
     return np.arctan2(across[..., 1], across[..., 0])
 
 
 def smooth_headings(
-    heading_rad: NDArray[np.float64],
-    probability: NDArray[np.float64],
-    time_s: NDArray[np.float64],
+    heading_rad: FloatArray,
+    probability: FloatArray,
+    time_s: FloatArray,
     first_rad: float | None = None,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     r"""Probabilities of modes, given the headings of all frames.
 
     The heading :math:`\phi_t` is the state of a hidden Markov model on a circle of 72 states, that
@@ -67,16 +64,16 @@ class HeadingFilter:
     """The forward pass of `smooth_headings`, frame by frame."""
 
     def __init__(self) -> None:
-        self._density: NDArray[np.float64] | None = None
+        self._density: FloatArray | None = None
         self._time_s = 0.0
 
     def update(
         self,
-        heading_rad: NDArray[np.float64],
-        probability: NDArray[np.float64],
+        heading_rad: FloatArray,
+        probability: FloatArray,
         time_s: float,
         first_rad: float | None = None,
-    ) -> NDArray[np.float64]:
+    ) -> FloatArray:
         """Probabilities (M,) of the modes of the next frame, given the headings of all so far.
 
         Args:
@@ -88,9 +85,7 @@ class HeadingFilter:
         kernel, seen = _observed(heading_rad, probability)
         return _weighed(probability, kernel, self.step(seen, time_s, first_rad))
 
-    def step(
-        self, seen: NDArray[np.float64], time_s: float, first_rad: float | None
-    ) -> NDArray[np.float64]:
+    def step(self, seen: FloatArray, time_s: float, first_rad: float | None) -> FloatArray:
         """Density (72,) of the heading from the likelihood (72,) of the next frame."""
         if self._density is not None:
             seen = seen * _convolved(self._density, _turning(time_s - self._time_s))
@@ -101,12 +96,8 @@ class HeadingFilter:
         return density
 
 
-def _observed(
-    heading_rad: NDArray[np.float64], probability: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Density (…, M, 72) of the heading about every mode, and likelihood (…, 72) of the headings
-    with modes (…, M).
-    """
+def _observed(heading_rad: FloatArray, probability: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Density (…, M, 72) of headings about the modes (…, M), and likelihood (…, 72) of each."""
     apart = np.abs((_STATES_RAD - heading_rad[..., None] + np.pi) % (2 * np.pi) - np.pi)
     kernel = np.exp(-0.5 * (apart / np.radians(HEADING.sigma_deg)) ** 2)
     kernel /= kernel.sum(axis=-1, keepdims=True)
@@ -121,16 +112,12 @@ def _turning(interval_s: float) -> NDArray[np.complexfloating]:
     return np.fft.rfft(moved / moved.sum())
 
 
-def _weighed(
-    probability: NDArray[np.float64], kernel: NDArray[np.float64], density: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _weighed(probability: FloatArray, kernel: FloatArray, density: FloatArray) -> FloatArray:
     """Probabilities (…, M) of modes, times the density (…, 72) of their headings."""
     density = density / density.sum(axis=-1, keepdims=True)
     weighted = probability * np.einsum("...s,...ms->...m", density, kernel)
     return weighted / weighted.sum(axis=-1, keepdims=True)
 
 
-def _convolved(
-    density: NDArray[np.float64], spectrum: NDArray[np.complexfloating]
-) -> NDArray[np.float64]:
+def _convolved(density: FloatArray, spectrum: NDArray[np.complexfloating]) -> FloatArray:
     return np.maximum(np.fft.irfft(np.fft.rfft(density) * spectrum, _HEADINGS), 1e-300)

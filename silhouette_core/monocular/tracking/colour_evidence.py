@@ -6,15 +6,13 @@ others of its colour, tells which way it faces. Beyond paper A, which names the 
 outline as further work (section 7).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, Float32Array, FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.head_colours import ColourCrop, HeadColours
 from silhouette_core.image.shading import ColourBrightness, relative_shading
@@ -42,12 +40,12 @@ class ColourEvidence:
     def __init__(self, camera: Camera):
         self.camera = camera
         self._colours = HeadColours()
-        self._likelihood: NDArray[np.float32] | None = None
+        self._likelihood: Float32Array | None = None
         self._brightness = ColourBrightness()
         self._mean = self._brightness.mean()
 
     def learn(
-        self, people: Sequence[Person], joints_m: Sequence[NDArray[np.float64]], memory: float
+        self, people: Sequence[Person], joints_m: Sequence[FloatArray], memory: float
     ) -> bool:
         """Learns the colours from frames; returns whether they are known now.
 
@@ -88,12 +86,12 @@ class ColourEvidence:
 
     def _warped(
         self,
-        image: NDArray[np.float32],
+        image: Float32Array,
         corner: tuple[int, int],
-        matrix: NDArray[np.float64],
-        rotation: NDArray[np.float64],
+        matrix: FloatArray,
+        rotation: FloatArray,
         shape: tuple[int, ...],
-    ) -> NDArray[np.float32]:
+    ) -> Float32Array:
         """Part (h, w) of the picture, whose first pixel is at a corner, as a virtual camera sees
         it: its matrix, rotation from the world, and height and width.
         """
@@ -111,7 +109,7 @@ class ColourEvidence:
             cv2.warpPerspective(image, camera_from_virtual, size, flags=flags), np.float32
         )
 
-    def _head(self, joints_m: NDArray[np.float64], crop: ColourCrop) -> NDArray[np.bool_]:
+    def _head(self, joints_m: FloatArray, crop: ColourCrop) -> BoolArray:
         """Pixels (h, w) bool of the head in a crop."""
         neck, top = joints_m[_NECK], joints_m[_TOP]
         ends, depth = self.camera.project(np.stack([neck + HEAD.from_neck * (top - neck), top]))
@@ -125,12 +123,8 @@ class ColourEvidence:
         return head.astype(bool)
 
 
-def _half_size(
-    window: Window,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, int]]:
-    """Matrix, rotation from the world, height and width of a window's virtual camera at half the
-    size.
-    """
+def _half_size(window: Window) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
+    """Matrix, rotation from the world, height and width of a window's camera at half the size."""
     rows, columns = 2 * GRID[0], 2 * GRID[1]
     focal = window.focal_px / 2
     matrix = np.array([[focal, 0, (columns - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.surface import Surface
@@ -21,38 +21,25 @@ from silhouette_core.tuning import STEPS
 
 @dataclass(frozen=True)
 class CostSettings:
-    """Sigma, unit and source of every term. Tuned ones: one camera, seeds 1 to 40.
-
-    Attributes:
-        silhouette: sigma of a refined pose's silhouette distance, 1, relative to the silhouette's
-            weight.
-        sunk_m: sigma of the lowest point below the floor, m: soles and noise.
-        hovering_m: sigma of the lowest point above it, m: who walks lifts the heels.
-        most_off_floor: of these sigmas, from which more costs no more: somebody may jump.
-        near_floor_m: median distance of the lowest point from z = 0 up to which that is the floor.
-        floor_frames: frames of that median.
-    """
+    """Sigma, unit and source of every term. Tuned ones: one camera, seeds 1 to 40."""
 
     silhouette: float = 0.04
-    sunk_m: float = 0.03
-    hovering_m: float = 0.06
-    most_off_floor: float = 3.0
+    """Sigma of a refined pose's silhouette distance, 1, relative to the silhouette's weight."""
+    sunk_m: float = 0.03  #: sigma of the lowest point below the floor, m: soles and noise.
+    hovering_m: float = 0.06  #: sigma of the lowest point above it, m: who walks lifts the heels.
+    most_off_floor: float = 3.0  #: Of these sigmas, more costs no more: somebody may jump.
     near_floor_m: float = 0.20
-    floor_frames: int = 90
+    """Median distance of the lowest point from z = 0 up to which that is the floor."""
+    floor_frames: int = 90  #: frames of that median.
 
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """K pose hypotheses of a frame.
-
-    Attributes:
-        joints: (K, 15, 3) float64, in the world, m.
-        distance: (K,) float64, silhouette distances.
-    """
+    """K pose hypotheses of a frame."""
 
     poses: list[Pose]
-    joints: NDArray[np.float64]
-    distance: NDArray[np.float64]
+    joints: FloatArray  #: (K, 15, 3) float64, in the world, m.
+    distance: FloatArray  #: (K,) float64, silhouette distances.
     surface: Surface
     proposal: FrameProposal
 
@@ -67,13 +54,13 @@ class FrameCosts:
     def __init__(self, settings: CostSettings):
         self.settings = settings
         self._lowest: deque[float] = deque(maxlen=settings.floor_frames)
-        self.terms: dict[str, Callable[[Hypotheses], NDArray[np.float64]]] = {
+        self.terms: dict[str, Callable[[Hypotheses], FloatArray]] = {
             "silhouette": self._silhouette,
             "floor": self._floor,
             "proposal": lambda given: given.proposal.cost(given.joints),
         }
 
-    def __call__(self, given: Hypotheses) -> NDArray[np.float64]:
+    def __call__(self, given: Hypotheses) -> FloatArray:
         """Cost (K,) float64, nats, of a frame's hypotheses."""
         return np.sum([term(given) for term in self.terms.values()], axis=0)
 
@@ -84,11 +71,11 @@ class FrameCosts:
             float(np.median(np.abs(self._lowest))) < self.settings.near_floor_m
         )
 
-    def _silhouette(self, given: Hypotheses) -> NDArray[np.float64]:
+    def _silhouette(self, given: Hypotheses) -> FloatArray:
         """The silhouette distance, eq. (10): Gaussian."""
         return 0.5 * (given.distance / self.settings.silhouette) ** 2
 
-    def _floor(self, given: Hypotheses) -> NDArray[np.float64]:
+    def _floor(self, given: Hypotheses) -> FloatArray:
         """Hovering above the floor or sinking into it, as a leg at a wrong depth does.
 
         The world's z = 0 counts as the floor as long as the person has mostly stood near it.
@@ -105,35 +92,25 @@ class FrameCosts:
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """How many hypotheses are tracked, and how they are scored.
-
-    Attributes:
-        carried: number of hypotheses of the previous frame that are carried on; a worse one may
-            turn out to be right.
-        kept: number of hypotheses kept per frame.
-        surface_points: number of points of the body's surface that are fitted to the silhouette.
-        reduction: how many times smaller than the window poses are drawn.
-        different_m: mean distance of the joints within which two hypotheses that are carried
-            explain a silhouette alike, m.
-        same_m: the same within which two hypotheses are one pose, m.
-        restart: largest cost of a step from frame to frame, nats; what costs more is no movement.
-        temperature: of the hypotheses' probabilities, see `Beam.probabilities`.
-        steadiness: factor on the usual steps of joints.
-        both_ways: whether frames are also tracked from the last to the first, if later ones are
-            waited for.
-    """
+    """How many hypotheses are tracked, and how they are scored."""
 
     costs: CostSettings = field(default_factory=CostSettings)
     carried: int = 1
-    kept: int = 8
-    surface_points: int = 500
-    reduction: int = 2
+    """Number of hypotheses of the previous frame that are carried on; a worse one may turn out to
+    be right."""
+    kept: int = 8  #: number of hypotheses kept per frame.
+    surface_points: int = 500  #: Number of the surface's points that are fitted to outlines.
+    reduction: int = 2  #: how many times smaller than the window poses are drawn.
     different_m: float = 0.07
-    same_m: float = 0.035
+    """Mean distance of the joints within which two hypotheses that are carried explain a silhouette
+    alike, m."""
+    same_m: float = 0.035  #: the same within which two hypotheses are one pose, m.
     restart: float = STEPS.restart
-    temperature: float = 17.0
-    steadiness: float = 1.0
+    """Largest cost of a step from frame to frame, nats; what costs more is no movement."""
+    temperature: float = 17.0  #: of the hypotheses' probabilities, see `Beam.probabilities`.
+    steadiness: float = 1.0  #: factor on the usual steps of joints.
     both_ways: bool = False
+    """Whether frames are also tracked from the last to the first, if later ones are waited for."""
 
     @classmethod
     def of_given_body(cls, length_m: float) -> TrackerSettings:

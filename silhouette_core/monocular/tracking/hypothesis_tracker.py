@@ -6,14 +6,12 @@ frame, are refined on the silhouette. Viterbi's recursion runs over the refined 
 paper A.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.occlusion import occluded_parts
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts, Hypotheses, TrackerSettings
@@ -33,8 +31,7 @@ from silhouette_core.tracking.beam import Beam, select_different
 from silhouette_core.tracking.step_costs import StepCosts
 from silhouette_core.tuning import REFINEMENT
 
-FROM_PREDICTION = RefineSettings(REFINEMENT.near_reaches_m)
-"""Refinement of a pose that is nearly right."""
+FROM_PREDICTION = RefineSettings(REFINEMENT.near_reaches_m)  #: Of a pose that is nearly right.
 
 FoundPoses = tuple[list[Pose], list[LandmarkPrior | None]]
 """Poses, and the prior of the joints' positions that each was refined with."""
@@ -52,7 +49,7 @@ class HypothesisTracker:
         self,
         model: BodyModel,
         camera: Camera,
-        usual_areas: NDArray[np.float64],
+        usual_areas: FloatArray,
         settings: TrackerSettings,
         backend: Backend,
     ):
@@ -75,11 +72,7 @@ class HypothesisTracker:
         self.surface = Surface(model, self.settings.surface_points)
 
     def observe(
-        self,
-        mask: NDArray[np.bool_],
-        distance_m: float,
-        time_s: float,
-        window: Window | None = None,
+        self, mask: BoolArray, distance_m: float, time_s: float, window: Window | None = None
     ) -> ObservedFrame:
         """Prepares a frame.
 

@@ -16,22 +16,18 @@ weights stand in joint_error.toml, which `python -m benchmarks.joint_error ... -
 Source: textbook (linear regression); the evidence is this project's.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from calib.checks import BoolArray, FloatArray, RealArray
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.ranking import rounded
 
-NEAR_MM = 30
-"""Error for which the probability of a joint is stated."""
-ADDED_MM = 3
-"""Added to errors before their logarithm is taken."""
+NEAR_MM = 30  #: Error for which the probability of a joint is stated.
+ADDED_MM = 3  #: Added to errors before their logarithm is taken.
 _SPREAD_MM, _LEAST_APART = 10, 1 / 50
 
 FILE = Path(__file__).with_suffix(".toml")
@@ -41,22 +37,14 @@ relative to the pelvis; what the former leave of the logarithm."""
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """Errors to be expected of the joints of T frames.
+    """Errors to be expected of the joints of T frames."""
 
-    Attributes:
-        joint_mm: (T, 15) float64, median error of a joint.
-        near_probability: (T, 15) float64, that it is within 30 mm of the truth.
-        pose_mm: (T,) float64, mean over the joints of the median error relative to the pelvis.
-    """
-
-    joint_mm: NDArray[np.float64]
-    near_probability: NDArray[np.float64]
-    pose_mm: NDArray[np.float64]
+    joint_mm: FloatArray  #: (T, 15) float64, median error of a joint.
+    near_probability: FloatArray  #: (T, 15) float64, that it is within 30 mm of the truth.
+    pose_mm: FloatArray  #: (T,) float64, mean of the joints' median errors relative to the pelvis.
 
 
-def hypothesis_spread(
-    probability: NDArray[np.floating], joints_m: NDArray[np.floating]
-) -> NDArray[np.float64]:
+def hypothesis_spread(probability: RealArray, joints_m: RealArray) -> FloatArray:
     """Mean distance (15,) of the joints of n hypotheses from the likeliest one's, relative to the
     pelvis, m.
 
@@ -70,10 +58,8 @@ def hypothesis_spread(
 
 
 def error_evidence(
-    spread_m: NDArray[np.floating],
-    outline_agreement: NDArray[np.floating],
-    occluded: NDArray[np.bool_],
-) -> NDArray[np.float64]:
+    spread_m: RealArray, outline_agreement: RealArray, occluded: BoolArray
+) -> FloatArray:
     """Numbers (T, 15, 19) that the weights belong to; arguments as of `joint_errors`."""
     frames, joints = spread_m.shape
     spread = np.log(1000 * spread_m + _SPREAD_MM)
@@ -85,9 +71,7 @@ def error_evidence(
 
 
 def joint_errors(
-    spread_m: NDArray[np.floating],
-    outline_agreement: NDArray[np.floating],
-    occluded: NDArray[np.bool_],
+    spread_m: RealArray, outline_agreement: RealArray, occluded: BoolArray
 ) -> JointErrors:
     """Errors to be expected of T frames.
 

@@ -4,26 +4,19 @@ Beyond paper A. The network reads silhouettes through a window at the person's d
 corrects itself, and as soon as the head is found its colours, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
+from calib.checks import FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
-from silhouette_core.monocular.tracking.pose_modes import (
-    MEMORY_S,
-    FrameModes,
-    ModeFinder,
-    ModeView,
-)
+from silhouette_core.monocular.tracking.pose_modes import MEMORY_S, FrameModes, ModeFinder, ModeView
 from silhouette_core.monocular.tuning import HEAD
 from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
@@ -100,7 +93,7 @@ class ModeProposer:
             self._sexes = ()
         return modes
 
-    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+    def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
             self._colours.learn([person], [joints_m], HEAD.kept)

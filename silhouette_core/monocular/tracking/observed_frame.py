@@ -1,14 +1,12 @@
 """What a frame shows, prepared once for all that compares poses with it; what it should show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.silhouette_weights import SignedWeights
@@ -21,17 +19,11 @@ from silhouette_core.refinement.surface import Surface
 
 @dataclass(frozen=True, eq=False)
 class ObservedFrame:
-    """What a frame shows.
+    """What a frame shows."""
 
-    Attributes:
-        mask: (h, w) bool, the silhouette in the camera's image.
-        weights: signed pixel weights of the silhouette's window.
-        contour: points of the contour, and distances from the silhouette.
-    """
-
-    mask: NDArray[np.bool_]
-    weights: SignedWeights
-    contour: Observation
+    mask: BoolArray  #: (h, w) bool, the silhouette in the camera's image.
+    weights: SignedWeights  #: signed pixel weights of the silhouette's window.
+    contour: Observation  #: points of the contour, and distances from the silhouette.
     time_s: float
 
 
@@ -52,11 +44,11 @@ class FrameProposal(Protocol):
         """Starts of hypotheses that no past is needed for."""
         ...
 
-    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cost(self, landmarks_m: FloatArray) -> FloatArray:
         """Cost (K,) float64, nats, of poses with joints (K, 15, 3) in the world, m."""
         return np.zeros(len(landmarks_m))
 
-    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior | None:
+    def nearest(self, landmarks_m: FloatArray) -> LandmarkPrior | None:
         """Prior of the joints of the proposed pose that is the nearest to one with joints (15, 3);
         None: proposed poses say nothing about others.
         """
@@ -64,13 +56,9 @@ class FrameProposal(Protocol):
 
 
 class Proposer(Protocol):
-    """Proposes poses, frame after frame.
+    """Proposes poses, frame after frame."""
 
-    Attributes:
-        model: the body, which may become another one as more of it is seen.
-    """
-
-    model: BodyModel
+    model: BodyModel  #: the body, which may become another one as more of it is seen.
 
     def note(self, time_s: float, person: Person) -> Any:
         """What is kept of a frame; independent of what is found in others, unless frames are
@@ -91,5 +79,5 @@ class Proposer(Protocol):
         """
         ...
 
-    def learn(self, number: int, person: Person, joints_m: NDArray[np.float64]) -> None:
+    def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """Learns from a decided frame: its number, silhouette and joints (15, 3), m."""

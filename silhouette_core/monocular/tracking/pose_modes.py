@@ -3,15 +3,13 @@
 Beyond paper A. The proposal reads 0.8 s of silhouettes about a frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, Float32Array, FloatArray, IndexArray, IntArray, RealArray
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.monocular.person import upright_distance
@@ -51,15 +49,10 @@ _FROM_MODE = RefineSettings()
 
 @dataclass(frozen=True, eq=False)
 class FrameModes(ProposedPoses):
-    """M probable poses of one frame.
+    """M probable poses of one frame."""
 
-    Attributes:
-        distance_m: of the pelvis along the optical axis of the window.
-        window: of the silhouette at about that distance, if its picture was kept.
-    """
-
-    distance_m: float
-    window: Window | None = None
+    distance_m: float  #: of the pelvis along the optical axis of the window.
+    window: Window | None = None  #: Of the silhouette at about that distance, if it was kept.
 
     def starts(self, surface: Surface, contour: Observation) -> list[RefineStart]:
         """Bodies placed at the most probable modes."""
@@ -73,18 +66,12 @@ class FrameModes(ProposedPoses):
 
 @dataclass(frozen=True, eq=False)
 class ModeView:
-    """What the proposal reads of one frame.
+    """What the proposal reads of one frame."""
 
-    Attributes:
-        window: of the silhouette at an assumed distance.
-        codes: of the window's silhouette and of its mirror image.
-        joints: of the person, as a pose network sees them; None: it does not.
-    """
-
-    window: Window
-    codes: SilhouetteCodes
+    window: Window  #: of the silhouette at an assumed distance.
+    codes: SilhouetteCodes  #: of the window's silhouette and of its mirror image.
     time_s: float
-    joints: SeenJoints | None = None
+    joints: SeenJoints | None = None  #: Of the person, as a pose network sees them, or not.
 
 
 class ModeFinder:
@@ -98,12 +85,12 @@ class ModeFinder:
         self.proposal, self.camera, self.stature_m = proposal, camera, stature_m
         self._headings = HeadingFilter()
 
-    def window(self, mask: NDArray[np.bool_], distance_m: float) -> Window:
+    def window(self, mask: BoolArray, distance_m: float) -> Window:
         """Window of a silhouette (h, w) bool at a distance of the person."""
         return look_at(self.camera, mask, distance_m, STATURE_PX / self.stature_m)
 
     def first_distance(
-        self, mask: NDArray[np.bool_], time_s: float, joints: SeenJoints | None = None
+        self, mask: BoolArray, time_s: float, joints: SeenJoints | None = None
     ) -> float:
         """Distance of a person who was not seen before: upright, then as the network corrects, m.
 
@@ -128,24 +115,20 @@ class ModeFinder:
             codes = replace(codes, joints=np.stack([one, mirrored_seen_codes(one)]))
         return ModeView(replace(window, mask=empty, seen=empty), codes, time_s, joints)
 
-    def _seen_codes(self, window: Window, joints: SeenJoints) -> NDArray[np.float32]:
+    def _seen_codes(self, window: Window, joints: SeenJoints) -> Float32Array:
         """Codes (45,) of joints in a window, see `seen_codes`."""
         rays = joints.rays @ self.camera.rotation @ window.world_from_virtual
         places = rays[:, :2] / np.maximum(rays[:, 2:], 1e-3)
         return seen_codes(places * window.focal_px / STATURE_PX, joints.visibility)
 
     def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
-        """View of a frame with what lies inside the silhouette in its window, grids (60, 80); None:
-        that is not known.
-        """
+        """View of a frame with what lies inside the silhouette, grids (60, 80); None: not known."""
         if inside is None:
             return view
         codes = self.proposal.encoding.with_inside(view.codes, inside.with_mirror_image())
         return replace(view, codes=codes)
 
-    def corrected(
-        self, views: Sequence[ModeView], masks: Sequence[NDArray[np.bool_]]
-    ) -> list[ModeView]:
+    def corrected(self, views: Sequence[ModeView], masks: Sequence[BoolArray]) -> list[ModeView]:
         """Views at the distances that the proposal finds itself.
 
         Args:
@@ -202,9 +185,7 @@ class ModeFinder:
             for t, view in enumerate(views)
         ]
 
-    def _turned(
-        self, modes: Mixture, heading_rad: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _turned(self, modes: Mixture, heading_rad: RealArray) -> tuple[FloatArray, FloatArray]:
         """Joints (T, M, 15, 3) of modes relative to the pelvis, m, in the world, and the axes
         (T, 3, 3) of the level cameras of their frames.
         """
@@ -216,7 +197,7 @@ class ModeFinder:
         views: Sequence[ModeView],
         features: FrameFeatures,
         causal: bool,
-        frames: NDArray[np.integer] | None = None,
+        frames: IndexArray | None = None,
     ) -> Mixture:
         """Modes of frames and of their mirror images, each half as probable."""
         mirrored = replace(
@@ -241,9 +222,9 @@ class ModeFinder:
         window: Window,
         modes: Mixture,
         t: int,
-        joints: NDArray[np.float64],
-        axes: NDArray[np.float64],
-        probability: NDArray[np.float64],
+        joints: FloatArray,
+        axes: FloatArray,
+        probability: FloatArray,
     ) -> FrameModes:
         """Frame t of the modes; `joints` (M, 15, 3) relative to the pelvis, in the world."""
         joints, probability, nearby = merge_modes(joints, probability)
@@ -265,7 +246,7 @@ class ModeFinder:
         return FrameModes(probability, priors, depth)
 
 
-def _last(views: Sequence[ModeView]) -> NDArray[np.int64]:
+def _last(views: Sequence[ModeView]) -> IntArray:
     return np.array([len(views) - 1])
 
 
@@ -291,8 +272,8 @@ def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
 
 
 def merge_modes(
-    joints: NDArray[np.float64], probability: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    joints: FloatArray, probability: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Modes averaged with those like them: one step of mean shift, and no pose twice.
 
     Args:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.monocular.window import SIZE, Window
@@ -21,7 +21,7 @@ from silhouette_core.scoring.silhouette_error import posed_meshes
 _REACH = 12 / 240
 
 
-def balanced_weights(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def balanced_weights(mask: BoolArray) -> Float32Array:
     """Weights (h, w) float32 of the pixels of a silhouette (h, w) bool: inside as by eq. (9);
     outside the distance from it over a twentieth of the window's height, at most 1; all 1 where it
     has no contour. By (9) what is just outside costs next to nothing, so that a larger body always
@@ -33,9 +33,7 @@ def balanced_weights(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.minimum(outside, np.float32(1.0)) + relative_depths(mask)
 
 
-def relative_weights(
-    window: Window, reduction: int
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def relative_weights(window: Window, reduction: int) -> tuple[BoolArray, FloatArray]:
     """Balanced pixel weights of a window, relative to the whole silhouette's weight.
 
     The paper divides by the pixels of the region that holds both silhouettes, which is the same for
@@ -55,23 +53,14 @@ def relative_weights(
 
 @dataclass(frozen=True, eq=False)
 class SignedWeights:
-    """Pixel weights whose sum under a drawn silhouette is its distance from the observed one.
+    """Pixel weights whose sum under a drawn silhouette is its distance from the observed one."""
 
-    Attributes:
-        signed: (h, w) float64, d_P (1 - 2 P), relative to the silhouette (`relative_weights`).
-        base: Distance of the empty silhouette.
-        matrix: (3, 3) of the virtual camera at this resolution.
-        rotation: (3, 3), virtual camera from world.
-        translation_m: (3,), virtual camera from world.
-        backend: Scores the poses.
-    """
-
-    signed: NDArray[np.float64]
-    base: float
-    matrix: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    translation_m: NDArray[np.float64]
-    backend: Backend
+    signed: FloatArray  #: (h, w) float64, d_P (1 - 2 P), relative to all (`relative_weights`).
+    base: float  #: Distance of the empty silhouette.
+    matrix: FloatArray  #: (3, 3) of the virtual camera at this resolution.
+    rotation: FloatArray  #: (3, 3), virtual camera from world.
+    translation_m: FloatArray  #: (3,), virtual camera from world.
+    backend: Backend  #: Scores the poses.
 
     @classmethod
     def from_window(cls, window: Window, backend: Backend, reduction: int) -> SignedWeights:
@@ -92,27 +81,27 @@ class SignedWeights:
         )
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> BoolArray:
         """The silhouette (h, w)."""
         return self.signed < 0
 
-    def distances(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
+    def distances(self, model: BodyModel, poses: Sequence[Pose]) -> FloatArray:
         """Silhouette distances (K,) of whole poses, eq. (7)-(9)."""
         meshes = self._in_camera(model, poses)
         return self.base + self.backend.drawn_weights(self.signed, meshes, model.faces, self.matrix)
 
-    def part_areas(self, drawn: NDArray[np.uint8], parts: int) -> NDArray[np.float64]:
+    def part_areas(self, drawn: ByteArray, parts: int) -> FloatArray:
         """Area of every part (K, parts), A_j of eq. (3), in pixels of the library's full
         resolution, in K part images (K, h, w), see `part_images`.
         """
         counts = [np.bincount(one.ravel(), minlength=parts + 1)[1:] for one in drawn]
         return np.array(counts) * (SIZE[0] / self.signed.shape[1]) ** 2
 
-    def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.uint8]:
+    def part_images(self, model: BodyModel, poses: Sequence[Pose]) -> ByteArray:
         """Part images (K, h, w) of K poses: 0 for background, part number + 1 elsewhere."""
         meshes, size = self._in_camera(model, poses), self.signed.shape[::-1]
         return self.backend.part_images(meshes, model.faces, model.face_part, self.matrix, size)
 
-    def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> NDArray[np.float64]:
+    def _in_camera(self, model: BodyModel, poses: Sequence[Pose]) -> FloatArray:
         """Meshes (K, V, 3) of poses in the virtual camera."""
         return posed_meshes(model, poses) @ self.rotation.T + self.translation_m

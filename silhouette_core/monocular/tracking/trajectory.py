@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, ByteArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
@@ -30,44 +30,29 @@ _REMEMBERED = 60  # frames whose median distance is the usual one
 
 @dataclass(frozen=True, eq=False)
 class FrameEstimate:
-    """A frame of the trajectory.
-
-    Attributes:
-        error: |XOR| / |OR| of the silhouettes.
-        occluded: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
-        cut: the border of the image cuts the person.
-        lost: no hypothesis fits about as well as the best ones of earlier frames.
-        probability: (n,) float64, of the hypotheses of the frame, likeliest first.
-        joints: (n, 15, 3) float64, their joints in the world, m.
-    """
+    """A frame of the trajectory."""
 
     number: int
     time_s: float
     pose: Pose
-    error: float
-    occluded: NDArray[np.bool_]
-    cut: bool
-    lost: bool
-    probability: NDArray[np.float64]
-    joints: NDArray[np.float64]
+    error: float  #: |XOR| / |OR| of the silhouettes.
+    occluded: BoolArray  #: (27,) bool, occlusion flags of the parts in this pose, eq. (3).
+    cut: bool  #: the border of the image cuts the person.
+    lost: bool  #: no hypothesis fits about as well as the best ones of earlier frames.
+    probability: FloatArray  #: (n,) float64, of the hypotheses of the frame, likeliest first.
+    joints: FloatArray  #: (n, 15, 3) float64, their joints in the world, m.
 
 
 @dataclass(frozen=True, eq=False)
 class PendingFrame:
-    """A frame that is not decided yet.
-
-    Attributes:
-        person: the silhouette, without its picture.
-        bits: (h, w / 8) uint8, the silhouette, packed.
-        note: what the proposer keeps of it.
-    """
+    """A frame that is not decided yet."""
 
     number: int
     time_s: float
-    person: Person
-    bits: NDArray[np.uint8]
+    person: Person  #: the silhouette, without its picture.
+    bits: ByteArray  #: (h, w / 8) uint8, the silhouette, packed.
     width: int
-    note: Any
+    note: Any  #: what the proposer keeps of it.
 
     @classmethod
     def of(cls, number: int, time_s: float, person: Person, note: Any) -> PendingFrame:
@@ -165,14 +150,9 @@ class PoseTrajectory:
         return self._both_ways(observed, proposals, beams)
 
     def _both_ways(
-        self,
-        observed: list[ObservedFrame],
-        proposals: Sequence[FrameProposal],
-        beams: list[Beam],
+        self, observed: list[ObservedFrame], proposals: Sequence[FrameProposal], beams: list[Beam]
     ) -> list[Beam]:
-        """Hypotheses tracked back from the last frame as well: what a later frame shows is carried
-        to those before it.
-        """
+        """Hypotheses tracked back from the last frame, too: what it shows helps those before it."""
         step, backward = self.tracker.step, list[Beam]()
         frames = list(zip(observed, proposals, beams, strict=True))
         for seen, proposal, known in reversed(frames):

@@ -1,14 +1,11 @@
 """Base poses of a library, selected from recorded motion, and the motion's step sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.checks import float_array
+from calib.checks import Float32Array, FloatArray, IndexArray, IntArray, float_array
 from calib.errors import InputError
 from silhouette_core.monocular.tree.kernels.thinning import thin_rows
 from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings
@@ -72,7 +69,7 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
     )
 
 
-def pose_features(motion: Motion) -> NDArray[np.float64]:
+def pose_features(motion: Motion) -> FloatArray:
     """Coordinates (T, D + 2) of poses that do not depend on heading and position, radians: the
     joint angles, then the lean of the pelvis from the vertical, a rotation vector about the body's
     x and y (its z is 0 without the heading).
@@ -84,7 +81,7 @@ def pose_features(motion: Motion) -> NDArray[np.float64]:
     return np.hstack([motion.angles_rad, lean])
 
 
-def thin_poses(features_rad: NDArray[np.float64], tolerance_rad: float) -> NDArray[np.int64]:
+def thin_poses(features_rad: FloatArray, tolerance_rad: float) -> IntArray:
     """Poses of which no two differ by the tolerance or less in all coordinates.
 
     Greedy in the given order, and exact: a pose is removed if a kept one is within the tolerance in
@@ -113,7 +110,7 @@ def thin_poses(features_rad: NDArray[np.float64], tolerance_rad: float) -> NDArr
     return np.flatnonzero(selected).astype(np.int64)
 
 
-def _joint_positions(motion: Motion) -> NDArray[np.float64]:
+def _joint_positions(motion: Motion) -> FloatArray:
     """Positions of the joints relative to the pelvis, heading removed, (T, 45) m."""
     _, tilt = split_heading(motion.root_quaternion)
     joints = landmarks(
@@ -122,9 +119,7 @@ def _joint_positions(motion: Motion) -> NDArray[np.float64]:
     return (joints - joints[:, :1]).reshape(len(motion), -1)
 
 
-def _thin_to(
-    positions: NDArray[np.float64], selected: NDArray[np.integer], most: int
-) -> tuple[NDArray[np.integer], float]:
+def _thin_to(positions: FloatArray, selected: IndexArray, most: int) -> tuple[IndexArray, float]:
     """Rows of at most `most` poses, thinned by the positions of the joints, and their spacing, m.
 
     Joint angles would spend the poses on movements that a silhouette does not show, such as the
@@ -147,11 +142,8 @@ def _thin_to(
 
 
 def _quantisation(
-    features: NDArray[np.float64],
-    angles: NDArray[np.float64],
-    tilt: NDArray[np.float64],
-    selected: NDArray[np.integer],
-) -> tuple[NDArray[np.float64], float]:
+    features: FloatArray, angles: FloatArray, tilt: FloatArray, selected: IndexArray
+) -> tuple[FloatArray, float]:
     """Mean squared distance of poses from the nearest base pose, per joint angle (D,) and of the
     orientation, radians squared.
     """
@@ -175,10 +167,8 @@ def _quantisation(
 
 
 def motion_sigmas(
-    motions: list[Motion],
-    quantisation: tuple[NDArray[np.float64], float],
-    settings: LibrarySettings,
-) -> tuple[NDArray[np.float32], float]:
+    motions: list[Motion], quantisation: tuple[FloatArray, float], settings: LibrarySettings
+) -> tuple[Float32Array, float]:
     """Step sizes of recorded motion within 1 / `dynamics.FPS`, sigma_j of eq. (4).
 
     A library represents the poses before and after a step by their nearest samples, so twice the

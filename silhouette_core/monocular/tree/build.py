@@ -1,22 +1,25 @@
 """Build of a library from base poses: views from all sides, and the tree."""
 
-from __future__ import annotations
-
 import hashlib
 import json
-from collections.abc import Sequence
+import shutil
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
 
+from calib.atomic import write_whole
+from calib.checks import FloatArray
+from calib.errors import InputError
 from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.occlusion import occluded_parts, usual_areas
-from silhouette_core.monocular.tree.checkpoint import Arrays, Checkpoint
 from silhouette_core.monocular.tree.pose_library import (
     BasePoses,
     Level,
@@ -37,10 +40,72 @@ from silhouette_core.monocular.tree.transitions import find_neighbours, view_ori
 from silhouette_core.monocular.tree.tree import Nodes, PoseSpace, Scorer, divide
 from silhouette_core.progress import Reporter, SilentReporter
 
+Arrays = Mapping[str, NDArray]
 _AT_ONCE = 480  # views held in memory together
 _PER_STEP = 4800  # views between two checkpoints
 _RUNS = ("rows", "starts", "ends", "offsets")
 _FACTS = ("areas", "pelvis_px", "cut")
+_INPUTS = "inputs.json"
+_INPUTS_OF_STEP = "inputs"
+
+
+class Checkpoint:
+    """Folder of the finished steps of a build; steps of other inputs do not count."""
+
+    def __init__(self, folder: Path | None, inputs: str) -> None:
+        """Opens or creates the folder.
+
+        Args:
+            folder: the folder; None: no checkpoints.
+            inputs: digest of everything that determines the result.
+
+        Raises:
+            InputError: the folder cannot be made, or holds other files.
+        """
+        self.folder = folder
+        self._inputs = np.frombuffer(inputs.encode(), np.uint8)
+        if folder is None:
+            return
+        try:
+            if folder.exists() and _inputs(folder) != inputs:
+                if _inputs(folder) is None and any(folder.iterdir()):
+                    raise InputError(
+                        f"{folder} exists and is not half-done work of ours: remove it, or give"
+                        " --out another name"
+                    )
+                shutil.rmtree(folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / _INPUTS).write_text(json.dumps({"inputs": inputs}), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made: {error.strerror or error}") from error
+
+    def step(self, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """Arrays of a step, computed by `make` and saved, atomically, if it is not finished."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.safetensors"
+        try:
+            arrays = load(path.read_bytes())
+        except (OSError, SafetensorError):
+            arrays = {}
+        if np.array_equal(arrays.pop(_INPUTS_OF_STEP, []), self._inputs):
+            return arrays
+        made = make()
+        contiguous = {key: np.ascontiguousarray(array) for key, array in made.items()}
+        write_whole(path, save(contiguous | {_INPUTS_OF_STEP: self._inputs}))
+        return made
+
+    @staticmethod
+    def remove(folder: Path) -> None:
+        """Deletes the folder of a finished build."""
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _inputs(folder: Path) -> str | None:
+    try:
+        return json.loads((folder / _INPUTS).read_text(encoding="utf-8"))["inputs"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def build_library(
@@ -57,8 +122,7 @@ def build_library(
             it once the library is written.
 
     Returns:
-        The library. The same inputs give the same library, for any number of threads, interrupted
-        or not.
+        The library. The same inputs give the same library, for any threads, interrupted or not.
 
     Raises:
         InputError: `kept_in` cannot be written.
@@ -139,7 +203,7 @@ def _joined(parts: Sequence[Arrays]) -> dict[str, NDArray]:
 def _render_all(
     bases: BasePoses,
     model: BodyModel,
-    views: NDArray[np.float64],
+    views: FloatArray,
     checkpoint: Checkpoint,
     reporter: Reporter,
 ) -> Arrays:
@@ -155,9 +219,7 @@ def _render_all(
     return _joined(parts)
 
 
-def _render_some(
-    bases: BasePoses, model: BodyModel, views: NDArray[np.float64], which: slice
-) -> Arrays:
+def _render_some(bases: BasePoses, model: BodyModel, views: FloatArray, which: slice) -> Arrays:
     """Arrays of some of the base poses, from all views, see `_render_all`."""
     surfaces = pose_surfaces(model, bases.quaternion[which], bases.angles[which])
     parts: list[Arrays] = []

@@ -1,13 +1,11 @@
 """Posterior of one frame: the tree is descended level by level."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray, IndexArray, IntArray
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import WINDOW_PX, yaw_rotations
 from silhouette_core.monocular.tuning import FILTER
@@ -25,39 +23,25 @@ SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])
 
 @dataclass(frozen=True, eq=False)
 class Alignments:
-    """A silhouette in C alignments, numbered as in `Target`.
+    """A silhouette in C alignments, numbered as in `Target`."""
 
-    Attributes:
-        windows: the silhouette at several distances.
-        shifts_px: (S, 2), pixels of the windows by which samples are moved (right, down).
-        target_of: the silhouette in all of them, by how many times smaller than the windows the
-            images of a level are.
-    """
-
-    windows: tuple[Window, ...]
-    shifts_px: NDArray[np.int64]
+    windows: tuple[Window, ...]  #: the silhouette at several distances.
+    shifts_px: IntArray  #: (S, 2), pixels of the windows by which samples are moved (right, down).
     target_of: Callable[[int], Target]
+    """The silhouette in all of them, by how many times smaller than the windows the images of a
+    level are."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior of a frame over poses and C alignments with its silhouette.
+    """Posterior of a frame over poses and C alignments with its silhouette."""
 
-    Attributes:
-        library: the poses.
-        alignments: of the silhouette.
-        leaves: (K,) int64, the surviving leaves.
-        of_leaves: (K, C) float64, summing to 1.
-        samples: (M,) int64, the samples of these leaves, likeliest first.
-        probability: (M, C) float64, summing to 1.
-    """
-
-    library: PoseLibrary
-    alignments: Alignments
-    leaves: NDArray[np.int64]
-    of_leaves: NDArray[np.float64]
-    samples: NDArray[np.int64]
-    probability: NDArray[np.float64]
+    library: PoseLibrary  #: the poses.
+    alignments: Alignments  #: of the silhouette.
+    leaves: IntArray  #: (K,) int64, the surviving leaves.
+    of_leaves: FloatArray  #: (K, C) float64, summing to 1.
+    samples: IntArray  #: (M,) int64, the samples of these leaves, likeliest first.
+    probability: FloatArray  #: (M, C) float64, summing to 1.
 
     @property
     def distance_m(self) -> float:
@@ -66,7 +50,7 @@ class Posterior:
         by_window = self.probability.sum(axis=0).reshape(len(windows), -1).sum(axis=1)
         return float(np.exp(by_window @ np.log([window.distance_m for window in windows])))
 
-    def poses(self, rows: Sequence[int] | NDArray[np.integer] | slice) -> PoseArrays:
+    def poses(self, rows: Sequence[int] | IndexArray | slice) -> PoseArrays:
         """Some of the samples as poses in the world, each where it is likeliest."""
         library, samples = self.library, self.samples[rows]
         windows, shifts_px = self.alignments.windows, self.alignments.shifts_px
@@ -81,11 +65,7 @@ class Posterior:
 
 
 def tree_posterior(
-    library: PoseLibrary,
-    prior: NDArray[np.float64],
-    alignments: Alignments,
-    sigma: float,
-    backend: Backend,
+    library: PoseLibrary, prior: FloatArray, alignments: Alignments, sigma: float, backend: Backend
 ) -> Posterior:
     r"""Posterior of a frame: of the state :math:`x_t`, given the silhouettes :math:`z_{1:t}`,
 
@@ -159,7 +139,7 @@ def tree_posterior(
     )
 
 
-def log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
+def log_sums(logarithms: FloatArray) -> FloatArray:
     """Logarithms (N,) of the sums of the rows of what logarithms (N, C) are of, -inf of zeros.
 
     SciPy's `logsumexp` takes ten times as long for the few numbers of a node.
@@ -169,7 +149,7 @@ def log_sums(logarithms: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.log(np.exp(logarithms - most[:, None]).sum(axis=1)) + most
 
 
-def node_sums(library: PoseLibrary, prior: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def node_sums(library: PoseLibrary, prior: FloatArray) -> list[FloatArray]:
     """Prior (K, …) of the nodes of every level: the sums over their samples, of a prior (N, …)."""
     sums = [np.add.reduceat(prior[library.leaf_samples], library.leaf_offsets[:-1])]
     for offsets in library.child_offsets[-2::-1]:
@@ -177,16 +157,14 @@ def node_sums(library: PoseLibrary, prior: NDArray[np.float64]) -> list[NDArray[
     return sums
 
 
-def samples_of(
-    library: PoseLibrary, leaves: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def samples_of(library: PoseLibrary, leaves: IndexArray) -> tuple[IntArray, IntArray]:
     """Samples (M,) of some leaves (n,), leaf by leaf, and the number of each in that order (M,)."""
     first, last = library.leaf_offsets[leaves], library.leaf_offsets[leaves + 1]
     samples = library.leaf_samples[concatenated_ranges(first, last)].astype(np.int64)
     return samples, np.repeat(np.arange(len(leaves)), last - first)
 
 
-def concatenated_ranges(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
+def concatenated_ranges(first: IndexArray, last: IndexArray) -> IntArray:
     """Concatenated ranges first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
     counts = (last - first).astype(np.int64)
     ends = np.cumsum(counts)

@@ -3,8 +3,6 @@
 Right checksums say that a file is as it was written, not that a library was written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
@@ -30,36 +28,26 @@ def check_library(library: PoseLibrary) -> None:
     """
     bases, samples, views = library.bases, len(library), len(library.views)
     poses, dofs, parts = len(bases.angles), library.model.dof_count, len(library.model.names)
-    _check("base_angles", bases.angles, (poses, dofs), np.float32)
-    _check("base_quaternion", bases.quaternion, (poses, 4), np.float32)
-    _check("base_source", bases.source, (poses, 2), np.int32)
-    _check("base_mirrored", bases.mirrored, (poses,), np.bool_)
-    _check("sigma_rad", bases.sigma_rad, (dofs,), np.float32)
-    shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
-        "views": ((views, 2), np.float64),
-        "sample_base": ((samples,), np.int32),
-        "sample_view": ((samples,), np.int16),
-        "pelvis_px": ((samples, 2), np.float32),
-        "areas": ((samples, parts), np.uint16),
-        "occluded": ((samples, parts), np.bool_),
-        "cut": ((samples,), np.bool_),
-        "leaf_samples": ((samples,), np.int32),
-    }
-    for name, (shape, dtype) in shapes.items():
-        _check(name, getattr(library, name), shape, dtype)
     if views != library.settings.views_count:
         raise ValueError(f"views are {views}, its settings make {library.settings.views_count}")
-    _within("base_angles", bases.angles, -_LARGEST_ANGLE, _LARGEST_ANGLE)
-    _within("views", library.views, -_LARGEST_ANGLE, _LARGEST_ANGLE)
-    _within("pelvis_px", library.pelvis_px, -_LARGEST_PX, _LARGEST_PX)
-    _within("sigma_rad", bases.sigma_rad, 1e-6, _LARGEST_ANGLE)
+    angle, px = (-_LARGEST_ANGLE, _LARGEST_ANGLE), (-_LARGEST_PX, _LARGEST_PX)
+    _check("base_angles", bases.angles, (poses, dofs), np.float32, angle)
+    _check("base_quaternion", bases.quaternion, (poses, 4), np.float32)
+    _check("base_source", bases.source, (poses, 2), np.int32, (0, np.iinfo(np.int32).max))
+    _check("base_mirrored", bases.mirrored, (poses,), np.bool_)
+    _check("sigma_rad", bases.sigma_rad, (dofs,), np.float32, (1e-6, _LARGEST_ANGLE))
+    _check("views", library.views, (views, 2), np.float64, angle)
+    _check("sample_base", library.sample_base, (samples,), np.int32, (0, poses - 1))
+    _check("sample_view", library.sample_view, (samples,), np.int16, (0, views - 1))
+    _check("pelvis_px", library.pelvis_px, (samples, 2), np.float32, px)
+    _check("areas", library.areas, (samples, parts), np.uint16)
+    _check("occluded", library.occluded, (samples, parts), np.bool_)
+    _check("cut", library.cut, (samples,), np.bool_)
+    _check("leaf_samples", library.leaf_samples, (samples,), np.int32, (0, samples - 1))
     _within("root_sigma_rad", np.array([bases.root_sigma_rad]), 1e-6, _LARGEST_ANGLE)
     norms = np.linalg.norm(bases.quaternion.astype(np.float64), axis=1)
     _within("lengths of base_quaternion", norms, 0.99, 1.01)
-    _within("sample_base", library.sample_base, 0, poses - 1)
-    _within("sample_view", library.sample_view, 0, views - 1)
     _within("base_source", bases.source[:, 0], 0, len(bases.clips) - 1)
-    _within("base_source", bases.source[:, 1], 0, np.iinfo(np.int32).max)
     left, top, right, bottom = library.bounds_px
     if not (0 <= left <= right <= WINDOW_PX[0] and 0 <= top <= bottom <= WINDOW_PX[1]):
         raise ValueError(f"bounds_px {library.bounds_px} are not in the window")
@@ -96,7 +84,6 @@ def _check_tree(library: PoseLibrary) -> None:
     check_array("leaf_offsets", offsets, (len(levels[-1]) + 1,), np.int64)
     if offsets[0] != 0 or offsets[-1] != samples or (np.diff(offsets) < 1).any():
         raise ValueError(f"leaf_offsets do not rise from 0 to {samples}")
-    _within("leaf_samples", library.leaf_samples, 0, samples - 1)
     if (np.bincount(library.leaf_samples, minlength=samples) != 1).any():
         raise ValueError("leaf_samples do not hold every sample once")
     if tuple(level.size_px for level in levels) != SIZES_PX:
@@ -114,21 +101,16 @@ def _check_tree(library: PoseLibrary) -> None:
 def _check_level(name: str, level: Level, samples: int) -> None:
     """Checks one level by itself."""
     spans, nodes = level.spans, len(level)
-    _check(f"{name}.representative", level.representative, (nodes,), np.int32)
-    _check(f"{name}.parent", level.parent, (nodes,), np.int32)
-    _within(f"{name}.representative", level.representative, 0, samples - 1)
-    _within(f"{name}.parent", level.parent, 0, samples - 1)
+    _check(f"{name}.representative", level.representative, (nodes,), np.int32, (0, samples - 1))
+    _check(f"{name}.parent", level.parent, (nodes,), np.int32, (0, samples - 1))
     if not nodes:
         raise ValueError(f"{name} has no nodes")
     if not _real(level.threshold) or level.threshold < 0:
         raise ValueError(f"{name} has the threshold {level.threshold}")
     width, height = level.size_px
     _check(f"{name}.offsets", spans.offsets, (nodes + 1,), np.int64)
-    for key in ("rows", "starts", "ends"):
-        _check(f"{name}.{key}", getattr(spans, key), (len(spans.rows),), np.int16)
-    _within(f"{name}.rows", spans.rows, 0, height - 1)
-    _within(f"{name}.ends", spans.ends, 0, width)
-    _within(f"{name}.starts", spans.starts, 0, width)
+    for key, most in (("rows", height - 1), ("ends", width), ("starts", width)):
+        _check(f"{name}.{key}", getattr(spans, key), (len(spans.rows),), np.int16, (0, most))
     if (spans.starts >= spans.ends).any():
         raise ValueError(f"{name}.starts are not before {name}.ends")
 
@@ -139,11 +121,10 @@ def _check_neighbours(library: PoseLibrary) -> None:
         index, square = (library.neighbours[f"{model}.{name}"] for name in ("index", "square"))
         count = index.shape[1] if index.ndim == 2 else 0
         name = f"neighbours.{model}"
-        _check(f"{name}.index", index, (len(library), count), np.int32)
+        _check(f"{name}.index", index, (len(library), count), np.int32, (0, len(library) - 1))
         check_array(f"{name}.square", square, (len(library), count), np.float32)
         if not count:
             raise ValueError(f"{name}.index is empty")
-        _within(f"{name}.index", index, 0, len(library) - 1)
         # Infinite where there were too few candidates, but not of all: weights are divided by
         # their sum.
         if not (square >= 0).all() or not (square[:, 0] <= 1).all():
@@ -151,12 +132,17 @@ def _check_neighbours(library: PoseLibrary) -> None:
 
 
 def _check(
-    name: str, array: NDArray[Any], shape: Iterable[int | str], dtype: type[np.generic]
+    name: str,
+    array: NDArray[Any],
+    shape: Iterable[int | str],
+    dtype: type[np.generic],
+    limits: tuple[float, float] = (-np.inf, np.inf),
 ) -> None:
-    """Checks shape, dtype and finiteness; truth values must be 0 or 1."""
+    """Checks shape, dtype and range; truth values must be 0 or 1."""
     check_array(name, array, shape, dtype)
     if array.dtype == np.bool_ and array.size and array.view(np.uint8).max() > 1:
         raise ValueError(f"{name} holds what is neither true nor false")
+    _within(name, array, *limits)
 
 
 def _within(name: str, array: NDArray[Any], least: float, most: float) -> None:

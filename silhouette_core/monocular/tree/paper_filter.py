@@ -6,17 +6,15 @@ body always fits better. What the paper does not state is chosen here: the devia
 the first pose and of the position, and the threshold of the surviving nodes.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
+from calib.checks import BoolArray, Float32Array, FloatArray
 from silhouette_core.monocular.tree.descent import (
     SHIFTS_PX,
     Alignments,
@@ -24,8 +22,7 @@ from silhouette_core.monocular.tree.descent import (
     log_sums,
     tree_posterior,
 )
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
-from silhouette_core.monocular.tree.pose_library import PoseLibrary
+from silhouette_core.monocular.tree.pose_library import PoseLibrary, nwxor_weights
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.monocular.window import Window, look_at
@@ -74,8 +71,7 @@ class PaperFilter:
         in_place: the person stays where it is, as in the paper's experiments: one position, and one
             distance.
 
-    Source: Okada and Stenger, eq. (2), (14); the grid, and the distance followed beside it,
-    are ours.
+    Source: Okada and Stenger, eq. (2), (14); the grid and the followed distance are ours.
     """
 
     def __init__(
@@ -84,13 +80,12 @@ class PaperFilter:
         transitions: csr_matrix,
         camera: Camera,
         distance_m: float,
-        first: NDArray[np.float64],
+        first: FloatArray,
         backend: Backend,
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
         in_place: bool = False,
     ):
-        """Starts without a posterior."""
         self.library, self._transitions, self._camera = library, transitions, camera
         self._distance_m, self._first, self._in_place = distance_m, first, in_place
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
@@ -99,7 +94,7 @@ class PaperFilter:
         self._last: Posterior | None = None
         self._last_s = 0.0
 
-    def step(self, time_s: float, mask: NDArray[np.bool_]) -> Posterior:
+    def step(self, time_s: float, mask: BoolArray) -> Posterior:
         """Posterior of the next frame given all frames up to it, of which the mask (h, w) bool, not
         empty, is the silhouette. Frames that are left out are predicted across.
         """
@@ -116,20 +111,18 @@ class PaperFilter:
             self._follow_distance(mask, self._last)
         return self._last
 
-    def places_m(self, window: Window) -> NDArray[np.float64]:
+    def places_m(self, window: Window) -> FloatArray:
         """Positions (C, 3) in the world, where the middle of a silhouette would be."""
         middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
         return window.unproject(middle, window.distance_m)
 
-    def _window(self, mask: NDArray[np.bool_], factor: float) -> Window:
+    def _window(self, mask: BoolArray, factor: float) -> Window:
         """The silhouette as the library's camera would see it at a multiple of the distance."""
         metre_px = STATURE_PX / self.library.model.length_m
         return look_at(self._camera, mask, factor * self._distance_m, metre_px)
 
-    def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> NDArray[np.float64]:
-        """Prior (N, C), eq. (14): the pose moves as the library's transitions, the position at
-        random.
-        """
+    def _predict(self, last: Posterior, elapsed_s: float, window: Window) -> FloatArray:
+        """Prior (N, C), eq. (14): the library's transitions move the pose, chance the position."""
         steps = int(np.clip(round(elapsed_s / self._interval_s), 1, _MOST_STEPS))
         sigma_m = ROOT_STEP_M * np.sqrt(steps * self._interval_s * FPS)
         before_m = self.places_m(last.alignments.windows[0])
@@ -140,7 +133,7 @@ class PaperFilter:
             prior = self._transitions.T @ prior
         return prior
 
-    def _update(self, prior: NDArray[np.float64], window: Window) -> Posterior:
+    def _update(self, prior: FloatArray, window: Window) -> Posterior:
         """Posterior by a prior (N, C)."""
         alignments = Alignments((window,), self._shifts_px, partial(self._target, window))
         return tree_posterior(self.library, prior, alignments, self._sigma, self._backend)
@@ -150,11 +143,11 @@ class PaperFilter:
         mask, weights = window.weighed(reduction, self._weights)
         return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
-    def _weights(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _weights(self, mask: BoolArray) -> Float32Array:
         """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
         return nwxor_weights(mask, self.library.bounds_px)
 
-    def _follow_distance(self, mask: NDArray[np.bool_], posterior: Posterior) -> None:
+    def _follow_distance(self, mask: BoolArray, posterior: Posterior) -> None:
         """Follows the distance by the size in which the silhouettes of the surviving leaves fit
         best, in the mean over their posterior, by XOR, eq. (6).
 
@@ -173,7 +166,7 @@ class PaperFilter:
         self._distance_m *= float(factors[int(rounded(mean).argmin())] ** DISTANCES.gain)
 
 
-def initial_prior(library: PoseLibrary) -> NDArray[np.float64]:
+def initial_prior(library: PoseLibrary) -> FloatArray:
     """Prior of a first frame: a Gaussian about the upright pose that faces the camera.
 
     Args:

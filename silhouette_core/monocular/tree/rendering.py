@@ -7,8 +7,6 @@ is moved by whole pixels until the silhouette's centroid is in the middle of a w
 and cut off at the window's border.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray, RealArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.raster import render_many
@@ -27,35 +26,26 @@ from silhouette_core.motion import kinematics
 SIZES_PX = ((80, 60), (160, 120), (320, 240))
 """(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
 WINDOW_PX = SIZES_PX[-1]
-DISTANCE = 16 / 7
-"""Distance of the pelvis from the camera, in statures: 4 m for 1.75 m."""
+DISTANCE = 16 / 7  #: Distance of the pelvis from the camera, in statures: 4 m for 1.75 m.
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedViews:
-    """N poses as seen by the virtual camera.
+    """N poses as seen by the virtual camera."""
 
-    Attributes:
-        windows: (N, 240, 320) uint8, part number + 1, 0 for background.
-        pelvis_px: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
-        areas: (N, 27) uint16, pixels of each part, including those outside the window.
-        cut: (N,) int32, number of pixels outside the window.
-    """
-
-    windows: NDArray[np.uint8]
-    pelvis_px: NDArray[np.float32]
-    areas: NDArray[np.uint16]
-    cut: NDArray[np.int32]
+    windows: ByteArray  #: (N, 240, 320) uint8, part number + 1, 0 for background.
+    pelvis_px: Float32Array  #: (N, 2) float32, the pelvis joint's projection (x, y) in the window.
+    areas: NDArray[np.uint16]  #: (N, 27) uint16, pixels of each part, also outside the window.
+    cut: NDArray[np.int32]  #: (N,) int32, number of pixels outside the window.
 
 
-def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
+def camera_from_body(yaw_rad: float, pitch_rad: float) -> FloatArray:
     """Rotation (3, 3) from a body without heading (facing -y, z up) to the virtual camera.
 
     Args:
-        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0 faces the
-            camera.
+        yaw_rad: turn of the body about the vertical, counter-clockwise from above; 0: frontal.
         pitch_rad: angle of the optical axis below the horizontal.
     """
     cosine, sine = np.cos(pitch_rad), np.sin(pitch_rad)
@@ -64,14 +54,12 @@ def camera_from_body(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
     return camera_from_world @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def yaw_rotations(heading_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+def yaw_rotations(heading_rad: FloatArray) -> FloatArray:
     """Rotations (N, 3, 3) about the vertical by (N,) headings."""
     return Rotation.from_rotvec(np.asarray(heading_rad)[:, None] * [0.0, 0.0, 1.0]).as_matrix()
 
 
-def pose_surfaces(
-    model: BodyModel, quaternions: NDArray[np.floating], angles_rad: NDArray[np.floating]
-) -> NDArray[np.float32]:
+def pose_surfaces(model: BodyModel, quaternions: RealArray, angles_rad: RealArray) -> Float32Array:
     """Surfaces of poses with the pelvis at the origin.
 
     Args:
@@ -94,10 +82,7 @@ def pose_surfaces(
 
 
 def render_views(
-    model: BodyModel,
-    surfaces: NDArray[np.float32],
-    which: NDArray[np.integer],
-    views: NDArray[np.floating],
+    model: BodyModel, surfaces: Float32Array, which: IndexArray, views: RealArray
 ) -> RenderedViews:
     """Part-number projections of posed bodies, centred in windows.
 
@@ -121,7 +106,7 @@ def render_views(
     return RenderedViews(windows, (middle + shifts).astype(np.float32), areas, cut)
 
 
-def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
+def silhouette_levels(mask: BoolArray) -> tuple[BoolArray, ...]:
     """Silhouette (…, 240, 320) of a window at all resolutions of the tree, coarse to fine."""
     levels = [mask]
     for _ in SIZES_PX[1:]:
@@ -129,7 +114,7 @@ def silhouette_levels(mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
     return tuple(reversed(levels))
 
 
-def spans_of(masks: NDArray[np.bool_]) -> Spans:
+def spans_of(masks: BoolArray) -> Spans:
     """Runs of silhouettes (N, h, w) bool in 16 bits, enough for the windows of a library."""
     counts = np.empty(len(masks), np.int64)
     kernels.count_runs(masks, counts)
@@ -139,7 +124,7 @@ def spans_of(masks: NDArray[np.bool_]) -> Spans:
     return Spans(rows, starts, ends, offsets)  # type: ignore[arg-type]
 
 
-def select_spans(spans: Spans, which: NDArray[np.integer]) -> Spans:
+def select_spans(spans: Spans, which: IndexArray) -> Spans:
     """Selection `which` (K,) of silhouettes, in that order."""
     counts = np.diff(spans.offsets)[which]
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
@@ -158,9 +143,7 @@ def join_spans(parts: Sequence[Spans]) -> Spans:
     return Spans(rows, starts, ends, np.concatenate([[0], *offsets]).astype(np.int64))
 
 
-def masks_of(
-    spans: Spans, which: NDArray[np.integer], size_px: tuple[int, int] = WINDOW_PX
-) -> NDArray[np.bool_]:
+def masks_of(spans: Spans, which: IndexArray, size_px: tuple[int, int] = WINDOW_PX) -> BoolArray:
     """Masks (N, h, w) bool of silhouettes `which` (N,) in images of (width, height)."""
     masks = np.zeros((len(which), size_px[1], size_px[0]), bool)
     kernels.draw_runs(spans.rows, spans.starts, spans.ends, spans.offsets, np.asarray(which), masks)

@@ -4,21 +4,19 @@ Each frame by itself leaves open where the root is and which way it faces: the d
 joint that turns about the vertical makes up for any heading. All frames have the same root.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.tree.descent import Posterior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.monocular.tree.rendering import yaw_rotations
-from silhouette_core.monocular.tree.sample_search import find_samples
+from silhouette_core.monocular.tree.sample_proposer import find_samples
 from silhouette_core.monocular.tuning import ROOT_SEARCH
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
@@ -44,11 +42,11 @@ class _Frame:
 
     observation: Observation
     poses: list[Pose]
-    errors: NDArray[np.float64]
+    errors: FloatArray
 
 
 def find_root(
-    library: PoseLibrary, camera: Camera, masks: Sequence[NDArray[np.bool_]], backend: Backend
+    library: PoseLibrary, camera: Camera, masks: Sequence[BoolArray], backend: Backend
 ) -> Pose:
     """Placement of a root that stands still.
 
@@ -105,7 +103,7 @@ def _settled(
     return root, [_held(surface, frame, root, backend) for frame in frames]
 
 
-def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Frame:
+def _turned(frame: _Frame, turn: FloatArray, model: BodyModel) -> _Frame:
     """The best poses of a frame with the root turned in the world.
 
     Joints at the root make up for the turn as far as they can: what they carry stays where it is,
@@ -116,7 +114,7 @@ def _turned(frame: _Frame, turn: NDArray[np.float64], model: BodyModel) -> _Fram
     return _Frame(frame.observation, poses, frame.errors[best])
 
 
-def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pose:
+def _root_turned(pose: Pose, turn: FloatArray, model: BodyModel) -> Pose:
     angles = pose.angles_rad.copy()
     back = Rotation.from_matrix(pose.root_rotation.T @ turn.T @ pose.root_rotation)
     for part in np.flatnonzero(model.tree.parents == 0):
@@ -128,11 +126,7 @@ def _root_turned(pose: Pose, turn: NDArray[np.float64], model: BodyModel) -> Pos
 
 
 def _refined(
-    posterior: Posterior,
-    views: PinholeViews,
-    surface: Surface,
-    mask: NDArray[np.bool_],
-    backend: Backend,
+    posterior: Posterior, views: PinholeViews, surface: Surface, mask: BoolArray, backend: Backend
 ) -> _Frame:
     """The best poses of every view, refined with the root free."""
     poses, distance_m = posterior.poses(_best_of_views(posterior)).poses(), posterior.distance_m
@@ -169,7 +163,7 @@ def _best_of_views(posterior: Posterior) -> list[int]:
     ]
 
 
-def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
+def _gaps(poses: Sequence[Pose], root: Pose) -> FloatArray:
     """Squared distances (K,) of the roots of poses from a root, in standard deviations."""
     moved = np.array([pose.root_m - root.root_m for pose in poses])
     turns = np.stack([pose.root_rotation for pose in poses]) @ root.root_rotation.T
@@ -179,7 +173,7 @@ def _gaps(poses: Sequence[Pose], root: Pose) -> NDArray[np.float64]:
     ) ** 2
 
 
-def _costs(frame: _Frame, root: Pose) -> NDArray[np.float64]:
+def _costs(frame: _Frame, root: Pose) -> FloatArray:
     """Costs (K,) of a frame's poses with a root, in squared standard deviations."""
     errors = (frame.errors / ROOT_SEARCH.sigma_error) ** 2
     return np.minimum(_gaps(frame.poses, root), 50.0) + errors

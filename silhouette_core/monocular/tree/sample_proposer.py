@@ -1,20 +1,21 @@
 """Proposals of the poses of a body that is no person's: samples that explain a silhouette."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person import Person, area_distance
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, Proposer
+from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
+from silhouette_core.monocular.tree.descent import SHIFTS_PX, Alignments, Posterior, tree_posterior
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
-from silhouette_core.monocular.tree.sample_search import find_samples
-from silhouette_core.monocular.tuning import ROOT_SEARCH
+from silhouette_core.monocular.tree.rendering import STATURE_PX
+from silhouette_core.monocular.tuning import DISTANCES, FILTER, ROOT_SEARCH
+from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.pose import Pose, PoseArrays
@@ -22,29 +23,57 @@ from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.target import Target
 from silhouette_core.tracking.beam import select_different
 from silhouette_core.tuning import REFINEMENT
 
+_COUNT = 9  # distances tried
 _CONSIDERED, _SEEDS = 150, 16  # samples of a frame
 _FROM_LIBRARY = RefineSettings(reaches_m=REFINEMENT.near_reaches_m)
 
 
+def find_samples(
+    library: PoseLibrary,
+    camera: Camera,
+    mask: BoolArray,
+    backend: Backend,
+    distance_m: float | None = None,
+) -> Posterior:
+    """Posterior of a frame if all samples are as likely before.
+
+    Args:
+        camera: pinhole camera without distortion.
+        mask: (h, w) bool, the silhouette, not empty.
+        distance_m: of the body; None: several are tried about that by the silhouette's area.
+    """
+    px_per_m = STATURE_PX / library.model.length_m
+    if distance_m is None:
+        usual_m2 = float(np.median(library.areas.sum(axis=1))) / px_per_m**2
+        factors = np.exp(np.linspace(-DISTANCES.first_range, DISTANCES.first_range, _COUNT))
+        distances_m = area_distance(camera, mask, usual_m2) * factors
+    else:
+        distances_m = np.array([distance_m])
+    windows = tuple(look_at(camera, mask, float(one), px_per_m) for one in distances_m)
+
+    def target_of(reduction: int) -> Target:
+        masks, weights = zip(*(relative_weights(one, reduction) for one in windows), strict=True)
+        return Target(masks, weights, SHIFTS_PX)  # pixels of the level
+
+    # The pitch of a view is a property of the camera.
+    off = (library.views[:, 1] - windows[0].pitch_rad) / np.radians(DISTANCES.pitch_sigma_deg)
+    prior = np.exp(-0.5 * off[library.sample_view, None] ** 2)
+    alignments = Alignments(windows, SHIFTS_PX, target_of)
+    return tree_posterior(library, prior, alignments, FILTER.sigma, backend)
+
+
 @dataclass(frozen=True, eq=False)
 class SampleProposal(FrameProposal):
-    """Samples of one frame: nobody knows which poses such a body usually takes.
+    """Samples of one frame: nobody knows which poses such a body usually takes."""
 
-    Attributes:
-        samples: likeliest first, in the world.
-        body_distance_m: distance of the body.
-        root: place of a root that stands still, with any joint angles; None: it moves.
-        different_m: mean distance of the joints within which two samples explain a silhouette
-            alike.
-    """
-
-    samples: PoseArrays
-    body_distance_m: float
-    root: Pose | None
-    different_m: float
+    samples: PoseArrays  #: likeliest first, in the world.
+    body_distance_m: float  #: distance of the body.
+    root: Pose | None  #: place of a root that stands still, with any joint angles; None: it moves.
+    different_m: float  #: Mean distance of joints within which samples explain it alike.
 
     @property
     def distance_m(self) -> float:
@@ -97,7 +126,7 @@ class SampleProposer(Proposer):
         return notes
 
 
-def _deviations(model: BodyModel, held: bool) -> NDArray[np.float64]:
+def _deviations(model: BodyModel, held: bool) -> FloatArray:
     """Deviations (6 + D,) of a pose from the library's; of a held root, those of a step."""
     sigma = np.concatenate(
         [

@@ -4,8 +4,6 @@ The arrays are read through a memory map: a library of any size opens at once an
 memory than the parts that are used. The metadata hold checksums of all arrays and of themselves.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import mmap
@@ -50,15 +48,7 @@ _TYPES = {
 }
 _BASES = "angles", "quaternion", "source", "mirrored"
 _PLAIN = (
-    "views",
-    "sample_base",
-    "sample_view",
-    "pelvis_px",
-    "areas",
-    "occluded",
-    "cut",
-    "leaf_offsets",
-    "leaf_samples",
+    "views sample_base sample_view pelvis_px areas occluded cut leaf_offsets leaf_samples".split()
 )
 _LARGEST_HEADER = 10_000_000
 _AGAIN = "build the library again (voxelpose library build)"
@@ -77,12 +67,9 @@ def write_library(library: PoseLibrary, path: Path) -> None:
         given, body["tree"] = body_arrays(library.model)
         arrays |= {_BODY + name: array for name, array in given.items()}
     for number, level in enumerate(library.levels):
-        arrays[f"level{number}.representative"], arrays[f"level{number}.parent"] = (
-            level.representative,
-            level.parent,
-        )
-        for name in ("rows", "starts", "ends", "offsets"):
-            arrays[f"level{number}.{name}"] = getattr(level.spans, name)
+        nodes = {"representative": level.representative, "parent": level.parent}
+        nodes |= vars(level.spans)
+        arrays |= {f"level{number}.{name}": array for name, array in nodes.items()}
     arrays |= {f"neighbours.{name}": array for name, array in library.neighbours.items()}
     if library.proposal is not None:
         arrays |= {f"proposal.{name}": array for name, array in library.proposal.arrays().items()}
@@ -134,8 +121,7 @@ def read_library(path: Path) -> PoseLibrary:
         The library; its arrays are views into the file and cannot be written to.
 
     Raises:
-        InputError: there is none, it is damaged or truncated, of another version, or holds no
-            poses.
+        InputError: there is none, it is damaged or truncated, of another version, or empty.
     """
     arrays, about = _read(path)
     try:
@@ -164,13 +150,9 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         raise ValueError("made with a body that has other joints")
     levels = []
     for number, facts in enumerate(about["levels"]):
-        spans = Spans(
-            *(arrays[f"level{number}.{name}"] for name in ("rows", "starts", "ends", "offsets"))
-        )
-        representative, parent = (
-            arrays[f"level{number}.representative"],
-            arrays[f"level{number}.parent"],
-        )
+        nodes = _group(arrays, f"level{number}.")
+        representative, parent = nodes["representative"], nodes["parent"]
+        spans = Spans(nodes["rows"], nodes["starts"], nodes["ends"], nodes["offsets"])
         if len(spans) != len(representative):
             raise ValueError(
                 f"level {number + 1} has {len(representative)} nodes and {len(spans)} silhouettes"

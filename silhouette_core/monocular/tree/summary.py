@@ -1,7 +1,5 @@
 """Summary of a library as text, and a contact sheet of its tree's nodes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.atomic import write_whole
+from calib.checks import ByteArray
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body
 
 _ROWS, _ACROSS = 9, 10
@@ -87,7 +86,7 @@ def _samples_of_first_level(library: PoseLibrary) -> list[NDArray[np.int32]]:
     return [np.asarray(library.leaf_samples[first:last]) for first, last in pairwise(bounds)]
 
 
-def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> NDArray[np.uint8]:
+def _row(library: PoseLibrary, node: int, samples: NDArray[np.int32]) -> ByteArray:
     """Image of one node."""
     drawn = samples[
         np.unique(np.linspace(0, len(samples) - 1, min(_ACROSS - 1, len(samples))).astype(int))

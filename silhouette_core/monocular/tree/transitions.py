@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from calib.checks import BoolArray, Float32Array, FloatArray, IntArray, RealArray
 from silhouette_core.monocular.tree.kernels import transitions as kernels
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
@@ -51,8 +52,7 @@ def transitions(
     with one variance for each joint angle, see :eq:`okada-5`. The variance of a random walk grows
     in proportion to time: this is the only place where that is taken into account, and whoever
     skips frames applies the matrix once for every frame interval that passed. Only the 64 nearest
-    samples of each sample have a probability other than 0. The paper does not normalise over the
-    library.
+    samples of each sample have a probability other than 0. The paper does not normalise.
 
     Args:
         occlusion_aware: DM2, with eq. (5); else DM1, without.
@@ -124,9 +124,7 @@ def find_neighbours(
     return {f"{name}.index": index, f"{name}.square": square}
 
 
-def view_orientations(
-    quaternions: NDArray[np.floating], views: NDArray[np.floating]
-) -> NDArray[np.float64]:
+def view_orientations(quaternions: RealArray, views: RealArray) -> FloatArray:
     """Orientations of the pelvis as vectors whose Euclidean distance is an angle.
 
     Args:
@@ -142,9 +140,7 @@ def view_orientations(
     return (rotation_matrices(yaw) @ rotation_matrices(quaternions)).reshape(-1, 9) / np.sqrt(2)
 
 
-def step_precisions(
-    library: PoseLibrary, occluded: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def step_precisions(library: PoseLibrary, occluded: BoolArray) -> tuple[FloatArray, FloatArray]:
     r"""Inverse variances of steps, magnified where the source pose occludes a part.
 
     .. math::
@@ -177,11 +173,11 @@ def step_precisions(
 
 def _nearest(
     library: PoseLibrary,
-    orientation: NDArray[np.float64],
-    sources: NDArray[np.int64],
-    occluded: NDArray[np.bool_],
+    orientation: FloatArray,
+    sources: IntArray,
+    occluded: BoolArray,
     index: NDArray[np.int32],
-    square: NDArray[np.float32],
+    square: Float32Array,
 ) -> None:
     """Fills index and square (n, K) for some sources."""
     per_joint, per_root = step_precisions(library, occluded)

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import Float32Array, FloatArray, IndexArray, IntArray
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import masks_of
@@ -24,22 +25,17 @@ _DRAWN = 128  # representatives whose distances tell how those of two kinds comp
 
 @dataclass(frozen=True, eq=False)
 class PoseSpace:
-    """Coordinates of N samples in pose space.
+    """Coordinates of N samples in pose space."""
 
-    Attributes:
-        angles: (B, D) float32, joint angles of the base poses, radians.
-        base: (N,) int32, base pose of each sample.
-        orientation: (N, 9) float64, the pelvis's, see
-            `silhouette_core.monocular.tree.transitions.view_orientations`: its Euclidean distance
-            is an angle in radians, so that turning the body by some degrees counts as turning one
-            joint by as much.
-    """
+    angles: Float32Array  #: (B, D) float32, joint angles of the base poses, radians.
+    base: NDArray[np.int32]  #: (N,) int32, base pose of each sample.
+    orientation: FloatArray
+    """(N, 9) float64, the pelvis's, see
+    `silhouette_core.monocular.tree.transitions.view_orientations`: its Euclidean distance is an
+    angle in radians, so that turning the body by some degrees counts as turning one joint by as
+    much."""
 
-    angles: NDArray[np.float32]
-    base: NDArray[np.int32]
-    orientation: NDArray[np.float64]
-
-    def nearest_to_mean(self, samples: NDArray[np.integer]) -> int:
+    def nearest_to_mean(self, samples: IndexArray) -> int:
         """Sample nearest to the mean of `samples` (n,) in joint angles and orientation.
 
         Of equally near samples it is the first.
@@ -54,29 +50,20 @@ class PoseSpace:
         return int(samples[np.argmin(np.round(squares, 9))])
 
 
-Distances = Callable[[int, NDArray[np.int64], bool], NDArray[np.float64]]
+Distances = Callable[[int, IntArray, bool], FloatArray]
 """Distances (n,) of a representative from samples (n,), and whether all threads may work."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scorer:
-    """Distances between samples at one resolution.
+    """Distances between samples at one resolution."""
 
-    Attributes:
-        spans: all samples' silhouettes.
-        size_px: (width, height).
-        settings: weigh the pixels of the representative's silhouette.
-        bounds_px: rectangle of the library, see `PoseLibrary`.
-    """
+    spans: Spans  #: all samples' silhouettes.
+    size_px: tuple[int, int]  #: (width, height).
+    settings: LibrarySettings  #: weigh the pixels of the representative's silhouette.
+    bounds_px: Rectangle  #: rectangle of the library, see `PoseLibrary`.
 
-    spans: Spans
-    size_px: tuple[int, int]
-    settings: LibrarySettings
-    bounds_px: Rectangle
-
-    def __call__(
-        self, representative: int, samples: NDArray[np.int64], threads: bool
-    ) -> NDArray[np.float64]:
+    def __call__(self, representative: int, samples: IntArray, threads: bool) -> FloatArray:
         """Returns the distances (n,) from a representative to `samples` (n,)."""
         mask = masks_of(self.spans, np.array([representative]), self.size_px)[0]
         weights = self.settings.weights(mask, self.bounds_px)
@@ -104,24 +91,16 @@ class Scorer:
 
 @dataclass(eq=False)
 class Split:
-    """State of the division of one set of n samples, steps (1) to (3).
+    """State of the division of one set of n samples, steps (1) to (3)."""
 
-    Attributes:
-        samples: (n,) int64, increasing.
-        chosen: positions of the representatives in `samples`.
-        total: (n,) float64, sum of the distances from all representatives.
-        nearest: (n,) float64, distance from the nearest representative.
-        nearest_node: (n,) int32, index of the nearest representative.
-    """
-
-    samples: NDArray[np.int64]
-    chosen: list[int]
-    total: NDArray[np.float64]
-    nearest: NDArray[np.float64]
-    nearest_node: NDArray[np.int32]
+    samples: IntArray  #: (n,) int64, increasing.
+    chosen: list[int]  #: positions of the representatives in `samples`.
+    total: FloatArray  #: (n,) float64, sum of the distances from all representatives.
+    nearest: FloatArray  #: (n,) float64, distance from the nearest representative.
+    nearest_node: NDArray[np.int32]  #: (n,) int32, index of the nearest representative.
 
     @classmethod
-    def start(cls, samples: NDArray[np.int64], poses: PoseSpace) -> Split:
+    def start(cls, samples: IntArray, poses: PoseSpace) -> Split:
         r"""Division with its first representative.
 
         Step (1): the representative of the first node is the sample nearest to the mean of the set
@@ -194,7 +173,7 @@ class Split:
             after()
         self.nearest_node[self.chosen] = np.arange(len(self.chosen), dtype=np.int32)
 
-    def groups(self) -> list[NDArray[np.int64]]:
+    def groups(self) -> list[IntArray]:
         """Samples of each new node, increasing, in the order in which the nodes were created."""
         order = np.argsort(self.nearest_node, kind="stable")
         return np.split(
@@ -205,26 +184,19 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """Nodes of one level, K of them.
+    """Nodes of one level, K of them."""
 
-    Attributes:
-        representative: (K,) int32, sample that represents the node.
-        parent: (K,) int32, node of the level above.
-        offsets: (K + 1,) int64; node k has the members offsets[k] to offsets[k + 1] - 1.
-        members: (N,) int32, samples of all nodes, increasing within a node.
-    """
+    representative: NDArray[np.int32]  #: (K,) int32, sample that represents the node.
+    parent: NDArray[np.int32]  #: (K,) int32, node of the level above.
+    offsets: IntArray  #: (K + 1,) int64; node k has the members offsets[k] to offsets[k + 1] - 1.
+    members: NDArray[np.int32]  #: (N,) int32, samples of all nodes, increasing within a node.
 
-    representative: NDArray[np.int32]
-    parent: NDArray[np.int32]
-    offsets: NDArray[np.int64]
-    members: NDArray[np.int32]
-
-    def sets(self) -> list[NDArray[np.int64]]:
+    def sets(self) -> list[IntArray]:
         """Samples of each node."""
         return np.split(self.members.astype(np.int64), self.offsets[1:-1])
 
     @classmethod
-    def from_groups(cls, groups: list[list[NDArray[np.int64]]], poses: PoseSpace) -> Nodes:
+    def from_groups(cls, groups: list[list[IntArray]], poses: PoseSpace) -> Nodes:
         r"""Nodes of divided sets, with representatives chosen again.
 
         Step (4): the representative of a node is the sample nearest to the mean of its set
@@ -253,12 +225,12 @@ class Nodes:
 
 
 def divide(
-    sets: list[NDArray[np.int64]],
+    sets: list[IntArray],
     poses: PoseSpace,
     score: Scorer,
     threshold: float,
     reporter: Reporter | None = None,
-) -> list[list[NDArray[np.int64]]]:
+) -> list[list[IntArray]]:
     """Division of sets of samples, each by steps (1) to (3), see `Split`.
 
     Args:
@@ -274,7 +246,7 @@ def divide(
     reporter = reporter or SilentReporter()
     one = len(sets) == 1  # then its representatives are counted, and else the sets
 
-    def divided(samples: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    def divided(samples: IntArray) -> list[IntArray]:
         split = Split.start(samples, poses)
         after = reporter.advance if one else lambda: None
         split.run(score, threshold, after, threads=len(samples) >= _LARGE)
@@ -282,7 +254,7 @@ def divide(
             reporter.advance()
         return split.groups()
 
-    result: list[list[NDArray[np.int64]]] = [[] for _ in sets]
+    result: list[list[IntArray]] = [[] for _ in sets]
     small = [k for k, samples in enumerate(sets) if len(samples) < _LARGE]
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
         for k, groups in zip(small, pool.map(divided, [sets[k] for k in small]), strict=True):

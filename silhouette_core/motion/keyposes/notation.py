@@ -25,7 +25,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calib.checks import FloatArray
 
 MIDDLE = ("tip", "lean", "side", "twist", "look", "nod", "yaw")
 LIMBS = ("arm", "out", "elbow", "turn", "lift", "hip", "straddle", "knee", "toe", "heel")
@@ -41,17 +42,11 @@ _TURNED = np.where(np.isin(COLUMNS, ["side", "twist", "look", "yaw"]), -1, 1)
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """Key poses of one movement, with all repetitions.
+    """Key poses of one movement, with all repetitions."""
 
-    Attributes:
-        times_s: (K,) float64, increasing, from 0.
-        poses_deg: (K, C) float64, angles in the order of `COLUMNS`.
-        speed: m/s ahead and to the left.
-    """
-
-    times_s: NDArray[np.float64]
-    poses_deg: NDArray[np.float64]
-    speed: tuple[float, float]
+    times_s: FloatArray  #: (K,) float64, increasing, from 0.
+    poses_deg: FloatArray  #: (K, C) float64, angles in the order of `COLUMNS`.
+    speed: tuple[float, float]  #: m/s ahead and to the left.
 
 
 def movements() -> dict[str, Movement]:
@@ -86,7 +81,7 @@ def _movement(
     return Movement(whole, all_poses, (speed, sideways))
 
 
-def _pose(pairs: str) -> NDArray[np.float64]:
+def _pose(pairs: str) -> FloatArray:
     pose = STANDING.copy()
     words = pairs.split()
     for name, number in zip(words[::2], words[1::2], strict=True):

@@ -9,18 +9,17 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import FloatArray, IntArray
 from calib.documents import load_text
 from calib.errors import InputError
 from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, BvhJoint, split_bvh
 
-LARGEST_CLIP = 300_000_000
-"""Bytes of a clip of any format; an hour takes a tenth of it."""
+LARGEST_CLIP = 300_000_000  #: Bytes of a clip of any format; an hour takes a tenth of it.
 
 
-def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
+def read_bvh(path: Path) -> tuple[list[BvhJoint], FloatArray, float]:
     """Hierarchy, channels and frame rate of a file.
 
     Returns:
@@ -53,8 +52,8 @@ def read_bvh(path: Path) -> tuple[list[BvhJoint], NDArray[np.float64], float]:
 
 
 def local_transforms(
-    path: Path, joints: list[BvhJoint], numbers: NDArray[np.float64], selected: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    path: Path, joints: list[BvhJoint], numbers: FloatArray, selected: IntArray
+) -> tuple[FloatArray, FloatArray]:
     """Transforms of selected joints from their channels: parent_from_joint (T, W, 3, 3) and offsets
     (T, W, 3), float64.
 
@@ -92,7 +91,7 @@ def local_transforms(
     return local, offsets
 
 
-def _numbers(path: Path, text: str) -> NDArray[np.float64]:
+def _numbers(path: Path, text: str) -> FloatArray:
     try:
         parts = [np.array(line.split(), float) for line in text.splitlines()]
         numbers = np.concatenate([np.zeros(0), *parts])
@@ -104,7 +103,7 @@ def _numbers(path: Path, text: str) -> NDArray[np.float64]:
     return numbers
 
 
-def check_numbers(path: Path, numbers: NDArray[np.float64]) -> None:
+def check_numbers(path: Path, numbers: FloatArray) -> None:
     """Checks that the numbers of a file can be angles and positions.
 
     Raises:

@@ -4,9 +4,9 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib.checks import FloatArray, IntArray
 from calib.documents import load_text, parse_json
 from calib.errors import InputError
 from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
@@ -23,9 +23,7 @@ _CMU = tuple(
 _LARGEST_SKELETON = 10_000_000
 
 
-def read_expmap(
-    path: Path,
-) -> tuple[tuple[str, ...], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], float]:
+def read_expmap(path: Path) -> tuple[tuple[str, ...], IntArray, FloatArray, FloatArray, float]:
     """Skeleton and transforms of a clip.
 
     Each row is a frame: the root's position, then the rotation vector of joint_from_parent for each
@@ -78,7 +76,7 @@ def read_expmap(
     return names, parents, positions, local, fps
 
 
-def _rows(path: Path, columns: int) -> NDArray[np.float64]:
+def _rows(path: Path, columns: int) -> FloatArray:
     try:
         if path.stat().st_size > LARGEST_CLIP:
             raise ValueError(f"larger than {LARGEST_CLIP / 1e6:.0f} MB")

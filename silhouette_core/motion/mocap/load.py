@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import IntArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import FPS
@@ -118,7 +118,7 @@ def read_clip(path: Path, names: Path | None = None) -> MocapClip:
     return MocapClip(path.name, rate, kept, parents, offsets, rotations, positions, roles)
 
 
-def _with_ancestors(roles: dict[str, int], parents: NDArray[np.int64]) -> NDArray[np.int64]:
+def _with_ancestors(roles: dict[str, int], parents: IntArray) -> IntArray:
     """Indices of the joints with a role and of their ancestors, in the file's order."""
     selected: set[int] = set()
     for role in roles.values():

@@ -29,15 +29,10 @@ _RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
 
 @dataclass(frozen=True)
 class NameMap:
-    """Joint-name map.
+    """Joint-name map."""
 
-    Attributes:
-        title: name of the map, for messages.
-        names: for each role, possible names, best first.
-    """
-
-    title: str
-    names: dict[str, tuple[str, ...]]
+    title: str  #: name of the map, for messages.
+    names: dict[str, tuple[str, ...]]  #: for each role, possible names, best first.
 
     @classmethod
     def read(cls, path: Path) -> NameMap:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from calib.rotation import nearest_rotation
 from calib.upright import UprightFrame
 from silhouette_core.body.model import BodyModel
@@ -32,16 +33,11 @@ _X, _Y, _Z = np.eye(3)
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """Axes of a trunk that stands upright and looks ahead.
+    """Axes of a trunk that stands upright and looks ahead."""
 
-    Attributes:
-        joint_from_body: by role, (3, 3), the body's axes (columns: left, back, up) in the joint's
-            axes.
-        doubt_deg: deviation from standing straight.
-    """
-
-    joint_from_body: dict[str, NDArray[np.float64]]
-    doubt_deg: float
+    joint_from_body: dict[str, FloatArray]
+    """By role, (3, 3), the body's axes (columns: left, back, up) in the joint's axes."""
+    doubt_deg: float  #: deviation from standing straight.
 
 
 def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | None = None) -> Motion:
@@ -71,9 +67,7 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
     return Motion(recorded.fps, model, root_m, quaternion, angles)
 
 
-def _in_world(
-    recorded: MocapClip, role: str, local: NDArray, world: NDArray
-) -> NDArray[np.float64]:
+def _in_world(recorded: MocapClip, role: str, local: NDArray, world: NDArray) -> FloatArray:
     """One axis (T, 3) of a joint, or three as columns (T, 3, 3), in the world."""
     return world @ recorded.rotations[:, recorded.roles[role]] @ local
 
@@ -148,7 +142,7 @@ def _scale(recorded: MocapClip, model: BodyModel) -> float:
 
 def _heights(
     recorded: MocapClip, model: BodyModel, world: NDArray, quaternion: NDArray, angles: NDArray
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Height of the root (T,), m."""
     joints = [
         recorded.roles[role]
@@ -164,19 +158,19 @@ def _heights(
     return np.maximum(above - slack, 0.0) - lowest_foot(model, quaternion, angles)
 
 
-def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit(vectors: FloatArray) -> FloatArray:
     """Vectors (…, 3) scaled to length 1."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
-def direction(recorded: MocapClip, near: str, far: str) -> NDArray[np.float64]:
+def direction(recorded: MocapClip, near: str, far: str) -> FloatArray:
     """Unit vectors (T, 3) from one role's joint to another's."""
     return unit(
         recorded.positions[:, recorded.roles[far]] - recorded.positions[:, recorded.roles[near]]
     )
 
 
-def up_axis(recorded: MocapClip) -> NDArray[np.float64]:
+def up_axis(recorded: MocapClip) -> FloatArray:
     """Signed axis (3,) of the file that points from the feet to the shoulders on average."""
     legs = sum(
         (direction(recorded, f"{side}_foot", f"{side}_thigh") for side in SIDES), np.zeros(3)
@@ -222,9 +216,7 @@ def find_joint_frames(recorded: MocapClip) -> JointFrames:
     return _mean_axes(recorded, up, upright, doubt_deg)
 
 
-def hinge_axis(
-    recorded: MocapClip, side: str, bones: tuple[str, str, str]
-) -> NDArray[np.float64] | None:
+def hinge_axis(recorded: MocapClip, side: str, bones: tuple[str, str, str]) -> FloatArray | None:
     """Axis (3,) about which a limb bends, in the axes of its upper bone's joint.
 
     None if the clip hardly bends it.
@@ -240,9 +232,7 @@ def hinge_axis(
     return unit(mean) if np.linalg.norm(mean) > 0.1 else None
 
 
-def mean_axis(
-    recorded: MocapClip, role: str, directions: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def mean_axis(recorded: MocapClip, role: str, directions: FloatArray) -> FloatArray:
     """Axis (3,) of a joint that is nearest to given directions (T, 3) on average."""
     return unit(
         np.einsum("tji,tj->ti", recorded.rotations[:, recorded.roles[role]], directions).mean(
@@ -251,7 +241,7 @@ def mean_axis(
     )
 
 
-def sole(recorded: MocapClip, side: str) -> NDArray[np.float64]:
+def sole(recorded: MocapClip, side: str) -> FloatArray:
     """Rotation joint_from_body (3, 3) of a foot, level and pointing ahead while it stands.
 
     It stands while ankle and toes are low.
@@ -304,7 +294,7 @@ def _trunk(recorded: MocapClip) -> NDArray:
     )
 
 
-def _crookedness(recorded: MocapClip, up: NDArray) -> NDArray[np.float64]:
+def _crookedness(recorded: MocapClip, up: NDArray) -> FloatArray:
     across = direction(recorded, "right_thigh", "left_thigh")
     across = unit(across - (across @ up)[:, None] * up)
     angles = [_angle(_trunk(recorded), up)]
@@ -319,5 +309,5 @@ def _crookedness(recorded: MocapClip, up: NDArray) -> NDArray[np.float64]:
     return np.degrees(np.max(angles, axis=0))
 
 
-def _angle(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+def _angle(a: NDArray, b: NDArray) -> FloatArray:
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))

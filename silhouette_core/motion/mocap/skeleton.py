@@ -6,31 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+
+from calib.checks import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class MocapClip:
-    """Motion of a recorded skeleton, in the file's unit and axes.
-
-    Attributes:
-        joints: names of the J joints, parents first.
-        parents: (J,) int64, -1 for the root.
-        offsets: (J, 3) float64, each joint relative to its parent at zero rotation.
-        rotations: (T, J, 3, 3) float64, world_from_joint.
-        positions: (T, J, 3) float64, the joints in the world; the root's up to a constant, which
-            files define differently.
-        roles: index of the joint of each role, see `names.ROLES`.
-    """
+    """Motion of a recorded skeleton, in the file's unit and axes."""
 
     name: str
     fps: float
-    joints: tuple[str, ...]
-    parents: NDArray[np.int64]
-    offsets: NDArray[np.float64]
-    rotations: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    roles: Mapping[str, int]
+    joints: tuple[str, ...]  #: names of the J joints, parents first.
+    parents: IntArray  #: (J,) int64, -1 for the root.
+    offsets: FloatArray  #: (J, 3) float64, each joint relative to its parent at zero rotation.
+    rotations: FloatArray  #: (T, J, 3, 3) float64, world_from_joint.
+    positions: FloatArray
+    """(T, J, 3) float64, the joints in the world; the root's up to a constant, as files differ."""
+    roles: Mapping[str, int]  #: index of the joint of each role, see `names.ROLES`.
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -41,7 +33,7 @@ class MocapClip:
         """Key of the skeleton: joints, and offsets to a hundredth of the file's unit."""
         return self.joints, self.offsets.round(2).tobytes()
 
-    def posed(self, rotations: NDArray[np.float64], positions: NDArray[np.float64]) -> MocapClip:
+    def posed(self, rotations: FloatArray, positions: FloatArray) -> MocapClip:
         """The same skeleton in other poses."""
         return replace(self, rotations=rotations, positions=positions)
 
@@ -55,8 +47,8 @@ class MocapClip:
 
 
 def place_joints(
-    parents: NDArray[np.int64], offsets: NDArray[np.float64], local: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    parents: IntArray, offsets: FloatArray, local: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """World transforms from local ones: (T, J, 3, 3) world_from_joint and (T, J, 3) positions.
 
     Args:

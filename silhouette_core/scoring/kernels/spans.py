@@ -40,8 +40,7 @@ def padded_prefix(observation, weights, margin, prefix):
 def _sum_runs(flat, width, first, last, rows, starts, ends):
     """Signed weights under the runs first to last, for one combination.
 
-    Unsigned 32-bit indices and a sum each for ends and starts: twice as fast as the plain
-    expression.
+    Unsigned 32-bit indices and a sum each for ends and starts: twice as fast as plain ones.
     """
     to_ends, to_starts = 0.0, 0.0
     for n in range(first, last):

@@ -13,9 +13,7 @@ from silhouette_core.jit import kernel, parallel_kernel, prange
 
 @kernel
 def _number_cells(columns, rotation, translation, origin, per_voxel, shape, cells):
-    """Fills cells (P,): the voxel of each point of columns (3, P), counted through the grid; -1
-    outside of it.
-    """
+    """Fills cells (P,): the voxel, counted through the grid, of columns (3, P); -1 outside it."""
     xs, ys, zs = columns[0], columns[1], columns[2]
     nx, ny, nz = shape
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
@@ -39,9 +37,7 @@ def _number_cells(columns, rotation, translation, origin, per_voxel, shape, cell
 def voxel_overlap(
     occupancy, origin, per_voxel, points, weights, rotations, translations, inside, outside
 ):
-    """Fills inside (K,) and outside (K,): the weights of points in occupied voxels, and of all
-    others.
-    """
+    """Fills inside (K,) and outside (K,): weights of points in occupied voxels and others."""
     flat, columns = occupancy.reshape(-1), points.T.copy()
     for k in prange(len(rotations)):
         cells = np.empty(len(points), np.int32)

@@ -23,8 +23,7 @@ from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.tree.root_search import find_root
-from silhouette_core.monocular.tree.sample_proposer import SampleProposer
-from silhouette_core.monocular.tree.sample_search import find_samples
+from silhouette_core.monocular.tree.sample_proposer import SampleProposer, find_samples
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.pose import Pose

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from silhouette_core.monocular.making import virtual_defects
 from silhouette_core.monocular.making.virtual_defects import (
     cast_shadow,
     passing_defects,
+    spoil_silhouettes,
     wall_coloured_places,
 )
 
@@ -36,6 +38,23 @@ def test_holes_follow_the_body_and_what_is_strange_lies_beside_it():
     assert 3 < np.median(away[radius < 0]) < 12 and radius.min() < -8
     _, holes = passing_defects(places, np.random.default_rng(0), strange=False)
     assert holes[..., 2].min() == 0 and holes[..., 2].max() > 12
+
+
+def test_silhouettes_grow_or_shrink_and_discs_are_erased_in_turn():
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(6, 12, 17))
+    masks = np.stack([cv2.GaussianBlur(image, (0, 0), 1.5) > 0 for image in noise]).astype(np.uint8)
+    discs = np.concatenate([rng.uniform(-3, 18, (6, 3, 2)), rng.uniform(-2, 5, (6, 3, 1))], axis=2)
+    edges = np.array([-1, 0, 1, -1, 0, 1], np.int8)
+    expected, (y, x) = masks.copy(), np.indices(masks.shape[1:])
+    for mask, edge, changed in zip(expected, edges, discs, strict=True):
+        if edge:
+            before = mask == (edge > 0)
+            mask[1:, 1:][before[:-1, 1:] | before[1:, :-1]] = edge > 0
+        for u, v, radius in changed[changed[:, 2] != 0]:
+            mask[(x - u) ** 2 + (y - v) ** 2 <= radius**2] = radius < 0
+    spoil_silhouettes(masks, edges, discs)
+    np.testing.assert_array_equal(masks, expected)
 
 
 def test_places_of_one_colour_are_missing_in_some_takes():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from silhouette_core.image.seen_joints import deviations_m
-from silhouette_core.monocular.making.virtual_joints import seen_errors, virtual_seen_joints
+from silhouette_core.monocular.making.virtual_defects import seen_errors, virtual_seen_joints
 
 
 def takes(count=80):

@@ -6,7 +6,7 @@ import pytest
 from calib.atomic import claimed
 from calib.errors import InputError
 from silhouette_core.monocular.making import from_motion
-from silhouette_core.monocular.tree.checkpoint import Checkpoint
+from silhouette_core.monocular.tree.build import Checkpoint
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from tests.clips import waving
 

@@ -8,7 +8,7 @@ from scipy.sparse import identity
 
 from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
+from silhouette_core.monocular.tree.pose_library import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.transitions import transitions
 from silhouette_core.monocular.tuning import DISTANCES, FILTER

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.image.spans import Spans
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, nwxor_weights
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.target import Target
 from tests.silhouette_core.image.drawn_figures import figure

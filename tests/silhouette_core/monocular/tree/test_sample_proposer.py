@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.monocular.person import Person
-from silhouette_core.monocular.tree.sample_proposer import SampleProposer
-from silhouette_core.monocular.tree.sample_search import find_samples
+from silhouette_core.monocular.tree.sample_proposer import SampleProposer, find_samples
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from silhouette_core.monocular.tracking.silhouette_weights import relative_weights
-from silhouette_core.monocular.tree import sample_search
+from silhouette_core.monocular.tree import sample_proposer
 from silhouette_core.monocular.tree.rendering import masks_of
-from silhouette_core.monocular.tree.sample_search import find_samples
+from silhouette_core.monocular.tree.sample_proposer import find_samples
 from silhouette_core.monocular.tuning import DISTANCES, FILTER
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at, films, performed, window_pixels
@@ -79,9 +79,9 @@ def test_poses_stand_where_their_silhouettes_are_moved_to(library, found):
 
 def test_views_of_another_pitch_are_unlikely(library, walk, monkeypatch):
     """By the camera's own."""
-    priors, posterior = [], sample_search.tree_posterior
+    priors, posterior = [], sample_proposer.tree_posterior
     monkeypatch.setattr(
-        sample_search,
+        sample_proposer,
         "tree_posterior",
         lambda *given: priors.append(given[1]) or posterior(*given),
     )

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from silhouette_core.jit import set_threads
 from silhouette_core.monocular.tree.build import build_library
-from silhouette_core.monocular.tree.pixel_weights import nwxor_weights
+from silhouette_core.monocular.tree.pose_library import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.tree import PoseSpace
 from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
