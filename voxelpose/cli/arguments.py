@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -92,14 +92,14 @@ FilterOrder = Annotated[
     ),
 ]
 GapLimit = Annotated[
-    str,
+    int | str,
     arg(
         metavar="N|SECONDSs",
         help="Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s.",
     ),
 ]
 People = Annotated[
-    str,
+    int | str,
     arg(
         metavar="N|auto",
         help="Number of people: each is followed. auto: as many as are seen. 1: one, whoever else"
@@ -181,7 +181,7 @@ class PageArguments:
             webbrowser.open(url)
 
 
-def up_direction(text: str | None) -> tuple[float, float, float] | None:
+def up_direction(text: str | None, setting: str = "--up={}") -> tuple[float, float, float] | None:
     """The direction of up that a text names, as a unit vector; InputError where it is neither an
     axis nor three numbers.
     """
@@ -189,7 +189,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
         return None
     from calib.upright import direction_of
 
-    return tuple(direction_of(text, "--up={}").tolist())
+    return tuple(direction_of(text, setting).tolist())
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
@@ -216,11 +216,10 @@ Method = Annotated[
 ]
 
 
-def unusual(command: Any, *fields: str, **named: str) -> dict[str, bool | int | float | str]:
-    """Options of an estimator by their names: fields of a command, some `named` otherwise, without
-    the usual ones, so that an estimator refuses no more than what was asked for.
+def unusual(command: Any, named: Mapping[str, str]) -> dict[str, bool | int | float | str]:
+    """Options of an estimator by their names, from a command's fields that are `named`, without the
+    usual ones, so that an estimator refuses no more than what was asked for.
     """
-    named |= dict(zip(fields, fields, strict=True))
     given = {name: getattr(command, field) for name, field in named.items()}
     return {
         name: str(value) if isinstance(value, Path) else value

@@ -172,7 +172,7 @@ class Live(arguments.PageArguments):
             chest_girth_m=self.chest or known.chest_girth_m,
             sex=self.sex if self.sex != "unknown" else known.sex,
         )
-        options = arguments.unusual(self, "outline_only", "library")
+        options = arguments.unusual(self, {"outline_only": "outline_only", "library": "library"})
         options["start"] = self.start
         settings = Settings(
             stature_m=subject.stature_m,

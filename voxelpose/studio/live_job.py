@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from calib.errors import InputError
+from voxelpose.cli.live import Live
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page
 from voxelpose.live.senders import Senders
@@ -22,20 +23,14 @@ _LOOK_MS = 100
 _TOLD_EVERY_MS = 400
 
 
-def follow(
-    reporter: JobReporter,
-    prepare: Callable[[JobReporter, Any], LiveSession],
-    command: Any,
-    title: str,
-    token: str,
-) -> dict[str, Any]:
+def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict[str, Any]:
     """Runs a session until it is asked to "finish", or to the end of the videos that stand for
     cameras; returns the number of `frames` and of those that were `dropped`. Its page is served to
     this machine alone, to who knows the token, at the `port` that it tells. StepError where a user
     can correct something.
     """
     try:
-        session = prepare(reporter, command)
+        session = command.prepare(reporter)
         with ExitStack() as parts:
             parts.callback(session.close)
             receivers = _Receivers(command.send)

@@ -12,14 +12,15 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 
 from calib.errors import InputError
+from voxelpose.cli.options import folder_settings
 from voxelpose.live.senders import parse_receiver
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.drawn_places import change_section
+from voxelpose.studio.command_forms import Typed, filled_in, form_of
 from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
-from voxelpose.studio.studio_commands import Commands, Typed
 from voxelpose.view.serving.gate import GateRequest, pass_on, until_one_ends
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
@@ -50,11 +51,8 @@ class ReceiversAsked(Struct, forbid_unknown_fields=True):
 class LiveStep:
     """What the step shows of a project, and has done."""
 
-    def __init__(
-        self, folder: StudioFolder, commands: Commands, job: PageJob, recording: RecordStep
-    ) -> None:
-        self._folder, self._commands, self._job = folder, commands, job
-        self._recording = recording
+    def __init__(self, folder: StudioFolder, job: PageJob, recording: RecordStep) -> None:
+        self._folder, self._job, self._recording = folder, job, recording
         self._token = self._cookie = ""
         self._cookie_of = 0
 
@@ -63,8 +61,8 @@ class LiveStep:
         InputError where there is no such project.
         """
         project = self._folder.project(name)
-        receivers, _ = self._commands.values("live", project).get("send", ((), ""))
-        form = self._commands.form("live", project)
+        receivers, _ = folder_settings("live", project).get("send", ((), ""))
+        form = form_of("live", project)
         return self._recording.state(name) | {"form": form, "receivers": list(receivers)}
 
     def start(self, asked: LiveAsked) -> None:
@@ -85,11 +83,11 @@ class LiveStep:
             "page": False,
         }
         inside = partial(self._folder.file_inside, project)
-        command = self._commands.command("live", project, fixed, asked.settings, inside)
+        command = filled_in("live", project, fixed, asked.settings, inside)
         command.check()
         self._token = secrets.token_urlsafe(32)
-        work, name = self._commands.work("live"), f"{asked.project} – live"
-        self._job.start(LIVE, asked.project, follow, work, command, name, self._token)
+        title = f"{asked.project} – live"
+        self._job.start(LIVE, asked.project, follow, command, title, self._token)
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:

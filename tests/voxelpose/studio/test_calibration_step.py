@@ -16,8 +16,8 @@ from tests.voxelpose.board_films import film_boards
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio, send
 from tests.voxelpose.studio.test_studio_server import fetched
-from voxelpose.cli.command_forms import CommandForms
 from voxelpose.cli.options import folder_settings, load_command, options_of
+from voxelpose.studio.command_forms import filled_in
 
 BOARD = Board(8, 5, 0.15)
 LIKE_THIS = {"board": "8x5", "square": 0.15}
@@ -110,7 +110,7 @@ def test_what_must_be_done_before_is_said_in_a_line(
 def test_a_setting_that_must_be_known_is_asked_for(walk):
     fixed = {"pictures": (walk,), "out": walk / "lenses.toml"}
     with pytest.raises(InputError, match="square must be known: fill in the field"):
-        CommandForms().command("calibrate.intrinsics", walk, fixed, {"board": "8x5"}, walk.joinpath)
+        filled_in("calibrate.intrinsics", walk, fixed, {"board": "8x5"}, walk.joinpath)
 
 
 @pytest.mark.slow
