@@ -23,7 +23,6 @@ from voxelpose.version import __version__
 
 
 def _body_table(model: BodyModel) -> dict[str, object]:
-    """The body's entry of the summary."""
     person = model.person
     if person is None:
         return {"parts": len(model.names), "extent_m": round(model.extent_m, 4)}

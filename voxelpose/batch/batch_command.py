@@ -104,7 +104,6 @@ class Batch:
 
 
 def _print_outcome(outcome: Outcome, place: str) -> None:
-    """Prints one line about a job."""
     words = f"{len(outcome.people)} people, " if outcome.people else ""
     words += str(outcome.verdict)
     if outcome.status != "failed":

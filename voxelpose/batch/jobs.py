@@ -14,13 +14,7 @@ from typing import Any, Literal
 from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
 from voxelpose.cli.fit import EstimationArguments
-from voxelpose.cli.options import (
-    checked_values,
-    folder_settings,
-    load_command,
-    made_of,
-    options_of,
-)
+from voxelpose.cli.options import checked_values, folder_settings, load_command, made_of, options_of
 from voxelpose.cli.track import Track
 from voxelpose.recording.folder import Recording, is_recording
 

@@ -278,7 +278,6 @@ def run_batch(
 def _run_jobs(
     jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
-    """The outcomes of the jobs, in their order."""
     outcomes: dict[int, Outcome] = {}
 
     def keep(number: int, outcome: Outcome) -> None:

@@ -142,6 +142,24 @@ OverwriteResult = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
+class PosingArguments:
+    """Arguments of the commands that look for a person in pictures."""
+
+    stature: OptionalLength = None
+    """Height in metres. Default: from subject.toml, else estimated, or 1.70 with one camera."""
+    chest: OptionalLength = None
+    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
+    sex: Sex = "unknown"
+    unit: Unit = None
+    fps: Fps = None
+    label: Label = None
+    up: Up = None
+    network: Network = "auto"
+    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
+    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class PageArguments:
     """Arguments of the commands that serve a page."""
 

@@ -61,7 +61,7 @@ SHARES = {  # a hundred seconds of the recording of `voxelpose demo`, 2026-11, w
 
 
 @dataclass(frozen=True, kw_only=True)
-class EstimationArguments(ABC):
+class EstimationArguments(arguments.PosingArguments, ABC):
     """Arguments of `voxelpose fit` and `voxelpose track` alike."""
 
     groups: ClassVar = arguments.GROUPS
@@ -72,18 +72,9 @@ class EstimationArguments(ABC):
     recording: arguments.RecordingFolder
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
-    stature: arguments.OptionalLength = None
-    """Height in metres. Default: from subject.toml, else estimated (fit) or 1.70 (track)."""
-    chest: arguments.OptionalLength = None
-    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
     body: arguments.BodyName = None
-    sex: arguments.Sex = "unknown"
     people: arguments.People = "auto"
     frames: arguments.Frames = None
-    unit: arguments.Unit = None
-    fps: arguments.Fps = None
-    label: arguments.Label = None
-    up: arguments.Up = None
     overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
@@ -96,9 +87,6 @@ class EstimationArguments(ABC):
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
     in Okada and Stenger 5.1, which --method paper has anyway."""
-    network: arguments.Network = "auto"
-    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
-    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
     threads: arguments.Threads = None
     estimator: Annotated[str | None, arg(metavar="NAME")] = "multiview"
     """Estimator to run; `voxelpose doctor` lists those that are installed."""

@@ -54,8 +54,6 @@ _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up
 
 
 class _Notes(SilentReporter):
-    """Keeps the last note."""
-
     words = ""
 
     def note(self, text: str) -> None:
@@ -310,7 +308,6 @@ class SetupSession:
         }
 
     def _files_digest(self) -> str:
-        """Digest of the files that a page shows and saves."""
         names = POINTS_FILE, SETTINGS_FILE, RECORDING_FILE
         files = [self.folder / name for name in names]
         files += visible_entries(self.folder / "regions")

@@ -74,7 +74,6 @@ class _Receivers:
 
 
 def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> None:
-    """Does what is asked, until it is to end."""
     actions: dict[str, Callable[[], None]] = {
         "background": session.learn_background,
         "start": session.start,

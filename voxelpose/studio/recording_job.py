@@ -74,8 +74,6 @@ def record(reporter: JobReporter, plan: RecordingPlan) -> dict[str, Any]:
 
 
 class _Filming:
-    """Cameras at work."""
-
     def __init__(self, reporter: JobReporter, plan: RecordingPlan) -> None:
         self._reporter, self._plan = reporter, plan
         self._started_s = time.monotonic()
@@ -143,7 +141,6 @@ class _Filming:
         self._matcher.deliver(name, time_s, picture)
 
     def _record_moment(self, shot: Shot) -> None:
-        """Keeps a moment, if it is wanted."""
         if (empty := self._empty) is not None:
             for name, picture in shot.pictures.items():
                 pictures = empty.setdefault(name, [])

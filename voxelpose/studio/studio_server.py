@@ -14,12 +14,7 @@ import msgspec
 from calib.errors import InputError
 from voxelpose.report.page import REPORT
 from voxelpose.setup_page.page_requests import LARGEST_BODY
-from voxelpose.studio.calibration_step import (
-    RIG_PICTURE,
-    SHEET,
-    BoardAsked,
-    CalibrationAsked,
-)
+from voxelpose.studio.calibration_step import RIG_PICTURE, SHEET, BoardAsked, CalibrationAsked
 from voxelpose.studio.live_step import LiveAsked, ReceiversAsked
 from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
@@ -32,14 +27,7 @@ from voxelpose.studio.studio_session import (
     StudioSession,
 )
 from voxelpose.studio.uploads import LARGEST_UPLOAD, receive
-from voxelpose.view.serving.gate import (
-    UNFRAMED,
-    Address,
-    Gate,
-    GatedServer,
-    GateRequest,
-    Reply,
-)
+from voxelpose.view.serving.gate import UNFRAMED, Address, Gate, GatedServer, GateRequest, Reply
 from voxelpose.view.serving.page_answers import (
     PAGE_HEADERS,
     Content,
@@ -73,7 +61,6 @@ class StudioServer(GatedServer):
     async def _answer(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
-        """Answers what may pass."""
         try:
             reply = await self._passed_on(request, reader, writer)
         except (InputError, OSError) as error:
@@ -130,7 +117,6 @@ class StudioServer(GatedServer):
     async def _upload(
         self, request: GateRequest, query: Mapping[str, str], reader: StreamReader
     ) -> Reply:
-        """Takes a file of a project."""
         given = {key: query.get(key, "") for key in ("project", "name", "place", "camera")}
         try:
             asked = msgspec.convert(given | {"bytes": request.body_bytes}, FileAsked)
@@ -179,7 +165,6 @@ class StudioServer(GatedServer):
             await asyncio.sleep(_LOOK_MS / 1000)
 
     def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
-        """What is asked for; None where it can only be a file."""
         session, project = self._session, query.get("project", "")
         match path:
             case ("api", "state"):
@@ -210,7 +195,6 @@ class StudioServer(GatedServer):
         return None
 
     def _post(self, path: Sequence[str], body: bytes) -> Content | None:
-        """The answer to JSON that the page has sent; None where nobody takes it."""
         session = self._session
         match path:
             case ("api", "new"):

@@ -84,7 +84,6 @@ class OpenedViewer:
     """The viewer of one result at a time."""
 
     def __init__(self) -> None:
-        """Opens none."""
         self._lock = threading.Lock()
         self.name: str = ""
         self.browser: Browser | None = None
@@ -119,7 +118,6 @@ class StudioSession:
     """The studio's folder, its one job, its one viewer, and the set-up of one project."""
 
     def __init__(self, folder: StudioFolder) -> None:
-        """Opens nothing."""
         self.folder, self.job, self.viewer = folder, PageJob(), OpenedViewer()
         self.calibration = CalibrationStep(folder, self.job)
         self.recording = RecordStep(folder, self.job)

@@ -45,7 +45,6 @@ class PageJob:
     """
 
     def __init__(self) -> None:
-        """Starts nothing."""
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Any = None
@@ -147,7 +146,6 @@ class PageJob:
         self.version += 1
 
     def _listen(self, pipe: Connection, process: Any) -> None:
-        """Takes what the process tells until its end."""
         kind = "at"
         while kind not in ("done", "failed"):
             content: Any = (_ENDED, "")
@@ -165,7 +163,6 @@ class PageJob:
         process.join()
 
     def _update_from(self, kind: str, content: Any) -> None:
-        """Notes what the process has told."""
         if kind == "at":
             stage, done, total = content
             part = None if self._overall is None else self._overall.part(stage, done, total)
@@ -234,7 +231,6 @@ class JobReporter:
 
 
 def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ...]) -> None:
-    """Does the work in this process, and tells how it ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's program ends this one
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     threading.Thread(target=end_with_parent, daemon=True).start()

@@ -44,12 +44,8 @@ def person_colour(number: int) -> Colour:
     return COLOURS[number % len(COLOURS)]
 
 
-def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
-    """Description of the chosen part's movable area."""
-    if part is None:
-        return (
-            "Choose a part to see where it could be, and with which others it is matched together."
-        )
+def area_text(part: str, areas: dict[str, LimbArea]) -> str:
+    """Description of a part's movable area."""
     if part not in areas:
         return "There is no pose or no hull in this frame."
     area = areas[part]
