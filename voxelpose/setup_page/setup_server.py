@@ -16,8 +16,8 @@ from voxelpose.view.serving.page_answers import (
     Content,
     PageAnswers,
     json_content,
-    moment_of,
     parse_request,
+    whole_number,
 )
 
 
@@ -36,7 +36,7 @@ class SetupPage:
             case ("api", "check"):
                 return json_content(session.check_status())
             case ("picture", camera):
-                return session.picture(camera, moment_of(query)), "image/jpeg"
+                return session.picture(camera, whole_number(query, "moment")), "image/jpeg"
             case ("painted", kind, camera):
                 return session.painted(camera, kind), "image/png"
         return None

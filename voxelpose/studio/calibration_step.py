@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -100,7 +99,7 @@ class CalibrationStep:
         """
         project = self._folder.project(asked.project)
         fixed = {"out": project / SHEET}
-        command = self._command("board", project, fixed, asked.settings)
+        command = filled_in("calibrate.board", self._folder, project, fixed, asked.settings)
         board, (width_m, height_m) = command.write()
         change_section(project / SETTINGS_FILE, "calibrate.board", asked.settings)
         known = {
@@ -129,8 +128,8 @@ class CalibrationStep:
         given = asked.settings
         if name == "sync" and asked.of == "take":  # whatever is in the files: nobody carries one
             given = given | dict.fromkeys(_OF_BOARD)
-        command = self._command(name, project, fixed, given)
-        self._job.start(kind, asked.project, calibrate, command)
+        command = filled_in(f"calibrate.{name}", self._folder, project, fixed, given)
+        self._job.start(kind, asked.project, calibrate, command, step="calibrate")
         settings = {key: value for key, value in asked.settings.items() if key not in _OF_BOARD}
         change_section(project / SETTINGS_FILE, f"calibrate.{name}", settings)
         if name != "sync":
@@ -147,12 +146,6 @@ class CalibrationStep:
             raise InputError(f"{camera} leads out of the studio's folder: remove that link")
         picture = next(iter(FrameReader.open(known[camera])))
         return encoded(reduced(picture, _LONG_SIDE_PX / max(picture.shape)), ".jpg", 80)
-
-    def _command(
-        self, name: str, project: Path, fixed: dict[str, Any], given: dict[str, Any]
-    ) -> Any:
-        inside = partial(self._folder.file_inside, project)
-        return filled_in(f"calibrate.{name}", project, fixed, given, inside)
 
     def _files(self, project: Path, asked: CalibrationAsked) -> dict[str, Any]:
         """The files that a calibration reads and writes. InputError where one is not there yet."""

@@ -9,7 +9,7 @@ import inspect
 import itertools
 import re
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -31,6 +31,7 @@ from voxelpose.cli.options import (
     options_of,
     types_if_given,
 )
+from voxelpose.studio.projects import StudioFolder
 from voxelpose.view.serving.page_answers import Name
 
 Typed = dict[Name, bool | int | float | Annotated[str, Meta(max_length=1000)] | None]
@@ -93,14 +94,14 @@ def _helps(command: type) -> dict[str, str]:
 
 def filled_in(
     command: str,
+    folder: StudioFolder,
     project: Path,
     fixed: Mapping[str, Any],
     given: Mapping[str, Any],
-    inside: Callable[[str], Path],
 ) -> Any:
     """A command that overwrites, of what files say and what is `given`, by options' names, None for
-    the usual value, and of fields that are `fixed`; `inside` finds a file that a setting names.
-    InputError where a value makes no sense.
+    the usual value, and of fields that are `fixed`; files that settings name are in the studio's
+    folder. InputError where a value makes no sense.
     """
     kind = load_command(command)
     options, in_files = options_of(kind), folder_settings(command, project)
@@ -112,7 +113,7 @@ def filled_in(
     for field in _FILES & values.keys():
         value = str(values[field])
         if field == "library" or (values[field] is not None and body_preset(value) is None):
-            path = inside(str(given.get(field, value)))
+            path = folder.file_inside(project, str(given.get(field, value)))
             values[field] = path if field == "library" else str(path)
     taken = {name: setting.file for name, setting in in_files.items() if name not in given}
     known = {"overwrite": True, "sources": taken, **fixed}

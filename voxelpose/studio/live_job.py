@@ -15,7 +15,7 @@ from voxelpose.live.live_page import Page
 from voxelpose.live.senders import Senders
 from voxelpose.live.session import LiveSession
 from voxelpose.view.serving.gate import Address
-from voxelpose.view.serving.page_job import JobReporter, StepError
+from voxelpose.view.serving.page_job import JobReporter
 
 SEND_TO = "send to"
 """Before a word for the job: the receivers, a line each, that take the place of the others."""
@@ -26,25 +26,22 @@ _TOLD_EVERY_MS = 400
 def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict[str, Any]:
     """Runs a session until it is asked to "finish", or to the end of the videos that stand for
     cameras; returns the number of `frames` and of those that were `dropped`. Its page is served to
-    this machine alone, to who knows the token, at the `port` that it tells. StepError where a user
-    can correct something.
+    this machine alone, to who knows the token, at the `port` that it tells. InputError where a
+    user can correct something.
     """
-    try:
-        session = command.prepare(reporter)
-        with ExitStack() as parts:
-            parts.callback(session.close)
-            receivers = _Receivers(command.send)
-            parts.callback(receivers.close)
-            session.receivers.append(receivers.send)
-            address = Address("127.0.0.1", 0, token)
-            cameras, people = session.settings.rig.cameras, session.settings.people
-            page = Page(session, cameras, address, receivers.states, title, people)
-            parts.callback(page.close)
-            session.receivers.append(page.show)
-            reporter.tell(port=page.port)
-            _run(reporter, session, receivers)
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "live") from error
+    session = command.prepare(reporter)
+    with ExitStack() as parts:
+        parts.callback(session.close)
+        receivers = _Receivers(command.send)
+        parts.callback(receivers.close)
+        session.receivers.append(receivers.send)
+        address = Address("127.0.0.1", 0, token)
+        cameras, people = session.settings.rig.cameras, session.settings.people
+        page = Page(session, cameras, address, receivers.states, title, people)
+        parts.callback(page.close)
+        session.receivers.append(page.show)
+        reporter.tell(port=page.port)
+        _run(reporter, session, receivers)
     return {"frames": session.state.frames, "dropped": session.state.dropped}
 
 

@@ -6,7 +6,6 @@ import asyncio
 import secrets
 import time
 from asyncio import StreamReader, StreamWriter
-from functools import partial
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
@@ -82,12 +81,11 @@ class LiveStep:
             "record": self._folder.root / f"{asked.project[:50]}_{stamp}",
             "page": False,
         }
-        inside = partial(self._folder.file_inside, project)
-        command = filled_in("live", project, fixed, asked.settings, inside)
+        command = filled_in("live", self._folder, project, fixed, asked.settings)
         command.check()
         self._token = secrets.token_urlsafe(32)
         title = f"{asked.project} – live"
-        self._job.start(LIVE, asked.project, follow, command, title, self._token)
+        self._job.start(LIVE, asked.project, follow, command, title, self._token, step="live")
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:

@@ -123,7 +123,7 @@ class RecordStep:
             _EVERY_MS[asked.what] / 1000,
             None if is_take else board_in(project),
         )
-        self._job.start(RECORDING, asked.project, record, plan)
+        self._job.start(RECORDING, asked.project, record, plan, step="record")
         self.keep(project, sources, asked.loop)
 
     def sources(self, named: list[SourceNamed]) -> tuple[CameraSource, ...]:

@@ -25,7 +25,7 @@ from voxelpose.recording.folder import default_camera
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.view.images.canvas import encoded, reduced
-from voxelpose.view.serving.page_job import JobReporter, StepError
+from voxelpose.view.serving.page_job import JobReporter
 
 _STAGED, _OLD = ".take", ".replaced"  # folders of a project, while it is written
 _LOOK_MS = 50
@@ -64,13 +64,10 @@ class RecordingPlan:
 def record(reporter: JobReporter, plan: RecordingPlan) -> dict[str, Any]:
     """Shows the cameras until it is asked to "record", then records until it is asked to "finish",
     or to the end of its time or of the videos that stand for cameras; returns the number of
-    `moments` and their `seconds`. StepError where a user can correct something.
+    `moments` and their `seconds`. InputError where a user can correct something.
     """
-    try:
-        with _Filming(reporter, plan) as filming:
-            return filming.run()
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "record") from error
+    with _Filming(reporter, plan) as filming:
+        return filming.run()
 
 
 class _Filming:

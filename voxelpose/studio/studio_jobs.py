@@ -62,13 +62,10 @@ def calibrate(
     reporter: Reporter, command: CalibrateIntrinsics | CalibrateExtrinsics | CalibrateSync
 ) -> dict[str, Any]:
     """Runs a command of calibration; what it found is in its files, and of a synchronisation, too,
-    `offsets` of the cameras and a `verdict` in lines. StepError where a user can correct something.
+    `offsets` of the cameras and a `verdict` in lines. InputError where a user can correct it.
     """
-    try:
-        result: Any = command.calibrate(reporter)
-        command.write(result)
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "calibrate") from error
+    result: Any = command.calibrate(reporter)
+    command.write(result)
     if not isinstance(result, Sync):
         return {}
     offsets = [

@@ -214,12 +214,8 @@ class StudioSession:
         """
         project = self.folder.project(asked.project)
         out = self.folder.out(asked.out, asked.overwrite)
-
-        def inside(text: str) -> Path:
-            return self.folder.file_inside(project, text)
-
         fixed = {"recording": project, "out": out}
-        command = filled_in(asked.command, project, fixed, asked.settings, inside)
+        command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
         shares, root = SHARES.get(command.chosen_estimator), self.folder.root
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)

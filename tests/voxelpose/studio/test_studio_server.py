@@ -231,7 +231,7 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
         (walk / file).unlink()
     folder = StudioFolder(desk)
     fixed = {"recording": walk, "out": desk / "x"}
-    command = filled_in("fit", walk, fixed, STANDING | settings, folder.project)
+    command = filled_in("fit", folder, walk, fixed, STANDING | settings)
     with pytest.raises(StepError) as error:
         estimate(SilentReporter(), command, folder.root)
     assert error.value.step == step and line in str(error.value)

@@ -104,11 +104,6 @@ def json_content(content: Any) -> Content:
     return msgspec.json.encode(content), "application/json"
 
 
-def moment_of(query: Mapping[str, str]) -> int | None:
-    """The moment that a query names; None: it names none. InputError where it is no number."""
-    return whole_number(query, "moment")
-
-
 def whole_number(query: Mapping[str, str], name: str) -> int | None:
     """The number of a name in a query; None: there is none. InputError where it is no number."""
     text = query.get(name)

@@ -53,7 +53,7 @@ class PageJob:
         self._stopping = False
         self._state: dict[str, Any] = {"state": "idle"}
         self._overall: OverallProgress | None = None
-        self._started_s = 0.0
+        self._started_s, self._step = 0.0, ""
         self.version = 0
 
     def start(
@@ -63,6 +63,7 @@ class PageJob:
         work: Callable[..., Mapping[str, Any]],
         *arguments: object,
         shares: Mapping[str, float] | None = None,
+        step: str = "",
     ) -> None:
         """Begins a job.
 
@@ -72,6 +73,7 @@ class PageJob:
             work: a function of a module that takes a JobReporter and the arguments, all of which
                 can be pickled, and returns what is known then; its InputError is told in a line.
             shares: of the time that its stages usually take; None: not known.
+            step: of the page that mends an InputError which is no StepError.
 
         Raises:
             InputError: one is running.
@@ -87,7 +89,7 @@ class PageJob:
             self._process.start()
             child_pipe.close()
             self._pipe, self._pictures = pipe, {}
-            self._stopping, self._started_s = False, time.monotonic()
+            self._stopping, self._started_s, self._step = False, time.monotonic(), step
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
             self._update(stage=_BEGINNING, done=0, total=None, part=None)
@@ -183,7 +185,7 @@ class PageJob:
             self._update(state="stopped")
         else:
             error, step = content
-            self._update(state="failed", error=error, step=step)
+            self._update(state="failed", error=error, step=self._step if step is None else step)
 
 
 class JobReporter:
@@ -238,7 +240,7 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
     try:
         outcome, content = "done", work(reporter, *arguments)
     except InputError as error:
-        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
+        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", None))
     except KeyboardInterrupt:
         outcome, content = "failed", (_ENDED, "")
     except OSError as error:

@@ -204,7 +204,7 @@ class SilhouettePage:
                 return page_answers.json_content(self._state())
             case ("picture", camera):
                 page_answers.check_camera_names([camera], self._recording.rig.names)
-                picture = self._frames(page_answers.moment_of(query) or 0)[camera]
+                picture = self._frames(page_answers.whole_number(query, "moment") or 0)[camera]
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
