@@ -73,59 +73,7 @@ Fps = Annotated[
     float | None,
     _optional("N", "Frames per second, where the files do not state it or state it wrongly."),
 ]
-Filter = Annotated[
-    Literal["auto", "butterworth", "savgol", "gaussian", "none"],
-    arg(
-        help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay; auto:"
-        " butterworth, or none with --method paper."
-    ),
-]
-Cutoff = Annotated[
-    float, arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left.")
-]
-FilterOrder = Annotated[
-    int | None,
-    _optional(
-        "N",
-        "Order of the Butterworth filter, applied forward and backward, or degree of"
-        " Savitzky-Golay's polynomial. Default: 2 or 3.",
-    ),
-]
-GapLimit = Annotated[
-    int | str,
-    arg(
-        metavar="N|SECONDSs",
-        help="Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s.",
-    ),
-]
-People = Annotated[
-    int | str,
-    arg(
-        metavar="N|auto",
-        help="Number of people: each is followed. auto: as many as are seen. 1: one, whoever else"
-        " passes by.",
-    ),
-]
-Network = Annotated[
-    Literal["auto", "off"],
-    arg(
-        help="Pose network as evidence beside the silhouettes, where `voxelpose network install`"
-        " has put one."
-    ),
-]
-GapMethod = Annotated[
-    Literal["linear", "pchip", "none"],
-    arg(help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."),
-]
 Threads = Annotated[int | None, _optional("N", "Number of processor threads. Default: all.")]
-Up = Annotated[
-    str | None,
-    _optional(
-        "AXIS",
-        "Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers"
-        " (0,0.1,-1). Default: [metadata] up of the calibration, else found.",
-    ),
-]
 MarkerSide = Annotated[
     float | None,
     _optional(
@@ -153,8 +101,12 @@ class PosingArguments:
     unit: Unit = None
     fps: Fps = None
     label: Label = None
-    up: Up = None
-    network: Network = "auto"
+    up: Annotated[str | None, _optional("AXIS")] = None
+    """Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers
+    (0,0.1,-1). Default: [metadata] up of the calibration, else found."""
+    network: Literal["auto", "off"] = "auto"
+    """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
+    one."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
     """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
 

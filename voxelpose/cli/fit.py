@@ -73,16 +73,25 @@ class EstimationArguments(arguments.PosingArguments, ABC):
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made for the results."""
     body: arguments.BodyName = None
-    people: arguments.People = "auto"
+    people: Annotated[int | str, arg(metavar="N|auto")] = "auto"
+    """Number of people: each is followed. auto: as many as are seen. 1: one, whoever else passes
+    by."""
     frames: arguments.Frames = None
     overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
-    filter: arguments.Filter = "auto"
-    cutoff: arguments.Cutoff = 7.0
-    filter_order: arguments.FilterOrder = None
-    gap_limit: arguments.GapLimit = "0"
-    gap_method: arguments.GapMethod = "linear"
+    filter: Literal["auto", "butterworth", "savgol", "gaussian", "none"] = "auto"
+    """Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay; auto:
+    butterworth, or none with --method paper."""
+    cutoff: Annotated[float, arg(metavar="HZ")] = 7.0
+    """Cut-off: the frequency at which half of the amplitude is left."""
+    filter_order: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """Order of the Butterworth filter, applied forward and backward, or degree of Savitzky-Golay's
+    polynomial. Default: 2 or 3."""
+    gap_limit: Annotated[int | str, arg(metavar="N|SECONDSs")] = "0"
+    """Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s."""
+    gap_method: Literal["linear", "pchip", "none"] = "linear"
+    """How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."""
     background: Literal["auto", "uniform", "moving", "paper"] = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
