@@ -71,7 +71,7 @@ class Job:
         try:
             estimation.frame_limits()
             estimation.settings()
-            _ = estimation.people_count
+            estimation.people_wanted()
         except InputError as error:
             raise InputError(f"{where}: {str(error)[:300]}") from None
 

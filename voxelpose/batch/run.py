@@ -377,7 +377,7 @@ def _run_task(task: _Task) -> Outcome:
             join_pieces(job, task.pieces, output)
         else:
             asked = replace(job.estimation(), threads=threads)
-            estimator, people = asked.chosen_estimator, asked.people_count
+            estimator, people = asked.chosen_estimator, asked.people_wanted()
             fit_people(job.open(), output, asked.settings(), estimator, people=people)
         if settings.report:
             from voxelpose.report.page import write_report  # its charts take seconds to import

@@ -119,16 +119,21 @@ class EstimationArguments(arguments.PosingArguments, ABC):
         """Name of the estimator that runs."""
         return self.estimator or "multiview"
 
-    @property
-    def people_count(self) -> int | None:
+    def people_wanted(self) -> int | None:
         """Number of people; None: as many as are seen. InputError where it is none."""
         from voxelpose.multiview.people import number_of_people
 
         setting = self.setting_text("people")
         return number_of_people(str(self.people), setting, auto=self.people_seen)
 
+    def check(self) -> None:
+        """Refuses, by an InputError, what cannot be done, before anything is begun."""
+        self.people_wanted()
+        self.filmed()
+
     def run(self) -> None:
         """Estimates the motion, writes the result, prints a summary."""
+        self.check()
         with Progress(SHARES.get(self.chosen_estimator)) as progress:
             progress.note_compilation(self.chosen_estimator)
             results = self.estimate(progress)
@@ -144,7 +149,7 @@ class EstimationArguments(arguments.PosingArguments, ABC):
         reporter.stage("opening")
         from voxelpose.fitting import Output, fit_people
 
-        people, settings, recording = self.people_count, self.settings(), self.open()
+        people, settings, recording = self.people_wanted(), self.settings(), self.open()
         if recording.calibration_path is None:
             reporter.note(
                 f"{recording.folder} holds no calibration: a level camera with a field of view of"

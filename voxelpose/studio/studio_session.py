@@ -216,6 +216,7 @@ class StudioSession:
         out = self.folder.out(asked.out, asked.overwrite)
         fixed = {"recording": project, "out": out}
         command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
+        command.check()
         shares, root = SHARES.get(command.chosen_estimator), self.folder.root
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)

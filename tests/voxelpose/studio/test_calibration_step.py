@@ -163,10 +163,10 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
         (walk / "board_walk" / f"cam_{number}.mp4").write_bytes(b"x")
     (walk / "voxelpose.toml").write_text('[calibrate.sync]\nboard = "8x5"\n')
     started = []
-    monkeypatch.setattr(studio._session.job, "start", lambda *given: started.append(given))
+    monkeypatch.setattr(studio._session.job, "start", lambda *given, step: started.append(given))
     assert start(studio, "sync", "take", by="sound", seconds=9)[0] == 200
     assert start(studio, "sync", "boards", by="board")[0] == 200
-    (kind, of, _, _, take), (other, _, _, _, board) = started
+    (kind, of, _, take), (other, _, _, board) = started
     assert (kind, of, other) == ("synchronisation", "walk", "board synchronisation")
     assert (take.recording, take.out) == (walk, walk / "timestamps.csv")
     assert (take.board, take.by, take.seconds, take.intrinsics) == (None, "sound", 9.0, None)
