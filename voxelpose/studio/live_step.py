@@ -20,7 +20,7 @@ from voxelpose.studio.command_forms import Typed, filled_in, form_of
 from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
-from voxelpose.view.serving.gate import GateRequest, pass_on, until_one_ends
+from voxelpose.view.serving.gate import GateRequest, pass_on
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
@@ -112,10 +112,8 @@ class LiveStep:
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
         try:
             inner_writer.write("\r\n".join([*lines, "", ""]).encode("latin-1"))
-            ways = [pass_on(inner_reader, writer)]
-            if request.upgrade:
-                ways.append(pass_on(reader, inner_writer))
-            await until_one_ends(*ways)
+            inner_writer.write(await reader.readexactly(request.body_bytes))
+            await pass_on(inner_reader, writer)
         finally:
             inner_writer.close()
 

@@ -1,12 +1,10 @@
 """A live session of the studio: begun, told, shown behind the same gate, and ended."""
 
 import http.client
+import json
 import time
 
 import pytest
-import viser
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
 
 from tests.clips import waving
 from tests.sources import ring, write_staged
@@ -16,7 +14,6 @@ from voxelpose.cli.options import folder_settings, load_command, options_of
 from voxelpose.live.live_frame import SessionState
 
 TOKEN = "open sesame"
-SUBPROTOCOL = f"viser-v{viser.__version__}"
 
 
 @pytest.fixture
@@ -59,7 +56,7 @@ def test_a_session_is_run_told_shown_and_ended(walk):
         assert [one["address"] for one in state["receivers"]] == receivers
         status, page = ask(server, "/live/-/", **known)
         assert status == 200 and "<title>walk – live" in page.decode()
-        for path in ("/live/-/", "/live/-/assets/x.js"):
+        for path in ("/live/-/", "/live/-/live.js", "/live/-/events"):
             assert ask(server, path)[0] == 401
             assert ask(server, path, Origin="http://evil.example", **known)[0] == 403
         watched(server, known["Cookie"])
@@ -76,13 +73,18 @@ def test_a_session_is_run_told_shown_and_ended(walk):
 
 
 def watched(server, crumb: str) -> None:
-    """The page's WebSocket is passed on to who may pass alone."""
-    url = f"ws://127.0.0.1:{server.port}/live/-/"
-    with pytest.raises(InvalidStatus):
-        connect(url, proxy=None)
-    known = {"additional_headers": {"Cookie": crumb}, "subprotocols": [SUBPROTOCOL]}
-    with connect(url, proxy=None, **known) as link:
-        assert link.recv(timeout=20)
+    """The page's events are passed on to who may pass alone, and what its buttons ask."""
+    known = {"Cookie": crumb}
+    link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    link.request("GET", "/live/-/events", headers=known)
+    answer = link.getresponse()
+    told = json.loads(answer.readline().removeprefix(b"data: "))
+    assert told["state"]["session"]["cameras"].keys() == {"cam_1", "cam_2"}
+    answer.close()
+    link.close()
+    assert ask(server, "/live/-/api/ask", {"word": "start"}, **known)[0] == 200
+    assert ask(server, "/live/-/api/ask", {"word": "dance"}, **known)[0] == 400
+    assert ask(server, "/live/-/api/ask", {"word": "stop"})[0] == 401
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,6 @@ from voxelpose.view.images.canvas import Colour
 _RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
 UNKNOWN: Colour = (150, 150, 150)
 HULL: Colour = (140, 150, 160)
-HYPOTHESIS: Colour = (60, 60, 60)
-PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
 OUTLYING_CM = 5
 """Distance from the body above which a voxel is unexplained: a hull of few cameras is too large."""
@@ -25,13 +23,6 @@ def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
     low = np.minimum(position.astype(int), len(_RAMP) - 2)
     mixed = _RAMP[low] + (position - low)[:, None] * (_RAMP[low + 1] - _RAMP[low])
     return np.where(np.isfinite(overlap)[:, None], mixed, UNKNOWN).round().astype(np.uint8)
-
-
-def faded(likelihood: float) -> NDArray[np.uint8]:
-    """Colour (3,) RGB of a hypothesis by its relative likelihood: the less likely fade."""
-    opacity = 0.15 + 0.85 * min(likelihood, 1.0)
-    mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
-    return mixed.round().astype(np.uint8)
 
 
 def display_name(part: str) -> str:
