@@ -44,6 +44,17 @@ class ControlAsked(Struct, forbid_unknown_fields=True):
     word: Literal["background", "start", "stop", "record", "end recording"]
 
 
+def controls_of(session: LiveSession) -> dict[str, Callable[[], None]]:
+    """What may be asked of a session, by the words for it."""
+    return {
+        "background": session.learn_background,
+        "start": session.start,
+        "stop": session.stop,
+        "record": session.record,
+        "end recording": session.end_recording,
+    }
+
+
 class Page(GatedServer):
     """Serves the page; what it shows is made while somebody looks."""
 
@@ -126,13 +137,5 @@ class Page(GatedServer):
     def _post(self, path: Sequence[str], body: bytes) -> Content | None:
         if tuple(path) != ("api", "ask"):
             return None
-        session = self._session
-        controls: dict[str, Callable[[], None]] = {
-            "background": session.learn_background,
-            "start": session.start,
-            "stop": session.stop,
-            "record": session.record,
-            "end recording": session.end_recording,
-        }
-        controls[parse_request(body, ControlAsked).word]()
+        controls_of(self._session)[parse_request(body, ControlAsked).word]()
         return json_content({})

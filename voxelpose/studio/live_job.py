@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from typing import Any
 
 from calib.errors import InputError
 from voxelpose.cli.live import Live
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.live_page import Page
+from voxelpose.live.live_page import Page, controls_of
 from voxelpose.live.senders import Senders
 from voxelpose.live.session import LiveSession
 from voxelpose.view.serving.gate import Address
@@ -71,13 +71,7 @@ class _Receivers:
 
 
 def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> None:
-    actions: dict[str, Callable[[], None]] = {
-        "background": session.learn_background,
-        "start": session.start,
-        "stop": session.stop,
-        "record": session.record,
-        "end recording": session.end_recording,
-    }
+    controls = controls_of(session)
     reporter.stage("live session")
     session.start_cameras()
     if session.state.phase == "no background":
@@ -93,33 +87,9 @@ def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> 
                 receivers.exchange(asked.removeprefix(SEND_TO).split())
             except InputError as error:
                 trouble = str(error)
-        elif asked in actions:
-            actions[asked]()
+        elif asked in controls:
+            controls[asked]()
         if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
             told_s = time.monotonic()
-            reporter.tell(**_session_state(session, receivers), trouble=trouble)
-
-
-def _session_state(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
-    state = session.state
-    return {
-        "phase": state.phase,
-        "message": state.message,
-        "pace": state.pace,
-        "recording": state.recording,
-        "followed_fps": state.fps,
-        "arriving_fps": state.arriving_fps,
-        "latency_ms": 1000 * state.latency_s if math.isfinite(state.latency_s) else None,
-        "frames": state.frames,
-        "cameras": [{"name": name, "state": words} for name, words in state.cameras.items()],
-        "receivers": [
-            {
-                "address": receiver.address,
-                "message": receiver.message,
-                "working": receiver.working,
-                "sent": receiver.sent,
-                "dropped": receiver.dropped,
-            }
-            for receiver in receivers.states()
-        ],
-    }
+            state, links = session.state, [asdict(one) for one in receivers.states()]
+            reporter.tell(**asdict(state), pace=state.pace, receivers=links, trouble=trouble)

@@ -36,29 +36,20 @@ _MOST_EMPTY = 30  # pictures of the empty view
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """What is recorded, and where.
+    """What is recorded, and where."""
 
-    Attributes:
-        target: Folder that receives the pictures of every camera, in a folder each, and their
-            times; the empty view goes into background/ there.
-        sizes: (width, height) px of the cameras' pictures where they are known; the others' are
-            taken as they come.
-        countdown_s: Time to step out of the pictures, and into them again.
-        empty_s: How long the empty view is looked at; 0: there is none.
-        length_s: How long is recorded; None: until it is asked to finish.
-        every_s: Least time between two recorded moments.
-        board: The board that is filmed, which is looked for meanwhile; None: none is.
-    """
-
+    # Receives the pictures of every camera, in a folder each, and their times; the empty view goes
+    # into background/ there.
     target: Path
     sources: tuple[CameraSource, ...]
+    # (width, height) px of the cameras' pictures where known; the others' are taken as they come.
     sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     loop: bool = True
-    countdown_s: float = 5.0
-    empty_s: float = 2.0
-    length_s: float | None = None
-    every_s: float = 0.0
-    board: Board | None = None
+    countdown_s: float = 5.0  # to step out of the pictures, and into them again
+    empty_s: float = 2.0  # how long the empty view is looked at; 0: there is none
+    length_s: float | None = None  # how long is recorded; None: until it is asked to finish
+    every_s: float = 0.0  # least time between two recorded moments
+    board: Board | None = None  # that is filmed, and looked for meanwhile; None: none is
 
 
 def record(reporter: JobReporter, plan: RecordingPlan) -> dict[str, Any]:
