@@ -78,5 +78,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Returns all names, including everyday names that are not imported yet."""
     return sorted({*globals(), *__all__})

@@ -46,8 +46,9 @@ def compile_kernels(wanted: Sequence[tuple[str, str, str]], reporter: Reporter) 
 
 
 def tell_first_run(reporter: Reporter, estimators: Sequence[str]) -> subprocess.Popen[bytes] | None:
-    """Notes that this run compiles, where nothing is compiled yet, and begins to compile what
-    estimators need beside it; returns that process, None where there is none.
+    """Notes that this run compiles, where nothing is compiled yet, and begins a process beside it
+    that compiles what estimators need, the last first, so that they meet in the middle; returns
+    that process, which whoever begins it ends, None where there is none.
     """
     if next(jit.CACHE.rglob("*.nbi"), None) is not None:
         return None
@@ -61,13 +62,8 @@ def tell_first_run(reporter: Reporter, estimators: Sequence[str]) -> subprocess.
         )
     # Compiling makes many objects and hardly any garbage: looking for it took a tenth.
     gc.set_threshold(100_000)
-    return compile_beside(estimators) if estimators else None
-
-
-def compile_beside(estimators: Sequence[str]) -> subprocess.Popen[bytes]:
-    """Begins a process that compiles what estimators need, the last of it first, so that it meets
-    this one in the middle. Whoever begins it ends it.
-    """
+    if not estimators:
+        return None
     words = [sys.executable, "-m", __name__, *estimators]
     silent = subprocess.DEVNULL
     return subprocess.Popen(words, stdin=silent, stdout=silent, stderr=silent)

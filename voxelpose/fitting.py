@@ -12,13 +12,7 @@ import tomlkit
 from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.model import BodyModel
-from silhouette_core.estimator import (
-    Estimate,
-    Estimator,
-    PeopleEstimator,
-    Settings,
-    load_estimator,
-)
+from silhouette_core.estimator import Estimate, Estimator, PeopleEstimator, Settings, load_estimator
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import filter_warning
 from silhouette_core.motion.motion_file import write_motion
@@ -185,7 +179,6 @@ class _Estimation:
 
 
 def _write_files(folder: Path, output: Output, estimation: _Estimation, reporter: Reporter) -> None:
-    """Writes the files of a result into a folder."""
     recording, estimate = estimation.recording, estimation.estimate
     motion = estimate.motion
     if estimate.rig is not None:

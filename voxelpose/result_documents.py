@@ -22,8 +22,17 @@ from voxelpose.reliability import verdict_of
 from voxelpose.version import __version__
 
 
+def _head(recording: Recording, estimator: str) -> dict[str, object]:
+    return {
+        "voxelpose": __version__,
+        "estimator": estimator,
+        "recording": recording.folder.resolve().name,
+        "fps": recording.fps,
+        "cameras": list(recording.rig.names),
+    }
+
+
 def _body_table(model: BodyModel) -> dict[str, object]:
-    """The body's entry of the summary."""
     person = model.person
     if person is None:
         return {"parts": len(model.names), "extent_m": round(model.extent_m, 4)}
@@ -76,11 +85,7 @@ def summary_document(
     posed, filmed = set(motion.frames[~motion.filled].tolist()), recording.numbers.tolist()
     first, last = filmed[0], filmed[-1]
     summary: dict[str, object] = {
-        "voxelpose": __version__,
-        "estimator": estimator,
-        "recording": recording.folder.resolve().name,
-        "fps": recording.fps,
-        "cameras": list(recording.rig.names),
+        **_head(recording, estimator),
         "up": motion.up.round(6) + 0.0,
         "floor_m": round(motion.floor_m, 4),
         "frames": {
@@ -143,11 +148,7 @@ def people_document(
 ) -> dict[str, object]:
     """Contents of summary.json of several people's results: an index, by the folders' names."""
     return {
-        "voxelpose": __version__,
-        "estimator": estimator,
-        "recording": recording.folder.resolve().name,
-        "fps": recording.fps,
-        "cameras": list(recording.rig.names),
+        **_head(recording, estimator),
         "people": {
             name: {key: summary[key] for key in ("frames", "body", "verdict")}
             for name, summary in summaries.items()

@@ -208,7 +208,6 @@ def load_settings(path: Path) -> dict[str, Any]:
 
 
 def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
-    """Content as an instance of a schema."""
     try:
         return msgspec.convert(content, schema)
     except (msgspec.ValidationError, OverflowError) as error:
@@ -328,15 +327,8 @@ class ResultWriter(FolderWriter):
     def __init__(
         self, out: Path | str, overwrite: bool = False, keep_out_of: Path | None = None
     ) -> None:
-        """Checks where the results are to be written, before any work is done.
-
-        Args:
-            overwrite: whether an earlier result of this name is replaced, once the new one is
-                complete.
-            keep_out_of: a folder in which the results must not lie: the recording.
-
-        Raises:
-            InputError: `out` exists and must not be replaced, or cannot be made.
+        """Checks where it is to be written, see `FolderWriter`; not in the folder `keep_out_of`,
+        the recording. InputError where that cannot be.
         """
         target = Path(out).resolve()
         if keep_out_of is not None and target.is_relative_to(keep_out_of.resolve()):

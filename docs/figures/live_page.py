@@ -31,10 +31,6 @@ def main() -> None:
             browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
             browser.wait_for_timeout(_SETTLED_MS)
             browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
-            close = browser.locator(".mantine-Notification-closeButton")
-            if close.count():  # a note about graphics without a GPU
-                close.first.click()
-                browser.wait_for_timeout(1000)
             shown = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
         finally:
             process.send_signal(signal.SIGINT)

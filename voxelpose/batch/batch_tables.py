@@ -44,7 +44,6 @@ def _lines(outcome: Outcome) -> list[dict[str, str]]:
 
 
 def _line(outcome: Outcome, name: str) -> dict[str, str]:
-    """Cells of a row by column."""
     verdict, frames = outcome.verdict, outcome.summary.get("frames", {})
     posed, lost = frames.get("with_pose"), frames.get("lost", ())
     stature_m = outcome.summary.get("body", {}).get("stature_m")

@@ -13,61 +13,16 @@ from typing import Any, Literal
 
 from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
-from calib.upright import direction_of
-from silhouette_core.estimator import Settings
-from silhouette_core.motion.conditioning import Conditioning
-from voxelpose.multiview.people import number_of_people
-from voxelpose.recording.folder import Recording, frame_range, is_recording
+from voxelpose.cli.fit import EstimationArguments
+from voxelpose.cli.options import checked_values, folder_settings, load_command, made_of, options_of
+from voxelpose.cli.track import Track
+from voxelpose.recording.folder import Recording, is_recording
 
 Command = Literal["fit", "track"]
 
 _LARGEST_LIST = 10_000_000  # bytes
-# Setting of a job: the type that it has in TOML, and the field of Settings that it sets, if any.
-_SETTINGS = {
-    "stature": (float, "stature_m"),
-    "chest": (float, "chest_m"),
-    "sex": (str, "sex"),
-    "background": (str, "background"),
-    "network": (str, "network"),
-    "smooth": (bool, "smooth"),
-    "filter": (str, "conditioning.filter"),
-    "cutoff": (float, "conditioning.cutoff_hz"),
-    "filter_order": (int, "conditioning.filter_order"),
-    "gap_limit": (int | str, "conditioning.gap_limit"),
-    "gap_method": (str, "conditioning.gap_method"),
-    "up": (str, ""),
-    "frames": (str, ""),
-    "unit": (str, ""),
-    "fps": (float, ""),
-    "label": (str, ""),
-    "backend": (str, "backend"),
-    "estimator": (str, ""),
-}
-_OPTIONS = {
-    "fit": {
-        "cameras": (str, ""),
-        "interference": (bool, "options.interference"),
-        "voxel": (float, "options.voxel_size_m"),
-        "tolerance": (int, "options.tolerance"),
-        "repair": (str, "options.repair"),
-        "body": (str, "options.body"),
-        "people": (int | str, ""),
-    },
-    "track": {
-        "camera": (str, ""),
-        "library": (str, "options.library"),
-        "start": (str, "options.start"),
-        "outline_only": (bool, "options.outline_only"),
-        "body": (str, "options.body"),
-    },
-}
-_WORDS = {
-    float: "a number",
-    int: "a whole number",
-    bool: "true or false",
-    str: "text",
-    int | str: "a whole number, or text",
-}
+# Fields of a command that are the batch's, not a recording's.
+_OF_BATCH = {"out", "overwrite", "threads", "pictures", "verbose"}
 _PLAIN_NAME = re.compile(r"[^\w.+-]+")
 
 
@@ -83,65 +38,53 @@ class Job:
     # Files that settings were taken from, by their names.
     sources: Mapping[str, str] = field(default_factory=dict)
 
-    def with_defaults(self, defaults: Mapping[str, Any], files: Mapping[str, str]) -> Job:
-        """The job with the settings of files where it has none; a batch decides on the rest itself.
-
-        Args:
-            defaults: values by name, as the options of the command.
-            files: the file that each was taken from.
-
-        Raises:
-            InputError: a value is not understood.
+    def with_folder_settings(self) -> Job:
+        """The job with what voxelpose.toml of its recording and the folders above it say, where it
+        has no setting; a batch decides on the rest itself. InputError where a value is not
+        understood.
         """
-        known = (_SETTINGS.keys() | _OPTIONS[self.command].keys()) - self.settings.keys()
-        taken = {name: value for name, value in defaults.items() if name in known}
-        for name, value in taken.items():
-            _check({name: value}, self.command, files[name])
-        sources = {name: files[name] for name in taken}
-        return replace(self, settings=taken | dict(self.settings), sources=sources)
+        in_files = folder_settings(self.command, Path(self.recording))
+        named = {name.replace("-", "_"): setting for name, setting in in_files.items()}
+        taken = {name: named[name] for name in named.keys() - _OF_BATCH - self.settings.keys()}
+        values = {
+            name: str(setting.value) if isinstance(setting.value, Path) else setting.value
+            for name, setting in sorted(taken.items())
+        }
+        for name, value in values.items():
+            replace(self, settings={name: value}).check(taken[name].file)
+        sources = {name: taken[name].file for name in values}
+        return replace(self, settings=values | dict(self.settings), sources=sources)
+
+    def estimation(self, where: str = "") -> EstimationArguments:
+        """The command with these settings. InputError, which begins with `where`, where there is
+        no such setting, or its value is of another type.
+        """
+        kind, where = load_command(self.command), f"{where or self.name}: {self.command}"
+        options = options_of(kind, _OF_BATCH)
+        values = checked_values(options, self.settings, Path(), where)
+        fixed = {"recording": Path(self.recording), "out": Path(), "listed": True}
+        return made_of(kind, {options[name].field: values[name] for name in values} | fixed)
+
+    def check(self, where: str) -> None:
+        """Checks the settings; InputError, which begins with `where`, for one without sense."""
+        estimation = self.estimation(where)
+        try:
+            estimation.frame_limits()
+            estimation.settings()
+            estimation.people_wanted()
+        except InputError as error:
+            raise InputError(f"{where}: {str(error)[:300]}") from None
 
     def open(self) -> Recording:
-        """The recording; InputError where it cannot be used."""
-        given = self.settings
-        key = "camera" if self.command == "track" else "cameras"
-        names = [name.strip() for name in str(given.get(key, "")).split(",") if name.strip()]
-        if self.command == "track" and not names:
-            unit, label = _text(given, "unit"), _text(given, "label")
-            names = [Recording.open(self.recording, unit=unit, label=label).rig.names[0]]
-        return Recording.open(
-            self.recording,
-            frame_range(_text(given, "frames"), 'frames = "{}"'),
-            names or None,
-            _text(given, "unit"),
-            float(given["fps"]) if "fps" in given else None,
-            _text(given, "label"),
-        )
-
-    def estimator_settings(self, threads: int | None) -> Settings:
-        """Settings of the estimation with a number of threads, None: all cores; InputError where a
-        value cannot be used.
+        """The recording; of several cameras that of the first, where one is tracked and none is
+        named. InputError where it cannot be used.
         """
-        fields = _fields(self.settings, self.command, "")
-        if "up" in self.settings:
-            fields["up"] = tuple(direction_of(str(self.settings["up"])).tolist())
-        return Settings(
-            **fields,
-            threads=threads,
-            conditioning=Conditioning(**_fields(self.settings, self.command, "conditioning")),
-            options=_fields(self.settings, self.command, "options"),
-        )
-
-    @property
-    def estimator(self) -> str:
-        """Name of the estimator."""
-        usual = "monocular" if self.command == "track" else "multiview"
-        return str(self.settings.get("estimator", usual))
-
-    @property
-    def people(self) -> int | None:
-        """Number of people; None: as many as are seen."""
-        usual = 1 if self.command == "track" else "auto"
-        return number_of_people(str(self.settings.get("people", usual)), 'people = "{}"')
+        estimation = self.estimation()
+        if isinstance(estimation, Track) and estimation.camera is None:
+            unit, label = estimation.unit, estimation.label
+            names = Recording.open(self.recording, unit=unit, label=label).rig.names
+            estimation = replace(estimation, camera=names[0])
+        return estimation.open()
 
 
 def jobs_of(
@@ -177,10 +120,12 @@ def jobs_of(
             unchecked.extend(Job("", str(folder), command, common) for folder in inside)
     jobs: list[Job] = []
     for job in unchecked:
-        _check(job.settings, job.command, job.recording)
+        settings = {name.replace("-", "_"): value for name, value in job.settings.items()}
+        job = replace(job, settings=settings)
+        job.check(job.recording)
         folder = Path(job.recording).resolve()
         name = _free_name(job.name or folder.name, {other.name.lower() for other in jobs})
-        jobs.append(replace(job, name=name, recording=str(folder), settings=dict(job.settings)))
+        jobs.append(replace(job, name=name, recording=str(folder)))
     return jobs
 
 
@@ -225,31 +170,9 @@ def _jobs_of_list(path: Path, command: Command, common: Mapping[str, Any]) -> li
             )
         if not is_recording(folder):
             raise InputError(f"{path}: recording {number}: {folder} is no recording")
-        _check(settings, kind, f"{path}: recording {number}")
         listed.append(Job(name, str(folder), kind, settings))
+        listed[-1].check(f"{path}: recording {number}")
     return listed
-
-
-def _check(settings: Mapping[str, Any], command: Command, where: str) -> None:
-    known = _SETTINGS | _OPTIONS[command]
-    for name, value in settings.items():
-        if name not in known:
-            raise InputError(
-                f"{where}: {command} has no setting {name[:40]!r}: it has"
-                f" {', '.join(sorted(known))}"
-            )
-        kind = known[name][0]
-        fits = isinstance(value, int | float) if kind is float else isinstance(value, kind)
-        if not fits or (isinstance(value, bool) and kind is not bool):
-            raise InputError(f"{where}: {name} = {str(value)[:60]!r} must be {_WORDS[kind]}")
-    try:
-        frame_range(_text(settings, "frames"), 'frames = "{}"')
-        if "up" in settings:
-            direction_of(str(settings["up"]))
-        number_of_people(str(settings.get("people", "auto")), 'people = "{}"')
-        Conditioning(**_fields(settings, command, "conditioning"))
-    except InputError as error:
-        raise InputError(f"{where}: {str(error)[:300]}") from None
 
 
 def _free_name(wanted: str, taken: Container[str]) -> str:
@@ -260,18 +183,3 @@ def _free_name(wanted: str, taken: Container[str]) -> str:
         count += 1
         name = f"{plain}_{count}"
     return name
-
-
-def _text(settings: Mapping[str, object], name: str) -> str | None:
-    return str(settings[name]) if name in settings else None
-
-
-def _fields(settings: Mapping[str, Any], command: Command, group: str) -> dict[str, Any]:
-    """Values of the settings that set fields of a group, by field."""
-    known = _SETTINGS | _OPTIONS[command]
-    fields = {}
-    for name, value in settings.items():
-        place, _, field = known[name][1].rpartition(".")
-        if field and place == group:
-            fields[field] = value
-    return fields

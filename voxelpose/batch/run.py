@@ -52,7 +52,7 @@ def pieces_of(job: Job, piece_s: float, out: Path) -> list[Job]:
     for number, (start, stop) in enumerate(pairwise(bounds.tolist())):
         used = recording.numbers[max(start - overlap, 0) : stop + overlap]
         settings = dict(job.settings) | {"frames": f"{used[0]}:{used[-1] + 1}"}
-        if pieces and job.estimator == "multiview" and "body" not in settings:
+        if pieces and job.estimation().chosen_estimator == "multiview" and "body" not in settings:
             settings["body"] = str((out / PIECES / pieces[0].name).resolve())
         pieces.append(replace(job, name=f"{job.name}.{number:03d}", settings=settings))
     return pieces
@@ -78,9 +78,10 @@ def join_pieces(job: Job, folders: Sequence[Path], output: Output) -> Result:
     if np.isfinite(min(ratios)):
         facts["half_turn_ratio"] = min(ratios)
     estimate = Estimate(motion, seconds, facts, rig=results[0].rig)
-    settings = job.estimator_settings(None)
     spent_s = sum(float(summary["seconds"]["total"]) for summary in summaries)
-    return write_estimate(job.open(), output, estimate, settings, job.estimator, spent_s)
+    asked = job.estimation()
+    settings, estimator = asked.settings(), asked.chosen_estimator
+    return write_estimate(job.open(), output, estimate, settings, estimator, spent_s)
 
 
 def joined(motions: Sequence[Motion]) -> tuple[Motion, list[float]]:
@@ -277,7 +278,6 @@ def run_batch(
 def _run_jobs(
     jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
-    """The outcomes of the jobs, in their order."""
     outcomes: dict[int, Outcome] = {}
 
     def keep(number: int, outcome: Outcome) -> None:
@@ -376,8 +376,9 @@ def _run_task(task: _Task) -> Outcome:
         if task.pieces:
             join_pieces(job, task.pieces, output)
         else:
-            options = job.estimator_settings(threads)
-            fit_people(job.open(), output, options, job.estimator, people=job.people)
+            asked = replace(job.estimation(), threads=threads)
+            estimator, people = asked.chosen_estimator, asked.people_wanted()
+            fit_people(job.open(), output, asked.settings(), estimator, people=people)
         if settings.report:
             from voxelpose.report.page import write_report  # its charts take seconds to import
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -73,59 +73,7 @@ Fps = Annotated[
     float | None,
     _optional("N", "Frames per second, where the files do not state it or state it wrongly."),
 ]
-Filter = Annotated[
-    Literal["auto", "butterworth", "savgol", "gaussian", "none"],
-    arg(
-        help="Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay; auto:"
-        " butterworth, or none with --method paper."
-    ),
-]
-Cutoff = Annotated[
-    float, arg(metavar="HZ", help="Cut-off: the frequency at which half of the amplitude is left.")
-]
-FilterOrder = Annotated[
-    int | None,
-    _optional(
-        "N",
-        "Order of the Butterworth filter, applied forward and backward, or degree of"
-        " Savitzky-Golay's polynomial. Default: 2 or 3.",
-    ),
-]
-GapLimit = Annotated[
-    str,
-    arg(
-        metavar="N|SECONDSs",
-        help="Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s.",
-    ),
-]
-People = Annotated[
-    str,
-    arg(
-        metavar="N|auto",
-        help="Number of people: each is followed. auto: as many as are seen. 1: one, whoever else"
-        " passes by.",
-    ),
-]
-Network = Annotated[
-    Literal["auto", "off"],
-    arg(
-        help="Pose network as evidence beside the silhouettes, where `voxelpose network install`"
-        " has put one."
-    ),
-]
-GapMethod = Annotated[
-    Literal["linear", "pchip", "none"],
-    arg(help="How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."),
-]
 Threads = Annotated[int | None, _optional("N", "Number of processor threads. Default: all.")]
-Up = Annotated[
-    str | None,
-    _optional(
-        "AXIS",
-        "Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers"
-        " (0,0.1,-1). Default: [metadata] up of the calibration, else found.",
-    ),
-]
 MarkerSide = Annotated[
     float | None,
     _optional(
@@ -139,6 +87,28 @@ OverwriteFile = Annotated[bool, arg(help="Replace existing files.")]
 OverwriteResult = Annotated[
     bool, arg(help="Replace an earlier result in OUT, once the new one is complete.")
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosingArguments:
+    """Arguments of the commands that look for a person in pictures."""
+
+    stature: OptionalLength = None
+    """Height in metres. Default: from subject.toml, else estimated, or 1.70 with one camera."""
+    chest: OptionalLength = None
+    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
+    sex: Sex = "unknown"
+    unit: Unit = None
+    fps: Fps = None
+    label: Label = None
+    up: Annotated[str | None, _optional("AXIS")] = None
+    """Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers
+    (0,0.1,-1). Default: [metadata] up of the calibration, else found."""
+    network: Literal["auto", "off"] = "auto"
+    """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
+    one."""
+    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
+    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +151,7 @@ class PageArguments:
             webbrowser.open(url)
 
 
-def up_direction(text: str | None) -> tuple[float, float, float] | None:
+def up_direction(text: str | None, setting: str = "--up={}") -> tuple[float, float, float] | None:
     """The direction of up that a text names, as a unit vector; InputError where it is neither an
     axis nor three numbers.
     """
@@ -189,7 +159,7 @@ def up_direction(text: str | None) -> tuple[float, float, float] | None:
         return None
     from calib.upright import direction_of
 
-    return tuple(direction_of(text, "--up={}").tolist())
+    return tuple(direction_of(text, setting).tolist())
 
 
 def camera_names(text: str | None) -> tuple[str, ...] | None:
@@ -216,11 +186,10 @@ Method = Annotated[
 ]
 
 
-def unusual(command: Any, *fields: str, **named: str) -> dict[str, bool | int | float | str]:
-    """Options of an estimator by their names: fields of a command, some `named` otherwise, without
-    the usual ones, so that an estimator refuses no more than what was asked for.
+def unusual(command: Any, named: Mapping[str, str]) -> dict[str, bool | int | float | str]:
+    """Options of an estimator by their names, from a command's fields that are `named`, without the
+    usual ones, so that an estimator refuses no more than what was asked for.
     """
-    named |= dict(zip(fields, fields, strict=True))
     given = {name: getattr(command, field) for name, field in named.items()}
     return {
         name: str(value) if isinstance(value, Path) else value

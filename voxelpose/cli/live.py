@@ -62,7 +62,7 @@ def print_session(session: LiveSession) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live(arguments.PageArguments):
+class Live(arguments.PageArguments, arguments.PosingArguments):
     """Follows a person before running cameras, or several, shows and sends the motion.
 
     FOLDER holds the calibration and, if possible, background/ with the empty view. Its videos are
@@ -88,11 +88,6 @@ class Live(arguments.PageArguments):
     cameras: arguments.Cameras = None
     people: Annotated[int, arg(metavar="N")] = 1
     """Number of people: each is followed, and keeps its number. 1: one, whoever else passes by."""
-    stature: arguments.OptionalLength = None
-    """Height in metres. Default: from subject.toml, else estimated (several cameras) or 1.70."""
-    chest: arguments.OptionalLength = None
-    """Chest girth in metres. Default: from subject.toml, else average for the stature."""
-    sex: arguments.Sex = "unknown"
     method: arguments.Method = "learned"
     library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
@@ -113,17 +108,10 @@ class Live(arguments.PageArguments):
     """Record silhouettes instead of pictures."""
     loop: bool = False
     """Begin videos again at their end."""
-    network: arguments.Network = "auto"
     countdown: Annotated[float, arg(metavar="S")] = 5.0
     """Seconds to step out of the picture before the empty view is learned."""
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
-    unit: arguments.Unit = None
-    fps: arguments.Fps = None
-    label: arguments.Label = None
-    up: arguments.Up = None
-    backend: Annotated[str, arg(metavar="NAME")] = "cpu"
-    """Implementation of pose scoring; `voxelpose doctor` lists those that are installed."""
 
     def run(self) -> None:
         """Runs the session."""
@@ -172,7 +160,7 @@ class Live(arguments.PageArguments):
             chest_girth_m=self.chest or known.chest_girth_m,
             sex=self.sex if self.sex != "unknown" else known.sex,
         )
-        options = arguments.unusual(self, "outline_only", "library")
+        options = arguments.unusual(self, {"outline_only": "outline_only", "library": "library"})
         options["start"] = self.start
         settings = Settings(
             stature_m=subject.stature_m,
@@ -225,7 +213,6 @@ class Live(arguments.PageArguments):
             parse_receiver(address, self.people)
 
     def _page(self, session: LiveSession, senders: Senders) -> Page:
-        """Serves the page, and opens it."""
         from voxelpose.live.live_page import Page
 
         cameras = session.settings.rig.cameras
@@ -239,7 +226,6 @@ class Live(arguments.PageArguments):
         return page
 
     def _wait(self, session: LiveSession) -> None:
-        """Runs the session until its end."""
         printed: tuple[str, ...] = ()
         with rich_console(stderr=True).status("") as line:
             session.start_cameras(self.record is not None and self.record_now)

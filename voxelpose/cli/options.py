@@ -6,7 +6,7 @@ import difflib
 import importlib
 import os
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
@@ -15,6 +15,12 @@ from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
 
 _LOCATED = "body", "source"  # text that may name a file
+# Commands that stand above this folder, since they run others.
+_ABOVE = {
+    "batch": "voxelpose.batch.batch_command",
+    "setup": "voxelpose.setup_page.setup_command",
+    "studio": "voxelpose.studio.studio_command",
+}
 _WORDS = {
     bool: "true or false",
     int: "a whole number",
@@ -65,8 +71,10 @@ class Option:
         )
 
 
-def options_of(command: type) -> dict[str, Option]:
-    """Options of a command's class by their names, without arguments that have none."""
+def options_of(command: type, without: Container[str] = ()) -> dict[str, Option]:
+    """Options of a command's class by their names, but for some fields, and arguments that have no
+    names.
+    """
     from tyro.conf import Positional, Suppress, UseAppendAction
 
     marked = get_type_hints(command, include_extras=True)
@@ -75,7 +83,7 @@ def options_of(command: type) -> dict[str, Option]:
     for field in fields(command):
         hint = marked[field.name]
         marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
-        if Positional not in marks and Suppress not in marks:
+        if Positional not in marks and Suppress not in marks and field.name not in without:
             name = field.name.replace("_", "-")
             appended = UseAppendAction in marks
             options[name] = Option(name, field.name, kinds[field.name], field.default, appended)
@@ -100,20 +108,22 @@ def nearest(word: str, names: Iterable[str]) -> str:
     return f": did you mean {close[0]}?" if close else ""
 
 
-def _type_if_given(kind: Any) -> Any:
-    """The type of a value that may be None, or the same type."""
-    if get_origin(kind) in (Union, types.UnionType):
-        return next(part for part in get_args(kind) if part is not types.NoneType)
-    return kind
+def types_if_given(kind: Any) -> tuple[Any, ...]:
+    """The types that a value may have, but for None."""
+    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
+    return tuple(part for part in parts if part is not types.NoneType)
 
 
 def choices_of(kind: Any) -> tuple[str, ...]:
     """The words of which a value is one; none where it is any."""
-    return get_args(_type_if_given(kind)) if get_origin(_type_if_given(kind)) is Literal else ()
+    first = types_if_given(kind)[0]
+    return get_args(first) if get_origin(first) is Literal else ()
 
 
 def _type_words(kind: Any) -> str:
-    kind = _type_if_given(kind)
+    kind, *others = types_if_given(kind)
+    if others:
+        return ", or ".join(map(_type_words, (kind, *others)))
     if choices := choices_of(kind):
         return f"one of {', '.join(choices)}"
     if get_origin(kind) is tuple:
@@ -144,7 +154,7 @@ def commands_of(name: str) -> dict[str, Any]:
 
     They are listed in its module's SUBCOMMANDS, or one has the module's name or that in COMMAND.
     """
-    module = importlib.import_module(f"voxelpose.cli.{name.replace('-', '_')}")
+    module = importlib.import_module(_ABOVE.get(name, f"voxelpose.cli.{name.replace('-', '_')}"))
     if hasattr(module, "SUBCOMMANDS"):
         return {f"{name}.{word}": command for word, command in module.SUBCOMMANDS.items()}
     return {name: getattr(module, getattr(module, "COMMAND", name.title().replace("-", "")))}
@@ -165,15 +175,26 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     options = options_of(load_command(section))
     settings: dict[str, FolderSetting] = {}
     for file in reversed(settings_files(folder)):
-        where = f"{file}: [{section}]"
-        for key, given in _sections(file).get(section, {}).items():
-            name = key.replace("_", "-")
-            if name not in options:
-                suggestion = nearest(name, options) or f": there are {', '.join(options)}"
-                raise InputError(f"{where} has no setting {key[:40]!r}{suggestion}")
-            value = options[name].value_from(given, file.parent, where)
-            settings[name] = FolderSetting(value, str(file))
+        given = _sections(file).get(section, {})
+        values = checked_values(options, given, file.parent, f"{file}: [{section}]")
+        settings |= {name: FolderSetting(value, str(file)) for name, value in values.items()}
     return settings
+
+
+def checked_values(
+    options: Mapping[str, Option], given: Mapping[str, Any], folder: Path, where: str
+) -> dict[str, Any]:
+    """Values of options by their names, of those that are given, in which - may be _, and paths are
+    relative to a folder. InputError, which begins with `where`, where one is not understood.
+    """
+    values = {}
+    for key, value in given.items():
+        name = key.replace("_", "-")
+        if name not in options:
+            suggestion = nearest(name, options) or f": there are {', '.join(options)}"
+            raise InputError(f"{where} has no setting {key[:40]!r}{suggestion}")
+        values[name] = options[name].value_from(value, folder, where)
+    return values
 
 
 def sections_in(folder: Path) -> list[str]:

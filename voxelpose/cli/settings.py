@@ -62,7 +62,6 @@ class ShowSettings:
 
 
 def _section(command: str) -> str:
-    """The section of a command, as in `calibrate board`."""
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:

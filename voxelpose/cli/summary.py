@@ -61,7 +61,6 @@ def _verdict_markup(summary: Any) -> str:
 
 
 def _print_files(folder: Path, files: Sequence[tuple[str, str]]) -> None:
-    """Prints which files a result has, and how to look further at it."""
     console, folder_text = rich_console(soft_wrap=True), plain(folder)
     console.print(f"[bold]{folder_text}[/bold]")
     for pattern, meaning in files:
@@ -99,7 +98,6 @@ def _print_stages(stages: Mapping[str, Any]) -> None:
 
 
 def _print_quality(quality: Mapping[str, Any]) -> None:
-    """Prints the ranges of the quality of a result."""
     for name, values in quality.items():
         if "median" in values:
             low, median, high = (f"{values[key]:.3f}" for key in ("min", "median", "max"))

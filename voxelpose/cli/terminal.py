@@ -86,11 +86,8 @@ class Progress:
     """
 
     def __init__(self, shares: Mapping[str, int] | None = None) -> None:
-        """Prepares the progress bar.
-
-        Args:
-            shares: of the time that stages usually take, in their order, for one bar over all;
-                others do not move it. None: every stage begins anew.
+        """Prepares one bar over all stages, by the `shares` of the time that they usually take in
+        their order, while others do not move it; None: every stage begins anew.
         """
         self._overall = None if shares is None else OverallProgress(shares)
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
@@ -168,7 +165,6 @@ class Progress:
         return f"during {self._name}{steps}"
 
     def _draw_progress(self) -> None:
-        """Draws how far the work is."""
         if self._bar is None:
             return
         completed = float(self._done)

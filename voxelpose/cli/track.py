@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from tyro.conf import arg
 
 from voxelpose.cli import arguments
-from voxelpose.cli.fit import Asked, EstimationArguments
+from voxelpose.cli.fit import EstimationArguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,8 @@ class Track(EstimationArguments):
       voxelpose track walk --camera cam_1 --method paper --stature 1.75 --out walk_tree
     """
 
+    estimator_options: ClassVar = {name: name for name in ("start", "outline_only", "library")}
+    people_seen: ClassVar = False
     people: Annotated[int, arg(metavar="N")] = 1
     """Number of people: each is tracked while the silhouettes are apart. 1: one, whoever else
     passes by."""
@@ -48,13 +51,14 @@ class Track(EstimationArguments):
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """Leave out the colours inside the outline, which show arms before the body."""
 
-    def asked(self) -> Asked:
-        """See `EstimationArguments.asked`."""
-        from voxelpose.multiview.people import number_of_people
+    @property
+    def chosen_estimator(self) -> str:
+        """See `EstimationArguments.chosen_estimator`."""
+        return self.estimator or arguments.ESTIMATORS[self.method]
+
+    def filmed(self) -> tuple[Path, Sequence[str]]:
+        """See `EstimationArguments.filmed`."""
         from voxelpose.recording.folder import one_camera
 
-        options = arguments.unusual(self, "start", "outline_only", "library")
-        people = number_of_people(str(self.people), auto=False)
         folder, camera = one_camera(self.recording, self.camera)
-        estimator = self.estimator or arguments.ESTIMATORS[self.method]
-        return Asked(folder, (camera,), options, estimator, people)
+        return folder, (camera,)

@@ -25,24 +25,15 @@ _CURVES = {
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A motion that the actor repeats.
+    """A motion that the actor repeats."""
 
-    Attributes:
-        columns: names of the table's columns except the first, which is the time.
-        keys: (K, C), a row per key pose; the last one begins the next round, or ends the
-            performance.
-        fps: frames per second of its recording.
-        rounds: repetitions in the whole recording.
-        cameras: names of the cameras that film it.
-        interpolation: kind of the curves through the key poses, "monotone", "linear" or "smooth".
-    """
-
-    columns: str
+    columns: str  # names of the table's columns except the first, which is the time
+    # (K, C), a row per key pose; the last one begins the next round, or ends the performance.
     keys: NDArray[np.float64]
-    fps: int = 20
-    rounds: int = 1
-    cameras: Sequence[str] = ("cam_1", "cam_2", "cam_3", "cam_4")
-    interpolation: str = "monotone"
+    fps: int = 20  # of its recording
+    rounds: int = 1  # repetitions in the whole recording
+    cameras: Sequence[str] = ("cam_1", "cam_2", "cam_3", "cam_4")  # that film it
+    interpolation: str = "monotone"  # of the key poses; or "linear", "smooth"
 
     @cached_property
     def _curves(self) -> Callable:

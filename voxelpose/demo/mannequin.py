@@ -75,25 +75,15 @@ def metres(table: Any) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Mannequin:
-    """The actor at rest.
+    """The actor at rest."""
 
-    Attributes:
-        vertices_m: (V, 3) float64.
-        faces: (F, 3) int32, outward oriented; every tube and ball is closed.
-        face_colour: (F,) index into `COLOURS_BGR`.
-        vertex_bone: (V,) index into `BONE_NAMES`: rigid pieces, no blending.
-        joints_m: (B, 3) float64, the near end of every bone.
-        head_top_m: (3,) float64, the vertex of the head.
-        stride: length of the legs over that of the standard actor, which scales the way walked.
-    """
-
-    vertices_m: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    face_colour: NDArray[np.int32]
-    vertex_bone: NDArray[np.int32]
-    joints_m: NDArray[np.float64]
-    head_top_m: NDArray[np.float64]
-    stride: float = 1.0
+    vertices_m: NDArray[np.float64]  # (V, 3)
+    faces: NDArray[np.int32]  # (F, 3), outward oriented; every tube and ball is closed
+    face_colour: NDArray[np.int32]  # (F,) index into `COLOURS_BGR`
+    vertex_bone: NDArray[np.int32]  # (V,) index into `BONE_NAMES`: rigid pieces, no blending
+    joints_m: NDArray[np.float64]  # (B, 3), the near end of every bone
+    head_top_m: NDArray[np.float64]  # (3,), the vertex of the head
+    stride: float = 1.0  # length of the legs over the standard actor's, which scales the way walked
 
     @classmethod
     def build(cls) -> Mannequin:
@@ -231,31 +221,18 @@ def _shoe(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.in
 
 @dataclass(frozen=True)
 class Measurements:
-    """Measurements of a person. Lengths in metres.
+    """Measurements of a person, metres, girths over the skin."""
 
-    Attributes:
-        stature_m: barefoot, without hair.
-        chest_girth_m: over the skin.
-        waist_girth_m: likewise.
-        hip_girth_m: likewise.
-        legs: length of the legs at this stature, over that of the standard actor's proportions.
-        arms: likewise of the arms.
-        shoulders: likewise the distance of the shoulder joints.
-        head: likewise the head.
-        cloth_m: thickness of shirt and trousers.
-        sole_m: thickness of the shoes' soles.
-    """
-
-    stature_m: float
+    stature_m: float  # barefoot, without hair
     chest_girth_m: float
     waist_girth_m: float
     hip_girth_m: float
-    legs: float = 1.0
-    arms: float = 1.0
-    shoulders: float = 1.0
-    head: float = 1.0
-    cloth_m: float = 0.010
-    sole_m: float = 0.008
+    legs: float = 1.0  # their length at this stature, over that of the standard actor's proportions
+    arms: float = 1.0  # likewise
+    shoulders: float = 1.0  # likewise the distance of their joints
+    head: float = 1.0  # likewise
+    cloth_m: float = 0.010  # thickness of shirt and trousers
+    sole_m: float = 0.008  # thickness of the shoes' soles
 
 
 def person_of(body: BodyModel) -> Measurements:

@@ -171,7 +171,6 @@ class FilmCamera:
 
 
 def _with_margin(camera: Camera) -> Camera:
-    """Pinhole camera with a margin around the picture."""
     wide = camera.pinhole()
     shift = np.array([[1, 0, _MARGIN[0]], [0, 1, _MARGIN[1]], [0, 0, 1.0]])
     return replace(

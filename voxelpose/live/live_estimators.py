@@ -17,11 +17,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import UndistortedView
-from silhouette_core.monocular.monocular_stages import (
-    MonocularOptions,
-    PoseStages,
-    person_for,
-)
+from silhouette_core.monocular.monocular_stages import MonocularOptions, PoseStages, person_for
 from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree_estimator import TreeFollower, TreeOptions, library_of
@@ -92,7 +88,6 @@ class LiveEstimator(RemoteObject, ABC):
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
-        """Begins the process, and waits until it is ready."""
         super().__init__(_ChangedModels, make, arguments)
         self._models: dict[int, BodyModel] = {}  # by person
         self.wait()
@@ -116,7 +111,6 @@ class LiveMultiView(LiveEstimator):
     """Several cameras, before which several people are followed, or one."""
 
     def __init__(self, rig: Rig, settings: Settings, people: int = 1):
-        """Begins the process, and waits until it is ready."""
         super().__init__(FollowedPeople, rig, settings, people)
 
     def prepare(self, moment: LiveMoment) -> Moment:

@@ -18,12 +18,7 @@ from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import Reporter
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.live.camera_source import CameraSource
-from voxelpose.live.live_estimators import (
-    LiveEstimator,
-    LiveMonocular,
-    LiveMultiView,
-    LiveTree,
-)
+from voxelpose.live.live_estimators import LiveEstimator, LiveMonocular, LiveMultiView, LiveTree
 from voxelpose.live.session import SessionSettings
 from voxelpose.multiview.people import require_cameras
 from voxelpose.recording.folder import Recording, default_camera

@@ -75,7 +75,6 @@ class EmptyView:
         return (self.moments[step] for step in steps)
 
     def __iter__(self) -> Iterator[tuple[int, float, Mapping[str, Picture]]]:
-        """See `FrameSource`."""
         return ((step, step / self.fps, frames) for step, frames in enumerate(self.moments))
 
 
@@ -170,7 +169,6 @@ class SilhouetteProcess:
     """
 
     def __init__(self, rig: Rig):
-        """Begins the process, and returns at once."""
         shapes = {camera.name: (camera.size[1], camera.size[0], 3) for camera in rig}
         size = sum(int(np.prod(shape)) for shape in shapes.values())
         self._memory = SharedMemory(create=True, size=size)
@@ -206,8 +204,6 @@ class SilhouetteProcess:
 
 
 class _SilhouetteFinder:
-    """The same in its process."""
-
     def __init__(self, memory: str, shapes: _Shapes):
         self._memory = SharedMemory(memory)
         self._pictures = _arrays(self._memory, shapes)

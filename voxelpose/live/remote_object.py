@@ -23,7 +23,6 @@ class RemoteObject:
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
-        """Begins the process, and returns at once."""
         self._pipe, child_pipe = SPAWN.Pipe()
         self._process = SPAWN.Process(target=_serve, args=(child_pipe, make, arguments))
         with interrupts_put_off():

@@ -19,12 +19,7 @@ from voxelpose.live.camera_source import CameraReader, CameraSource, Newest, Sho
 from voxelpose.live.live_estimators import LiveEstimator, LiveMoment
 from voxelpose.live.live_frame import LiveFrame, People, Phase, SessionState, hidden_note
 from voxelpose.live.live_recorder import LiveRecorder, Masks
-from voxelpose.live.live_silhouettes import (
-    EmptyView,
-    PeopleInTurn,
-    SilhouetteProcess,
-    long_side_px,
-)
+from voxelpose.live.live_silhouettes import EmptyView, PeopleInTurn, SilhouetteProcess, long_side_px
 from voxelpose.multiview.tracking.body_track import Moment
 from voxelpose.recording.subject import Subject
 from voxelpose.tuning import LIVE
@@ -320,7 +315,6 @@ class LiveSession:
             self._over.set()
 
     def _observe(self) -> None:
-        """Stage of the silhouettes."""
         looked_s = -np.inf
         while (shot := self._matcher.shots.take()) is not None:
             begun_s = self._now()
@@ -390,7 +384,6 @@ class LiveSession:
             self._subtracts, self._phase = True, "searching"
 
     def _estimate(self) -> None:
-        """Stage of the estimation, and of what is done with its result."""
         while (observed := self._observed.take()) is not None:
             begun_s = self._now()
             shot = observed.shot

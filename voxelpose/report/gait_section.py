@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.motion.anatomical import AnatomicalAngles
-from silhouette_core.motion.gait_values import (
-    SIDES,
-    Gait,
-    Side,
-    Spread,
-    Stride,
-    normalised_cycles,
-)
+from silhouette_core.motion.gait_values import SIDES, Gait, Side, Spread, Stride, normalised_cycles
 from voxelpose.report.charts import LEFT, RIGHT, CycleChart, CycleCurve, cycle_chart
 
 _COLOURS: dict[Side, str] = {"left": LEFT, "right": RIGHT}

@@ -239,7 +239,6 @@ def _movement(motion: Motion, prefix: str) -> dict[str, object]:
 def _overall(
     results: Sequence[Result], people: Sequence[Mapping[str, Any]], shared: Sequence[Finding]
 ) -> dict[str, object]:
-    """What the page says of several people together."""
     levels = [LEVELS.index(person["verdict"].level) for person in people]
     assessed = [*shared, *(finding for person in people for finding in person["findings"])]
     return {

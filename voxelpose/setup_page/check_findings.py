@@ -7,13 +7,7 @@ from typing import Any
 
 from calib.atomic import unwritable, write_whole
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.check import (
-    Check,
-    check_recording,
-    remedy,
-    verdict_on,
-    write_repair,
-)
+from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on, write_repair
 from voxelpose.calibration.pictures import draw_check
 from voxelpose.recording.camera_files import REPLACED
 from voxelpose.recording.folder import Recording
@@ -77,10 +71,7 @@ def _findings_of(check: Check) -> dict[str, Any]:
             for line in check.agreement.table
         ],
         "repairs": [
-            {
-                "summary": repair.summary,
-                "remedy": remedy(check, repair.camera, "press Repair"),
-            }
+            {"summary": repair.summary, "remedy": remedy(check, repair.camera, "press Repair")}
             for repair in check.repairs
         ],
         "after": None if check.after is None else check.after.summary,

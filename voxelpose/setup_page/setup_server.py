@@ -16,8 +16,8 @@ from voxelpose.view.serving.page_answers import (
     Content,
     PageAnswers,
     json_content,
-    moment_of,
     parse_request,
+    whole_number,
 )
 
 
@@ -25,12 +25,10 @@ class SetupPage:
     """A session's page; its `answers` are to requests of it."""
 
     def __init__(self, session: SetupSession) -> None:
-        """Reads the page's files."""
         self.session = session
         self.answers = PageAnswers("voxelpose.setup_page", self._get, self._post)
 
     def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
-        """What is asked for; None where it can only be a file."""
         session = self.session
         match path:
             case ("api", "state"):
@@ -38,13 +36,12 @@ class SetupPage:
             case ("api", "check"):
                 return json_content(session.check_status())
             case ("picture", camera):
-                return session.picture(camera, moment_of(query)), "image/jpeg"
+                return session.picture(camera, whole_number(query, "moment")), "image/jpeg"
             case ("painted", kind, camera):
                 return session.painted(camera, kind), "image/png"
         return None
 
     def _post(self, path: Sequence[str], body: bytes) -> Content | None:
-        """The answer to JSON that the page has sent; None where nobody takes it."""
         session = self.session
         match path:
             case ("api", "silhouettes"):

@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import threading
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -18,6 +17,7 @@ from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.seen_people import people_looked_for
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import SilentReporter
+from voxelpose.cli.options import folder_settings
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.unknown_places import RECORDING_FILE
@@ -45,8 +45,6 @@ from voxelpose.view.serving.page_answers import check_camera_names
 from voxelpose.view.serving.page_job import PageJob
 from voxelpose.view.viewer import previews
 
-SettingValues = Mapping[str, tuple[Any, str]]
-"""Settings of `fit` by name: value, and the file that it is from."""
 _REGION, _UNKNOWN = (80, 200, 120), (255, 150, 40)
 _MEANWHILE = (
     "another page or program has changed this folder's files since this page was loaded: load it"
@@ -56,8 +54,6 @@ _SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up
 
 
 class _Notes(SilentReporter):
-    """Keeps the last note."""
-
     words = ""
 
     def note(self, text: str) -> None:
@@ -68,18 +64,13 @@ class SetupSession:
     """A recording folder behind the page."""
 
     def __init__(
-        self,
-        opened: OpenedFolder,
-        settings: Callable[[], SettingValues],
-        job: PageJob | None = None,
-        studio: str | None = None,
+        self, opened: OpenedFolder, job: PageJob | None = None, studio: str | None = None
     ) -> None:
-        """Reads what the folder holds besides pictures; `settings` reads those of `fit` for it.
-        Checks are run by `job`, the studio's, whose page is at the address `studio`; None: it is
-        set up alone. InputError where a file of the folder is damaged.
+        """Reads what the folder holds besides pictures. Checks are run by `job`, the studio's,
+        whose page is at the address `studio`; None: it is set up alone. InputError where a file of
+        the folder is damaged.
         """
         self._job, self._owns_job, self._studio = job or PageJob(), job is None, studio
-        self._settings = settings
         self.folder = opened.recording.folder
         self._staging = threading.Lock()
         self._saving = threading.Lock()
@@ -133,7 +124,7 @@ class SetupSession:
             "points": read_clicked(self.folder / POINTS_FILE),
             "settings": {
                 name: {"value": value, "file": file}
-                for name, (value, file) in self._settings().items()
+                for name, (value, file) in folder_settings("fit", self.folder).items()
                 if name in _SHOWN
             },
             "own_settings": str((self.folder / SETTINGS_FILE).resolve()),
@@ -229,7 +220,7 @@ class SetupSession:
 
     def _learn_silhouettes(self, kind: BackgroundKind) -> Silhouettes:
         source = DrawnRecording(**vars(self._recording))
-        use, _ = self._settings().get("network", ("auto", ""))
+        use, _ = folder_settings("fit", self.folder).get("network", ("auto", ""))
         settings = Settings(background=kind, network=use)
         people = people_looked_for(source, settings, self._notes)
         return Silhouettes(source, kind, LONG_SIDE_PX, people=people)
@@ -317,7 +308,6 @@ class SetupSession:
         }
 
     def _files_digest(self) -> str:
-        """Digest of the files that a page shows and saves."""
         names = POINTS_FILE, SETTINGS_FILE, RECORDING_FILE
         files = [self.folder / name for name in names]
         files += visible_entries(self.folder / "regions")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,8 +17,8 @@ from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.setup_page.clicked_points import POINTS_FILE
 from voxelpose.setup_page.drawn_places import change_section
+from voxelpose.studio.command_forms import Typed, filled_in, form_of
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.studio.studio_commands import Commands, Typed
 from voxelpose.studio.studio_jobs import calibrate
 from voxelpose.studio.uploads import project_files
 from voxelpose.view.images.canvas import encoded, reduced
@@ -68,8 +67,8 @@ class BoardAsked(Struct, forbid_unknown_fields=True):
 class CalibrationStep:
     """What the step shows of a project, and has done."""
 
-    def __init__(self, folder: StudioFolder, commands: Commands, job: PageJob) -> None:
-        self._folder, self._commands, self._job = folder, commands, job
+    def __init__(self, folder: StudioFolder, job: PageJob) -> None:
+        self._folder, self._job = folder, job
 
     def state(self, name: str) -> dict[str, Any]:
         """Forms of the commands, files of the board, and what was found in them. InputError where
@@ -79,10 +78,7 @@ class CalibrationStep:
         points, calibration = project / POINTS_FILE, calibration_path(project)
         picture = project / RIG_PICTURE
         return {
-            "forms": {
-                command: self._commands.form(f"calibrate.{command}", project)
-                for command in _COMMANDS
-            },
+            "forms": {command: form_of(f"calibrate.{command}", project) for command in _COMMANDS},
             "sheet": (project / SHEET).is_file(),
             "files": [file for file in project_files(project) if file["place"] in (_STILLS, _WALK)],
             "videos": len(pictures_by_camera(project)),
@@ -103,7 +99,7 @@ class CalibrationStep:
         """
         project = self._folder.project(asked.project)
         fixed = {"out": project / SHEET}
-        command = self._command("board", project, fixed, asked.settings)
+        command = filled_in("calibrate.board", self._folder, project, fixed, asked.settings)
         board, (width_m, height_m) = command.write()
         change_section(project / SETTINGS_FILE, "calibrate.board", asked.settings)
         known = {
@@ -132,9 +128,8 @@ class CalibrationStep:
         given = asked.settings
         if name == "sync" and asked.of == "take":  # whatever is in the files: nobody carries one
             given = given | dict.fromkeys(_OF_BOARD)
-        command = self._command(name, project, fixed, given)
-        work = self._commands.work(f"calibrate.{name}")
-        self._job.start(kind, asked.project, calibrate, work, command)
+        command = filled_in(f"calibrate.{name}", self._folder, project, fixed, given)
+        self._job.start(kind, asked.project, calibrate, command, step="calibrate")
         settings = {key: value for key, value in asked.settings.items() if key not in _OF_BOARD}
         change_section(project / SETTINGS_FILE, f"calibrate.{name}", settings)
         if name != "sync":
@@ -151,12 +146,6 @@ class CalibrationStep:
             raise InputError(f"{camera} leads out of the studio's folder: remove that link")
         picture = next(iter(FrameReader.open(known[camera])))
         return encoded(reduced(picture, _LONG_SIDE_PX / max(picture.shape)), ".jpg", 80)
-
-    def _command(
-        self, name: str, project: Path, fixed: dict[str, Any], given: dict[str, Any]
-    ) -> Any:
-        inside = partial(self._folder.file_inside, project)
-        return self._commands.command(f"calibrate.{name}", project, fixed, given, inside)
 
     def _files(self, project: Path, asked: CalibrationAsked) -> dict[str, Any]:
         """The files that a calibration reads and writes. InputError where one is not there yet."""

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from typing import Any
 
 from calib.errors import InputError
+from voxelpose.cli.live import Live
 from voxelpose.live.live_frame import LiveFrame
-from voxelpose.live.live_page import Page
+from voxelpose.live.live_page import Page, controls_of
 from voxelpose.live.senders import Senders
 from voxelpose.live.session import LiveSession
 from voxelpose.view.serving.gate import Address
-from voxelpose.view.serving.page_job import JobReporter, StepError
+from voxelpose.view.serving.page_job import JobReporter
 
 SEND_TO = "send to"
 """Before a word for the job: the receivers, a line each, that take the place of the others."""
@@ -22,34 +23,25 @@ _LOOK_MS = 100
 _TOLD_EVERY_MS = 400
 
 
-def follow(
-    reporter: JobReporter,
-    prepare: Callable[[JobReporter, Any], LiveSession],
-    command: Any,
-    title: str,
-    token: str,
-) -> dict[str, Any]:
+def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict[str, Any]:
     """Runs a session until it is asked to "finish", or to the end of the videos that stand for
     cameras; returns the number of `frames` and of those that were `dropped`. Its page is served to
-    this machine alone, to who knows the token, at the `port` that it tells. StepError where a user
-    can correct something.
+    this machine alone, to who knows the token, at the `port` that it tells. InputError where a
+    user can correct something.
     """
-    try:
-        session = prepare(reporter, command)
-        with ExitStack() as parts:
-            parts.callback(session.close)
-            receivers = _Receivers(command.send)
-            parts.callback(receivers.close)
-            session.receivers.append(receivers.send)
-            address = Address("127.0.0.1", 0, token)
-            cameras, people = session.settings.rig.cameras, session.settings.people
-            page = Page(session, cameras, address, receivers.states, title, people)
-            parts.callback(page.close)
-            session.receivers.append(page.show)
-            reporter.tell(port=page.port)
-            _run(reporter, session, receivers)
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "live") from error
+    session = command.prepare(reporter)
+    with ExitStack() as parts:
+        parts.callback(session.close)
+        receivers = _Receivers(command.send)
+        parts.callback(receivers.close)
+        session.receivers.append(receivers.send)
+        address = Address("127.0.0.1", 0, token)
+        cameras, people = session.settings.rig.cameras, session.settings.people
+        page = Page(session, cameras, address, receivers.states, title, people)
+        parts.callback(page.close)
+        session.receivers.append(page.show)
+        reporter.tell(port=page.port)
+        _run(reporter, session, receivers)
     return {"frames": session.state.frames, "dropped": session.state.dropped}
 
 
@@ -79,14 +71,7 @@ class _Receivers:
 
 
 def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> None:
-    """Does what is asked, until it is to end."""
-    actions: dict[str, Callable[[], None]] = {
-        "background": session.learn_background,
-        "start": session.start,
-        "stop": session.stop,
-        "record": session.record,
-        "end recording": session.end_recording,
-    }
+    controls = controls_of(session)
     reporter.stage("live session")
     session.start_cameras()
     if session.state.phase == "no background":
@@ -102,33 +87,9 @@ def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> 
                 receivers.exchange(asked.removeprefix(SEND_TO).split())
             except InputError as error:
                 trouble = str(error)
-        elif asked in actions:
-            actions[asked]()
+        elif asked in controls:
+            controls[asked]()
         if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
             told_s = time.monotonic()
-            reporter.tell(**_session_state(session, receivers), trouble=trouble)
-
-
-def _session_state(session: LiveSession, receivers: _Receivers) -> dict[str, Any]:
-    state = session.state
-    return {
-        "phase": state.phase,
-        "message": state.message,
-        "pace": state.pace,
-        "recording": state.recording,
-        "followed_fps": state.fps,
-        "arriving_fps": state.arriving_fps,
-        "latency_ms": 1000 * state.latency_s if math.isfinite(state.latency_s) else None,
-        "frames": state.frames,
-        "cameras": [{"name": name, "state": words} for name, words in state.cameras.items()],
-        "receivers": [
-            {
-                "address": receiver.address,
-                "message": receiver.message,
-                "working": receiver.working,
-                "sent": receiver.sent,
-                "dropped": receiver.dropped,
-            }
-            for receiver in receivers.states()
-        ],
-    }
+            state, links = session.state, [asdict(one) for one in receivers.states()]
+            reporter.tell(**asdict(state), pace=state.pace, receivers=links, trouble=trouble)

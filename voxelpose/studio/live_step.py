@@ -6,21 +6,21 @@ import asyncio
 import secrets
 import time
 from asyncio import StreamReader, StreamWriter
-from functools import partial
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
 from calib.errors import InputError
+from voxelpose.cli.options import folder_settings
 from voxelpose.live.senders import parse_receiver
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.drawn_places import change_section
+from voxelpose.studio.command_forms import Typed, filled_in, form_of
 from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
-from voxelpose.studio.studio_commands import Commands, Typed
-from voxelpose.view.serving.gate import GateRequest, pass_on, until_one_ends
+from voxelpose.view.serving.gate import GateRequest, pass_on
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
@@ -50,11 +50,8 @@ class ReceiversAsked(Struct, forbid_unknown_fields=True):
 class LiveStep:
     """What the step shows of a project, and has done."""
 
-    def __init__(
-        self, folder: StudioFolder, commands: Commands, job: PageJob, recording: RecordStep
-    ) -> None:
-        self._folder, self._commands, self._job = folder, commands, job
-        self._recording = recording
+    def __init__(self, folder: StudioFolder, job: PageJob, recording: RecordStep) -> None:
+        self._folder, self._job, self._recording = folder, job, recording
         self._token = self._cookie = ""
         self._cookie_of = 0
 
@@ -63,8 +60,8 @@ class LiveStep:
         InputError where there is no such project.
         """
         project = self._folder.project(name)
-        receivers, _ = self._commands.values("live", project).get("send", ((), ""))
-        form = self._commands.form("live", project)
+        receivers, _ = folder_settings("live", project).get("send", ((), ""))
+        form = form_of("live", project)
         return self._recording.state(name) | {"form": form, "receivers": list(receivers)}
 
     def start(self, asked: LiveAsked) -> None:
@@ -84,12 +81,11 @@ class LiveStep:
             "record": self._folder.root / f"{asked.project[:50]}_{stamp}",
             "page": False,
         }
-        inside = partial(self._folder.file_inside, project)
-        command = self._commands.command("live", project, fixed, asked.settings, inside)
+        command = filled_in("live", self._folder, project, fixed, asked.settings)
         command.check()
         self._token = secrets.token_urlsafe(32)
-        work, name = self._commands.work("live"), f"{asked.project} – live"
-        self._job.start(LIVE, asked.project, follow, work, command, name, self._token)
+        title = f"{asked.project} – live"
+        self._job.start(LIVE, asked.project, follow, command, title, self._token, step="live")
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:
@@ -116,10 +112,8 @@ class LiveStep:
         inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
         try:
             inner_writer.write("\r\n".join([*lines, "", ""]).encode("latin-1"))
-            ways = [pass_on(inner_reader, writer)]
-            if request.upgrade:
-                ways.append(pass_on(reader, inner_writer))
-            await until_one_ends(*ways)
+            inner_writer.write(await reader.readexactly(request.body_bytes))
+            await pass_on(inner_reader, writer)
         finally:
             inner_writer.close()
 

@@ -15,6 +15,7 @@ from calib.camera import Camera
 from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files import read_rig
+from voxelpose.cli.options import folder_settings
 from voxelpose.live.camera_source import CameraSource, list_webcams
 from voxelpose.recording.camera_files import SUBFOLDERS, pictures_by_camera
 from voxelpose.recording.folder import calibration_path
@@ -22,9 +23,9 @@ from voxelpose.recording.frame_reader import VIDEOS
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.studio.calibration_step import LENSES
+from voxelpose.studio.command_forms import board_in
 from voxelpose.studio.projects import StudioFolder, check_plain_name
 from voxelpose.studio.recording_job import RecordingPlan, record
-from voxelpose.studio.studio_commands import Commands
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
@@ -68,15 +69,15 @@ class AskedOfJob(Struct, forbid_unknown_fields=True):
 class RecordStep:
     """What the step shows of a project, and has done."""
 
-    def __init__(self, folder: StudioFolder, commands: Commands, job: PageJob) -> None:
-        self._folder, self._commands, self._job = folder, commands, job
+    def __init__(self, folder: StudioFolder, job: PageJob) -> None:
+        self._folder, self._job = folder, job
 
     def state(self, name: str) -> dict[str, Any]:
         """Webcams, videos that may stand for cameras, the cameras of the last time, and what is
         recorded already. InputError where there is no such project.
         """
         project = self._folder.project(name)
-        texts, _ = self._commands.values("live", project).get("source", ((), ""))
+        texts, _ = folder_settings("live", project).get("source", ((), ""))
         sources = list(self._known_sources(texts))
         return {
             "webcams": [
@@ -87,7 +88,7 @@ class RecordStep:
                 {"name": source.name, "address": self._address_text(source)} for source in sources
             ],
             "cameras": [camera.name for camera in _calibrated(project)],
-            "board": self._commands.board(project) is not None,
+            "board": board_in(project) is not None,
             "there": {
                 what: list(pictures_by_camera(project / inside))
                 for what, inside in _TARGETS.items()
@@ -120,9 +121,9 @@ class RecordStep:
             asked.empty if is_take else 0.0,
             asked.length,
             _EVERY_MS[asked.what] / 1000,
-            None if is_take else self._commands.board(project),
+            None if is_take else board_in(project),
         )
-        self._job.start(RECORDING, asked.project, record, plan)
+        self._job.start(RECORDING, asked.project, record, plan, step="record")
         self.keep(project, sources, asked.loop)
 
     def sources(self, named: list[SourceNamed]) -> tuple[CameraSource, ...]:

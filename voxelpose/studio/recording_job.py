@@ -25,7 +25,7 @@ from voxelpose.recording.folder import default_camera
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.view.images.canvas import encoded, reduced
-from voxelpose.view.serving.page_job import JobReporter, StepError
+from voxelpose.view.serving.page_job import JobReporter
 
 _STAGED, _OLD = ".take", ".replaced"  # folders of a project, while it is written
 _LOOK_MS = 50
@@ -36,46 +36,32 @@ _MOST_EMPTY = 30  # pictures of the empty view
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """What is recorded, and where.
+    """What is recorded, and where."""
 
-    Attributes:
-        target: Folder that receives the pictures of every camera, in a folder each, and their
-            times; the empty view goes into background/ there.
-        sizes: (width, height) px of the cameras' pictures where they are known; the others' are
-            taken as they come.
-        countdown_s: Time to step out of the pictures, and into them again.
-        empty_s: How long the empty view is looked at; 0: there is none.
-        length_s: How long is recorded; None: until it is asked to finish.
-        every_s: Least time between two recorded moments.
-        board: The board that is filmed, which is looked for meanwhile; None: none is.
-    """
-
+    # Receives the pictures of every camera, in a folder each, and their times; the empty view goes
+    # into background/ there.
     target: Path
     sources: tuple[CameraSource, ...]
+    # (width, height) px of the cameras' pictures where known; the others' are taken as they come.
     sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     loop: bool = True
-    countdown_s: float = 5.0
-    empty_s: float = 2.0
-    length_s: float | None = None
-    every_s: float = 0.0
-    board: Board | None = None
+    countdown_s: float = 5.0  # to step out of the pictures, and into them again
+    empty_s: float = 2.0  # how long the empty view is looked at; 0: there is none
+    length_s: float | None = None  # how long is recorded; None: until it is asked to finish
+    every_s: float = 0.0  # least time between two recorded moments
+    board: Board | None = None  # that is filmed, and looked for meanwhile; None: none is
 
 
 def record(reporter: JobReporter, plan: RecordingPlan) -> dict[str, Any]:
     """Shows the cameras until it is asked to "record", then records until it is asked to "finish",
     or to the end of its time or of the videos that stand for cameras; returns the number of
-    `moments` and their `seconds`. StepError where a user can correct something.
+    `moments` and their `seconds`. InputError where a user can correct something.
     """
-    try:
-        with _Filming(reporter, plan) as filming:
-            return filming.run()
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "record") from error
+    with _Filming(reporter, plan) as filming:
+        return filming.run()
 
 
 class _Filming:
-    """Cameras at work."""
-
     def __init__(self, reporter: JobReporter, plan: RecordingPlan) -> None:
         self._reporter, self._plan = reporter, plan
         self._started_s = time.monotonic()
@@ -143,7 +129,6 @@ class _Filming:
         self._matcher.deliver(name, time_s, picture)
 
     def _record_moment(self, shot: Shot) -> None:
-        """Keeps a moment, if it is wanted."""
         if (empty := self._empty) is not None:
             for name, picture in shot.pictures.items():
                 pictures = empty.setdefault(name, [])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,15 @@ from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync
 from voxelpose.calibration.sync_verdict import sync_verdict
+from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
+from voxelpose.cli.calibrate_sync import CalibrateSync
+from voxelpose.cli.fit import EstimationArguments
+from voxelpose.compile_ahead import tell_first_run
 from voxelpose.export.formats import export_motion
 from voxelpose.export.player_scene import Stage
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
-from voxelpose.results import Result, open_people
+from voxelpose.results import open_people
 from voxelpose.view.serving.page_job import StepError
 
 EXPORTED = "export.zip"
@@ -26,17 +30,20 @@ _PICTURES = "contact_sheet.png", "overlay_*.webm"
 _OF_CHECK = "silhouette", "background", "region", "cameras do not agree", "calibrate check"
 
 
-def estimate(
-    reporter: Reporter, work: Callable[[Reporter, Any], Sequence[Result]], command: Any, root: Path
-) -> dict[str, Any]:
+def estimate(reporter: Reporter, command: EstimationArguments, root: Path) -> dict[str, Any]:
     """Runs a command of estimation into a folder below `root`; returns the name of the `result`.
     StepError where a user can correct something.
     """
+    beside = tell_first_run(reporter, [command.chosen_estimator])
     try:
-        results = work(reporter, command)
+        results = command.estimate(reporter)
     except InputError as error:
         line = " ".join(str(error).split())
         raise StepError(line, _step_of(line, command.recording)) from error
+    finally:
+        if beside is not None:
+            beside.terminate()
+            beside.wait()
     folder = results[0].folder if len(results) == 1 else results[0].folder.parent
     return {"result": folder.resolve().relative_to(root).as_posix()}
 
@@ -52,15 +59,13 @@ def _step_of(line: str, recording: Path) -> str:
 
 
 def calibrate(
-    reporter: Reporter, work: Callable[[Reporter, Any], Any], command: Any
+    reporter: Reporter, command: CalibrateIntrinsics | CalibrateExtrinsics | CalibrateSync
 ) -> dict[str, Any]:
     """Runs a command of calibration; what it found is in its files, and of a synchronisation, too,
-    `offsets` of the cameras and a `verdict` in lines. StepError where a user can correct something.
+    `offsets` of the cameras and a `verdict` in lines. InputError where a user can correct it.
     """
-    try:
-        result = work(reporter, command)
-    except InputError as error:
-        raise StepError(" ".join(str(error).split()), "calibrate") from error
+    result: Any = command.calibrate(reporter)
+    command.write(result)
     if not isinstance(result, Sync):
         return {}
     offsets = [

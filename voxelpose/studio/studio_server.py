@@ -5,8 +5,9 @@ files in and out, and the job as it goes.
 import asyncio
 import traceback
 from asyncio import StreamReader, StreamWriter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import msgspec
@@ -14,12 +15,7 @@ import msgspec
 from calib.errors import InputError
 from voxelpose.report.page import REPORT
 from voxelpose.setup_page.page_requests import LARGEST_BODY
-from voxelpose.studio.calibration_step import (
-    RIG_PICTURE,
-    SHEET,
-    BoardAsked,
-    CalibrationAsked,
-)
+from voxelpose.studio.calibration_step import RIG_PICTURE, SHEET, BoardAsked, CalibrationAsked
 from voxelpose.studio.live_step import LiveAsked, ReceiversAsked
 from voxelpose.studio.record_step import AskedOfJob, RecordAsked
 from voxelpose.studio.studio_jobs import EXPORTED
@@ -32,14 +28,7 @@ from voxelpose.studio.studio_session import (
     StudioSession,
 )
 from voxelpose.studio.uploads import LARGEST_UPLOAD, receive
-from voxelpose.view.serving.gate import (
-    UNFRAMED,
-    Address,
-    Gate,
-    GatedServer,
-    GateRequest,
-    Reply,
-)
+from voxelpose.view.serving.gate import UNFRAMED, Address, Gate, GatedServer, GateRequest, Reply
 from voxelpose.view.serving.page_answers import (
     PAGE_HEADERS,
     Content,
@@ -47,10 +36,11 @@ from voxelpose.view.serving.page_answers import (
     error_reply,
     json_content,
     parse_request,
+    response_head,
+    send_events,
 )
 
 _LOOK_MS = 200  # between looks at the job
-_BEAT_MS = 10_000  # between signs of life, by which an end of the other side is noticed
 _PIECE = 2**18
 _REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
@@ -73,7 +63,6 @@ class StudioServer(GatedServer):
     async def _answer(
         self, request: GateRequest, reader: StreamReader, writer: StreamWriter
     ) -> None:
-        """Answers what may pass."""
         try:
             reply = await self._passed_on(request, reader, writer)
         except (InputError, OSError) as error:
@@ -103,13 +92,11 @@ class StudioServer(GatedServer):
                 await self._view("/".join(parts[: depth - 2]), request, depth, reader, writer)
             case ("live", "-", *_):
                 await session.live.relay(request.below(2), reader, writer)
-            case _ if request.upgrade:
-                return error_reply("400 Bad Request", "no WebSocket is here")
             case ("check", name, *rest):
                 page = await asyncio.to_thread(session.setup, name, not rest)
                 await page.answers.serve(request.below(2), reader, writer)
             case ("events",):
-                await self._send_status(writer)
+                await send_events(writer, self._statuses(), _LOOK_MS)
             case ("download",):
                 folder = await asyncio.to_thread(session.folder.result, query.get("result", ""))
                 nothing = "nothing is exported yet: export first"
@@ -130,7 +117,6 @@ class StudioServer(GatedServer):
     async def _upload(
         self, request: GateRequest, query: Mapping[str, str], reader: StreamReader
     ) -> Reply:
-        """Takes a file of a project."""
         given = {key: query.get(key, "") for key in ("project", "name", "place", "camera")}
         try:
             asked = msgspec.convert(given | {"bytes": request.body_bytes}, FileAsked)
@@ -152,34 +138,21 @@ class StudioServer(GatedServer):
         an older page asks for does not close a newer one's.
         """
         viewer = self._session.viewer
-        if len(request.path) == depth and not request.upgrade:
+        if len(request.path) == depth:
             await asyncio.to_thread(self._session.open_viewer, name)
         if viewer.browser is None or viewer.name != name:
             raise InputError("another result is open in the viewer: load this page again")
         await viewer.browser.answer(request.below(depth), reader, writer)
 
-    async def _send_status(self, writer: StreamWriter) -> None:
-        """Sends the job's state whenever it has changed, as server-sent events."""
-        job, sent_version, silent_ms = self._session.job, -1, 0
-        headers = {"Content-Type": "text/event-stream", "Cache-Control": "no-store"}
-        writer.write(_head(headers | {"Connection": "close"}))
+    def _statuses(self) -> Iterator[dict[str, Any] | None]:
+        """The job's state whenever it has changed, else None."""
+        job, sent_version = self._session.job, -1
         while True:
             version = job.version
-            if version != sent_version:
-                status = job.status()
-                status.pop("picture", None)
-                writer.write(b"data: " + msgspec.json.encode(status) + b"\n\n")
-                sent_version, silent_ms = version, 0
-            elif silent_ms >= _BEAT_MS:
-                writer.write(b":\n\n")
-                silent_ms = 0
-            else:
-                silent_ms += _LOOK_MS
-            await writer.drain()
-            await asyncio.sleep(_LOOK_MS / 1000)
+            yield job.status() if version != sent_version else None
+            sent_version = version
 
     def _get(self, path: Sequence[str], query: Mapping[str, str]) -> Content | None:
-        """What is asked for; None where it can only be a file."""
         session, project = self._session, query.get("project", "")
         match path:
             case ("api", "state"):
@@ -210,7 +183,6 @@ class StudioServer(GatedServer):
         return None
 
     def _post(self, path: Sequence[str], body: bytes) -> Content | None:
-        """The answer to JSON that the page has sent; None where nobody takes it."""
         session = self._session
         match path:
             case ("api", "new"):
@@ -245,11 +217,6 @@ class StudioServer(GatedServer):
         return json_content({})
 
 
-def _head(headers: Mapping[str, str]) -> bytes:
-    lines = [f"{name}: {value}" for name, value in (PAGE_HEADERS | dict(headers)).items()]
-    return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
-
-
 async def _send(writer: StreamWriter, path: Path, name: str, nothing: str) -> None:
     """Sends a file to be kept. InputError with a line where there is `nothing`."""
     try:
@@ -264,7 +231,7 @@ async def _send(writer: StreamWriter, path: Path, name: str, nothing: str) -> No
             "Cache-Control": "no-store",
             "Connection": "close",
         }
-        writer.write(_head(headers))
+        writer.write(response_head(PAGE_HEADERS | headers))
         while piece := await asyncio.to_thread(file.read, _PIECE):
             writer.write(piece)
             await writer.drain()

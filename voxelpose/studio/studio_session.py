@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,18 +13,20 @@ from msgspec import Meta, Struct
 
 from calib.atomic import write_whole
 from calib.errors import InputError
+from voxelpose.cli.fit import SHARES
+from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupPage
-from voxelpose.setup_page.setup_session import SettingValues, SetupSession
+from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
+from voxelpose.studio.command_forms import Typed, export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep
-from voxelpose.studio.studio_commands import Commands, Typed
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -82,7 +84,6 @@ class OpenedViewer:
     """The viewer of one result at a time."""
 
     def __init__(self) -> None:
-        """Opens none."""
         self._lock = threading.Lock()
         self.name: str = ""
         self.browser: Browser | None = None
@@ -116,13 +117,11 @@ class OpenedViewer:
 class StudioSession:
     """The studio's folder, its one job, its one viewer, and the set-up of one project."""
 
-    def __init__(self, folder: StudioFolder, commands: Commands) -> None:
-        """Opens nothing."""
-        self.folder, self.commands = folder, commands
-        self.job, self.viewer = PageJob(), OpenedViewer()
-        self.calibration = CalibrationStep(folder, commands, self.job)
-        self.recording = RecordStep(folder, commands, self.job)
-        self.live = LiveStep(folder, commands, self.job, self.recording)
+    def __init__(self, folder: StudioFolder) -> None:
+        self.folder, self.job, self.viewer = folder, PageJob(), OpenedViewer()
+        self.calibration = CalibrationStep(folder, self.job)
+        self.recording = RecordStep(folder, self.job)
+        self.live = LiveStep(folder, self.job, self.recording)
         self._lock = threading.Lock()
         self._setup: tuple[str, SetupPage] | None = None
 
@@ -139,7 +138,7 @@ class StudioSession:
             "folder": str(self.folder.root),
             "projects": self.folder.projects(),
             "results": self.folder.results(),
-            "formats": self.commands.formats(),
+            "formats": export_formats(),
         }
 
     def project(self, name: str) -> dict[str, Any]:
@@ -148,7 +147,7 @@ class StudioSession:
         files = project_files(folder)
         known: dict[str, Any] = {"name": name, "files": files}
         try:
-            values = self.commands.values("fit", folder)
+            values = folder_settings("fit", folder)
             unstated = _unstated(values)
             recording, fault = OpenedFolder.open(folder, **unstated).recording, ""
             names = list(recording.rig.names)
@@ -207,7 +206,7 @@ class StudioSession:
     def form(self, name: str, command: str) -> list[dict[str, Any]]:
         """Settings of an estimation of a project."""
         kind = msgspec.convert("track" if command == "track" else "fit", Command)
-        return self.commands.form(kind, self.folder.project(name))
+        return form_of(kind, self.folder.project(name))
 
     def start_fit(self, asked: FitAsked) -> None:
         """Begins an estimation, and keeps its settings in the project. InputError where another job
@@ -215,22 +214,17 @@ class StudioSession:
         """
         project = self.folder.project(asked.project)
         out = self.folder.out(asked.out, asked.overwrite)
-
-        def inside(text: str) -> Path:
-            return self.folder.file_inside(project, text)
-
         fixed = {"recording": project, "out": out}
-        command = self.commands.command(asked.command, project, fixed, asked.settings, inside)
-        shares, work = self.commands.shares(command), self.commands.work(asked.command)
-        self.job.start(
-            asked.command, asked.project, estimate, work, command, self.folder.root, shares=shares
-        )
+        command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
+        command.check()
+        shares, root = SHARES.get(command.chosen_estimator), self.folder.root
+        self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
 
     def start_export(self, asked: ExportAsked) -> None:
         """Begins an export. InputError where another job is running, or there is no such result."""
         folder = self.folder.result(asked.result)
-        formats = [name for name in self.commands.formats() if name in asked.formats]
+        formats = [name for name in export_formats() if name in asked.formats]
         if not formats and not asked.report and not asked.pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
         self.job.start(
@@ -251,9 +245,8 @@ class StudioSession:
         with self._lock:
             if self._setup is None or self._setup[0] != name or reopen:
                 folder = self.folder.project(name)
-                read = partial(self.commands.values, "fit", folder)
-                opened = OpenedFolder.open(folder, **_unstated(read()))
-                session = SetupSession(opened, read, self.job, "../../")
+                opened = OpenedFolder.open(folder, **_unstated(folder_settings("fit", folder)))
+                session = SetupSession(opened, self.job, "../../")
                 self._setup = name, SetupPage(session)
             return self._setup[1]
 
@@ -262,6 +255,6 @@ class StudioSession:
         self.viewer.open(name, self.folder.result(name))
 
 
-def _unstated(values: SettingValues) -> dict[str, Any]:
+def _unstated(values: Mapping[str, FolderSetting]) -> dict[str, Any]:
     """Unit, frame rate and label, without which some folders cannot be read."""
     return {name: values.get(name, (None, ""))[0] for name in ("unit", "fps", "label")}

@@ -134,7 +134,6 @@ async def receive(
 
 
 async def _copy(reader: StreamReader, size: int, write: Callable[[bytes], object]) -> None:
-    """Passes bytes on, some at a time."""
     waiting = bytearray()
     while size:
         async with asyncio.timeout(_SILENT_S):

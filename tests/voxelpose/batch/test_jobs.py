@@ -26,7 +26,7 @@ def test_folders_of_recordings_are_opened_and_names_kept_apart(studio):
     jobs = jobs_of([studio / "anna" / "walk", studio / "ben"], "fit", {"stature": 1.7})
     assert names(jobs) == ["walk", "run_fast", "walk_2"]
     assert {Path(job.recording).name for job in jobs} == {"walk", "run fast"}
-    assert all(job.estimator_settings(1).stature_m == 1.7 for job in jobs)
+    assert all(job.estimation().settings().stature_m == 1.7 for job in jobs)
     assert jobs[0].open().rig.names == ("cam_1", "cam_2")
 
 
@@ -37,11 +37,11 @@ def test_a_list_has_settings_for_all_and_for_each(studio):
         'command = "track"\ncamera = "cam_2"\nstart = "any"\nframes = "0:1"\n'
     )
     first, second = jobs_of([studio / "all.toml"], "fit", {"sex": "female", "stature": 1.5})
-    settings = first.estimator_settings(None)
+    settings = first.estimation().settings()
     assert (settings.stature_m, settings.sex, settings.up) == (1.62, "female", (0, 0, -1))
-    assert first.estimator == "multiview" and first.open().fps == 50
-    assert second.name == "one" and second.estimator == "monocular"
-    assert second.estimator_settings(None).options == {"start": "any"}
+    assert first.estimation().chosen_estimator == "multiview" and first.open().fps == 50
+    assert second.name == "one" and second.estimation().chosen_estimator == "monocular"
+    assert second.estimation().settings().options == {"start": "any"}
     opened = second.open()
     assert opened.rig.names == ("cam_2",) and opened.frame_count == 1
 
@@ -50,15 +50,15 @@ def test_filter_and_gaps_are_settings_of_a_job(studio):
     words = ["filter=savgol", "cutoff=5", "filter_order=2", "gap_limit=12", "gap_method=pchip"]
     (job,) = jobs_of([studio / "anna" / "walk"], "fit", read_settings(words))
     wanted = Conditioning("savgol", 5, 2, 12, "pchip")
-    assert job.estimator_settings(None).conditioning == wanted
+    assert job.estimation().settings().conditioning == wanted
     (job,) = jobs_of([studio / "anna" / "walk"], "track", read_settings(["gap_limit=0.2s"]))
-    assert job.estimator_settings(None).conditioning == Conditioning(gap_limit="0.2s")
+    assert job.estimation().settings().conditioning == Conditioning(gap_limit="0.2s")
 
 
 def test_either_command_runs_any_estimator(studio):
     words = read_settings(["estimator=tree"])
     jobs = [jobs_of([studio / "anna" / "walk"], one, words)[0] for one in ("fit", "track")]
-    assert [job.estimator for job in jobs] == ["tree", "tree"]
+    assert [job.estimation().chosen_estimator for job in jobs] == ["tree", "tree"]
 
 
 def test_settings_are_read_as_in_toml_or_as_text():
@@ -108,12 +108,15 @@ def test_what_is_not_there_is_named(studio):
     [
         ('frames = "0:x"', 'recording 1: frames = "0:x" is not understood'),
         ('up = "w"', "recording 1: "),
-        ('filter = "kalman"', "recording 1: no filter 'kalman'"),
-        ("gap_limit = 1.5", "gap_limit = '1.5' must be a whole number, or text"),
+        (
+            'filter = "kalman"',
+            "recording 1: fit: filter = 'kalman' must be one of auto",
+        ),
+        ("gap_limit = 1.5", "gap-limit = '1.5' must be a whole number, or text"),
         ("people = 0", 'recording 1: people = "0" is no number of people'),
         ("people = 1.5", "people = '1.5' must be a whole number, or text"),
         ('gap_limit = "long"', "recording 1: gap limit 'long' is not understood"),
-        ("stature = []", "recording 1: stature = '[]' must be a number"),
+        ("stature = []", "recording 1: fit: stature = '[]' must be a number"),
         ("x = 1", "recording 1: fit has no setting 'x'"),
         ("x = " + "[" * 3000 + "]" * 3000, "nested more than"),
         ("stature = " + "9" * 5000, "no valid TOML"),
@@ -132,10 +135,12 @@ def test_a_wrong_setting_names_the_list(studio, entries, words):
 
 def test_other_settings_count_where_a_job_has_none(studio):
     (job,) = jobs_of([studio / "anna" / "walk"], "fit", {"stature": 1.7})
-    given = {"stature": 1.5, "fps": 50.0, "backend": "reference", "threads": 3}
-    full = job.with_defaults(given, dict.fromkeys(given, "voxelpose.toml"))
+    file = studio / "voxelpose.toml"
+    file.write_text('[fit]\nstature = 1.5\nfps = 50.0\nbackend = "reference"\nthreads = 3\n')
+    full = job.with_folder_settings()
     assert full.settings == {"stature": 1.7, "fps": 50.0, "backend": "reference"}
-    assert full.sources == dict.fromkeys(("fps", "backend"), "voxelpose.toml")
-    assert full.estimator_settings(1).backend == "reference"
+    assert full.sources == dict.fromkeys(("fps", "backend"), str(file))
+    assert full.estimation().settings().backend == "reference"
+    file.write_text('[fit]\nframes = "all"\n')
     with pytest.raises(InputError, match=r'voxelpose.toml: frames = "all" is not understood'):
-        job.with_defaults({"frames": "all"}, {"frames": "voxelpose.toml"})
+        job.with_folder_settings()

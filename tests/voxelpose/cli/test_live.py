@@ -107,7 +107,7 @@ def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
     recording = ("--record", take, "--no-record-now", "--countdown", 600)
     options = ("--loop", "--no-browser", "--stature", 1.7, "--fps", FPS, "--port", 8431)
     with (
-        new_page(760, 520) as (browser, faults),
+        new_page(1000, 520) as (browser, faults),
         living(studio, *options, *recording) as process,
     ):
         url = ""

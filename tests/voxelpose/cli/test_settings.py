@@ -107,7 +107,7 @@ def test_every_option_of_every_command_can_be_set(desk):
     ("text", "line"),
     [
         ("[fit]\nstatur = 1.7", "[fit] has no setting 'statur': did you mean stature?"),
-        ("[fit]\nzzz = 1.7", "[fit] has no setting 'zzz': there are out, stature"),
+        ("[fit]\nzzz = 1.7", "[fit] has no setting 'zzz': there are stature, chest"),
         ("[fti]\nstature = 1.7", "there is no section [fti]: did you mean fit?"),
         ("[calibrate.bord]", "there is no section [calibrate.bord]: did you mean board?"),
         ("[calibrate]\npaper = 'a4'", "there is no section [calibrate.paper]: the sections are"),

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from tests.clips import waving
 from tests.sources import ring, write_staged
-from voxelpose.cli.options import folder_settings
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.setup_server import SetupServer
-from voxelpose.setup_page.setup_session import SettingValues, SetupSession
+from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.view.serving.gate import Address
 
 SIZE = 320, 240
@@ -26,12 +25,7 @@ def staged(folder: Path, cameras: int = 3) -> Path:
 
 def opened(folder: Path, unit: str | None = None) -> SetupSession:
     """A session as the command opens it."""
-
-    def settings() -> SettingValues:
-        found = folder_settings("fit", folder)
-        return {name: (setting.value, str(setting.file)) for name, setting in found.items()}
-
-    return SetupSession(OpenedFolder.open(folder, unit), settings)
+    return SetupSession(OpenedFolder.open(folder, unit))
 
 
 @contextmanager

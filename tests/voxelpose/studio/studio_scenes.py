@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.voxelpose.setup_page.setup_scenes import ask
-from voxelpose.cli.command_forms import CommandForms
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.studio_server import StudioServer
 from voxelpose.studio.studio_session import StudioSession
@@ -18,7 +17,7 @@ from voxelpose.view.serving.gate import Address
 def opened_studio(root: Path, token: str | None = None) -> Iterator[StudioServer]:
     """The studio; leaves no thread of its own behind."""
     before = set(threading.enumerate())
-    session = StudioSession(StudioFolder(root), CommandForms())
+    session = StudioSession(StudioFolder(root))
     server = StudioServer(session, Address("127.0.0.1", 0, token))
     try:
         yield server

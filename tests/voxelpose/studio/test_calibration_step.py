@@ -16,8 +16,9 @@ from tests.voxelpose.board_films import film_boards
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio, send
 from tests.voxelpose.studio.test_studio_server import fetched
-from voxelpose.cli.command_forms import CommandForms
 from voxelpose.cli.options import folder_settings, load_command, options_of
+from voxelpose.studio.command_forms import filled_in
+from voxelpose.studio.projects import StudioFolder
 
 BOARD = Board(8, 5, 0.15)
 LIKE_THIS = {"board": "8x5", "square": 0.15}
@@ -89,9 +90,9 @@ def test_the_forms_are_the_commands_own(studio):
         ("extrinsics", "boards", LIKE_THIS, "there are no videos of the carried board"),
         ("extrinsics", "points", {}, "the lenses are not known"),
         ("extrinsics", "take", {}, "cannot be made of the take"),
-        ("intrinsics", "boards", {"out": "../x.toml"}, "no setting 'out' on this page"),
+        ("intrinsics", "boards", {"out": "../x.toml"}, "the page has no setting 'out'"),
         ("extrinsics", "boards", {"intrinsics": "/etc/passwd"}, "no setting 'intrinsics'"),
-        ("extrinsics", "boards", {"points": "../points.csv"}, "no setting 'points' on this page"),
+        ("extrinsics", "boards", {"points": "../points.csv"}, "the page has no setting 'points'"),
     ],
 )
 def test_what_must_be_done_before_is_said_in_a_line(
@@ -110,7 +111,7 @@ def test_what_must_be_done_before_is_said_in_a_line(
 def test_a_setting_that_must_be_known_is_asked_for(walk):
     fixed = {"pictures": (walk,), "out": walk / "lenses.toml"}
     with pytest.raises(InputError, match="square must be known: fill in the field"):
-        CommandForms().command("calibrate.intrinsics", walk, fixed, {"board": "8x5"}, walk.joinpath)
+        filled_in("calibrate.intrinsics", StudioFolder(walk.parent), walk, fixed, {"board": "8x5"})
 
 
 @pytest.mark.slow
@@ -162,10 +163,10 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
         (walk / "board_walk" / f"cam_{number}.mp4").write_bytes(b"x")
     (walk / "voxelpose.toml").write_text('[calibrate.sync]\nboard = "8x5"\n')
     started = []
-    monkeypatch.setattr(studio._session.job, "start", lambda *given: started.append(given))
+    monkeypatch.setattr(studio._session.job, "start", lambda *given, step: started.append(given))
     assert start(studio, "sync", "take", by="sound", seconds=9)[0] == 200
     assert start(studio, "sync", "boards", by="board")[0] == 200
-    (kind, of, _, _, take), (other, _, _, _, board) = started
+    (kind, of, _, take), (other, _, _, board) = started
     assert (kind, of, other) == ("synchronisation", "walk", "board synchronisation")
     assert (take.recording, take.out) == (walk, walk / "timestamps.csv")
     assert (take.board, take.by, take.seconds, take.intrinsics) == (None, "sound", 9.0, None)

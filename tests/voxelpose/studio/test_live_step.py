@@ -1,22 +1,22 @@
 """A live session of the studio: begun, told, shown behind the same gate, and ended."""
 
 import http.client
+import json
 import time
 
 import pytest
-import viser
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
 
 from tests.clips import waving
 from tests.sources import ring, write_staged
+from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio
 from voxelpose.cli.options import folder_settings, load_command, options_of
 from voxelpose.live.live_frame import SessionState
+from voxelpose.live.live_page import Page
+from voxelpose.view.serving.gate import Address
 
 TOKEN = "open sesame"
-SUBPROTOCOL = f"viser-v{viser.__version__}"
 
 
 @pytest.fixture
@@ -55,11 +55,11 @@ def test_a_session_is_run_told_shown_and_ended(walk):
         more = {"receivers": receivers, "settings": {"stature": 1.75}}
         assert start(server, known, **more)[0] == 200
         state = until(server, lambda state: state.get("phase") in ("searching", "following"))
-        assert [camera["name"] for camera in state["cameras"]] == ["cam_1", "cam_2"]
+        assert [*state["cameras"]] == ["cam_1", "cam_2"]
         assert [one["address"] for one in state["receivers"]] == receivers
         status, page = ask(server, "/live/-/", **known)
         assert status == 200 and "<title>walk – live" in page.decode()
-        for path in ("/live/-/", "/live/-/assets/x.js"):
+        for path in ("/live/-/", "/live/-/live.js", "/live/-/events"):
             assert ask(server, path)[0] == 401
             assert ask(server, path, Origin="http://evil.example", **known)[0] == 403
         watched(server, known["Cookie"])
@@ -76,13 +76,30 @@ def test_a_session_is_run_told_shown_and_ended(walk):
 
 
 def watched(server, crumb: str) -> None:
-    """The page's WebSocket is passed on to who may pass alone."""
-    url = f"ws://127.0.0.1:{server.port}/live/-/"
-    with pytest.raises(InvalidStatus):
-        connect(url, proxy=None)
-    known = {"additional_headers": {"Cookie": crumb}, "subprotocols": [SUBPROTOCOL]}
-    with connect(url, proxy=None, **known) as link:
-        assert link.recv(timeout=20)
+    """The page's events are passed on to who may pass alone, and what its buttons ask."""
+    known = {"Cookie": crumb}
+    link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    link.request("GET", "/live/-/events", headers=known)
+    answer = link.getresponse()
+    told = json.loads(answer.readline().removeprefix(b"data: "))
+    assert told["state"]["session"]["cameras"].keys() >= {"cam_1", "cam_2"}
+    answer.close()
+    link.close()
+    assert ask(server, "/live/-/api/ask", {"word": "start"}, **known)[0] == 200
+    assert ask(server, "/live/-/api/ask", {"word": "dance"}, **known)[0] == 400
+    assert ask(server, "/live/-/api/ask", {"word": "stop"})[0] == 401
+
+
+def test_the_page_of_the_session_is_passed_on(walk, monkeypatch):
+    controls = FakeControls()
+    page = Page(controls, ring(2).cameras, Address("127.0.0.1", 0, "of-the-session"), tuple)
+    with opened_studio(walk.parent, TOKEN) as server:
+        state = {"state": "running", "port": page.port}
+        monkeypatch.setattr(server._session.live, "_token", "of-the-session")
+        monkeypatch.setattr(server._session.job, "status", lambda *_: state)
+        watched(server, cookie(server))
+    page.close()
+    assert controls.asked == ["start"]
 
 
 @pytest.mark.parametrize(
@@ -92,9 +109,9 @@ def watched(server, crumb: str) -> None:
         ({"receivers": ["vmc://a b"]}, "has spaces"),
         ({"sources": [{"name": "cam_1", "address": "/etc/passwd"}]}, "nor a video in the studio"),
         ({"settings": {"library": "../away"}}, "lies outside of"),
-        ({"settings": {"record": "../away"}}, "has no setting 'record' on this page"),
+        ({"settings": {"record": "../away"}}, "the page has no setting 'record'"),
         ({"settings": {"send": ["vmc://127.0.0.1"]}}, "not understood"),
-        ({"settings": {"host": "0.0.0.0"}}, "has no setting 'host' on this page"),
+        ({"settings": {"host": "0.0.0.0"}}, "the page has no setting 'host'"),
         ({"settings": {"camera": "cam_1", "cameras": "cam_1"}}, "exclude each other"),
         ({"settings": {"countdown": -1}}, "--countdown -1 is impossible"),
     ],

@@ -14,9 +14,9 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio
-from voxelpose.cli.command_forms import CommandForms
 from voxelpose.cli.options import folder_settings, load_command, options_of
 from voxelpose.results import is_result
+from voxelpose.studio.command_forms import filled_in
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.studio_jobs import estimate
 from voxelpose.view.serving.page_job import StepError
@@ -111,8 +111,8 @@ def test_no_name_leads_out_of_the_folder(studio, desk, name):
         ({"body": "/etc/passwd"}, "lies outside of"),
         ({"body": "../../away.toml"}, "lies outside of"),
         ({"network": "on"}, "must be one of auto, off"),
-        ({"out": "elsewhere"}, "has no setting 'out' on this page"),
-        ({"overwrite": True}, "has no setting 'overwrite' on this page"),
+        ({"out": "elsewhere"}, "the page has no setting 'out'"),
+        ({"overwrite": True}, "the page has no setting 'overwrite'"),
         ({"stature": "tall"}, "stature = 'tall' must be a number"),
         ({"sex": "x"}, "must be one of male, female, unknown"),
     ],
@@ -229,11 +229,11 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
     walk = write_staged(desk / "walk", waving(2), ring(2, (320, 240)))
     if file is not None:
         (walk / file).unlink()
-    forms, folder = CommandForms(), StudioFolder(desk)
+    folder = StudioFolder(desk)
     fixed = {"recording": walk, "out": desk / "x"}
-    command = forms.command("fit", walk, fixed, STANDING | settings, folder.project)
+    command = filled_in("fit", folder, walk, fixed, STANDING | settings)
     with pytest.raises(StepError) as error:
-        estimate(SilentReporter(), forms.work("fit"), command, folder.root)
+        estimate(SilentReporter(), command, folder.root)
     assert error.value.step == step and line in str(error.value)
 
 

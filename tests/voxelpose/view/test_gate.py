@@ -4,46 +4,57 @@ import base64
 import re
 import socket
 import threading
+from asyncio import StreamWriter
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import pytest
-import viser
-import websockets.sync.client
-from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import Address, Gate, _reachable
-from voxelpose.view.serving.page_server import PageServer
+from voxelpose.view.serving.gate import (
+    Address,
+    Gate,
+    GatedServer,
+    GateRequest,
+    Reply,
+    _reachable,
+)
 
 TOKEN = "open & sesame"
 QUERY = "/?token=open%20%26%20sesame"
-SUBPROTOCOL = f"viser-v{viser.__version__}"
+
+
+def served(address: Address) -> GatedServer:
+    """A server of one page."""
+
+    async def answer(request: GateRequest, reader: object, writer: StreamWriter) -> None:
+        writer.write(Reply("200 OK", "<html>the room").encoded())
+        await writer.drain()
+
+    return GatedServer(Gate(address, answer), lambda: None)
 
 
 @pytest.fixture(scope="module")
-def guarded() -> Iterator[PageServer]:
+def guarded() -> Iterator[GatedServer]:
     """A server with a token, on an address that this machine alone can reach."""
     before = set(threading.enumerate())
-    server = PageServer(Address("127.0.0.1", 0, TOKEN), "walk")
-    server.viser.gui.add_html("the room")
+    server = served(Address("127.0.0.1", 0, TOKEN))
     yield server
     server.close()
     assert set(threading.enumerate()) <= before
 
 
 @pytest.fixture(scope="module")
-def local() -> Iterator[PageServer]:
+def local() -> Iterator[GatedServer]:
     """A server without a token."""
-    server = PageServer(Address("127.0.0.1", 0), "walk")
-    server.viser.gui.add_html("the room")
+    server = served(Address("127.0.0.1", 0))
     yield server
     server.close()
 
 
-def ask(server: PageServer, target: str, *headers: str, method: str = "GET") -> str:
+def ask(server: GatedServer, target: str, *headers: str, method: str = "GET") -> str:
     """Sends one request; returns all that comes back until the connection ends."""
-    port = server.gate.port
+    port = server.port
     if not any(header.lower().startswith("host:") for header in headers):
         headers = (f"Host: 127.0.0.1:{port}", *headers)
     request = "\r\n".join([f"{method} {target} HTTP/1.1", *headers, "", ""])
@@ -56,8 +67,6 @@ def talk(port: int, data: bytes) -> str:
         answer = b""
         while piece := link.recv(65536):
             answer += piece
-            if answer.startswith(b"HTTP/1.1 101"):
-                break
     return answer.decode("latin-1")
 
 
@@ -67,12 +76,11 @@ def upgrade(*more: str) -> tuple[str, ...]:
         "Upgrade: websocket",
         "Sec-WebSocket-Version: 13",
         f"Sec-WebSocket-Key: {base64.b64encode(b'0123456789abcdef').decode()}",
-        f"Sec-WebSocket-Protocol: {SUBPROTOCOL}",
         *more,
     )
 
 
-def cookie_of(server: PageServer) -> str:
+def cookie_of(server: GatedServer) -> str:
     answer = ask(server, QUERY)
     assert answer.startswith("HTTP/1.1 303 See Other\r\n") and "Location: /\r\n" in answer
     found = re.search(r"Set-Cookie: (.*?=.*?); Path=/; HttpOnly; SameSite=Lax\r\n", answer)
@@ -87,7 +95,6 @@ def assert_refused(answer: str, status: str) -> None:
     assert "Set-Cookie" not in head and "Sec-WebSocket" not in head
 
 
-@pytest.mark.parametrize("headers", [(), upgrade()], ids=["page", "websocket"])
 @pytest.mark.parametrize(
     "target",
     [
@@ -101,35 +108,32 @@ def assert_refused(answer: str, status: str) -> None:
         "/%3ftoken=open%20%26%20sesame",
     ],
 )
-def test_without_the_token_nothing_is_sent(guarded, target, headers):
-    assert_refused(ask(guarded, target, *headers), "401")
+def test_without_the_token_nothing_is_sent(guarded, target):
+    assert_refused(ask(guarded, target), "401")
 
 
-@pytest.mark.parametrize("headers", [(), upgrade()], ids=["page", "websocket"])
-def test_a_wrong_cookie_is_refused(guarded, headers):
+def test_a_wrong_cookie_is_refused(guarded):
     name, _, value = cookie_of(guarded).partition("=")
     for crumb in (f"{name}={value[:-1]}", f"{name}=", f"other={value}", f"{name}={TOKEN}"):
-        assert_refused(ask(guarded, "/", f"Cookie: {crumb}", *headers), "401")
+        assert_refused(ask(guarded, "/", f"Cookie: {crumb}"), "401")
 
 
-def test_the_token_opens_page_and_websocket(guarded):
+def test_the_token_opens_the_page_and_nobody_a_websocket(guarded, local):
     cookie = f"Cookie: first=1; {cookie_of(guarded)}; last=2"
     page = ask(guarded, "/", cookie)
     assert page.startswith("HTTP/1.1 200") and "<html" in page
-    assert ask(guarded, "/", cookie, *upgrade()).startswith("HTTP/1.1 101")
-    assert ask(guarded, QUERY, *upgrade()).startswith("HTTP/1.1 101")
-    url = guarded.url.replace("http://", "ws://")
-    with websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL]) as link:  # type: ignore[list-item]
-        assert link.recv(5)  # viser's first message
-
-
-def test_no_other_site_may_frame_what_is_served_and_the_title_names_it(guarded, local):
-    cookie = f"Cookie: {cookie_of(guarded)}"
-    page = ask(local, "/", "Accept-Encoding: gzip")
-    assert "<title>walk</title>" in page and "Content-Encoding" not in page
     for answer in (
-        page,
-        ask(local, "/nothing.js"),
+        ask(guarded, "/", cookie, *upgrade()),
+        ask(guarded, QUERY, *upgrade()),
+        ask(local, "/", *upgrade()),
+    ):
+        assert_refused(answer, "400")
+
+
+def test_no_other_site_may_frame_what_is_served(guarded, local):
+    cookie = f"Cookie: {cookie_of(guarded)}"
+    for answer in (
+        ask(local, "/"),
         ask(local, "/", method="PUT"),
         ask(guarded, "/", cookie),
         ask(guarded, QUERY),
@@ -139,14 +143,8 @@ def test_no_other_site_may_frame_what_is_served_and_the_title_names_it(guarded, 
         assert head.count("Content-Security-Policy: frame-ancestors 'none'") == 1
 
 
-def test_a_title_is_text():
-    server = PageServer(Address("127.0.0.1", 0), "</title><script>")
-    assert "<title>&lt;/title&gt;&lt;script&gt;</title>" in ask(server, "/")
-    server.close()
-
-
 def test_the_url_has_the_token(guarded):
-    assert guarded.url == f"http://127.0.0.1:{guarded.gate.port}{QUERY}"
+    assert guarded.url == f"http://127.0.0.1:{guarded.port}{QUERY}"
 
 
 def test_the_redirect_stays_on_this_host(guarded):
@@ -158,11 +156,11 @@ def test_the_redirect_stays_on_this_host(guarded):
 def test_another_sites_page_is_refused_even_with_the_cookie(guarded, local):
     cookie = f"Cookie: {cookie_of(guarded)}"
     for origin in ("http://elsewhere.org", "null", "http://127.0.0.1:1", ""):
-        headers = upgrade(f"Origin: {origin}")
-        assert_refused(ask(guarded, "/", cookie, *headers), "403")
-        assert_refused(ask(local, "/", *headers), "403")
-    own = upgrade(f"Origin: http://127.0.0.1:{local.gate.port}")
-    assert ask(local, "/", *own).startswith("HTTP/1.1 101")
+        header = f"Origin: {origin}"
+        assert_refused(ask(guarded, "/", cookie, header), "403")
+        assert_refused(ask(local, "/", header), "403")
+    own = f"Origin: http://127.0.0.1:{local.port}"
+    assert ask(local, "/", own).startswith("HTTP/1.1 200")
 
 
 def test_without_a_token_only_names_of_this_machine_open_the_page(local):
@@ -171,7 +169,7 @@ def test_without_a_token_only_names_of_this_machine_open_the_page(local):
         assert ask(local, "/", f"Host: {name}").startswith("HTTP/1.1 200")
     for name in ("rebound.example:80", "192.168.0.9", "localhost.evil.example", "[::2]:1"):
         assert_refused(ask(local, "/", f"Host: {name}"), "403")
-    assert local.url == f"http://127.0.0.1:{local.gate.port}"
+    assert local.url == f"http://127.0.0.1:{local.port}"
 
 
 @pytest.mark.parametrize(
@@ -191,37 +189,12 @@ def test_without_a_token_only_names_of_this_machine_open_the_page(local):
 )
 def test_what_is_not_understood_is_refused(guarded, local, data):
     for server in (guarded, local):
-        assert_refused(talk(server.gate.port, data), "400")
+        assert_refused(talk(server.port, data), "400")
 
 
 def test_a_second_request_on_a_connection_is_not_relayed(local):
-    request = f"GET / HTTP/1.1\r\nHost: localhost:{local.gate.port}\r\n\r\n".encode()
-    assert talk(local.gate.port, 3 * request).count("HTTP/1.1 ") == 1
-
-
-def test_viser_itself_sends_nothing_past_the_gate(guarded):
-    """viser's own port is open to all programs of this machine: they get no message."""
-    url = f"ws://127.0.0.1:{guarded.viser.get_port()}"
-    with (
-        websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL]) as link,  # type: ignore[list-item]
-        pytest.raises(ConnectionClosed, match="through its gate"),
-    ):
-        link.recv(5)
-    assert not guarded.watched
-
-
-def test_an_unknown_viser_is_one_line_and_leaves_no_thread(monkeypatch):
-    before = set(threading.enumerate())
-    monkeypatch.delattr("viser.infra._infra.WebsockMessageHandler.unregister_handler")
-    with pytest.raises(InputError, match=r"does not know viser .*: install another"):
-        PageServer(Address("127.0.0.1", 0), "walk")
-    assert set(threading.enumerate()) <= before
-
-
-def test_the_right_library_version_alone_opens_nothing(guarded):
-    url = f"ws://127.0.0.1:{guarded.gate.port}"
-    with pytest.raises(InvalidStatus):
-        websockets.sync.client.connect(url, subprotocols=[SUBPROTOCOL])  # type: ignore[list-item]
+    request = f"GET / HTTP/1.1\r\nHost: localhost:{local.port}\r\n\r\n".encode()
+    assert talk(local.port, 3 * request).count("HTTP/1.1 ") == 1
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.168.0.9", "studio"])
@@ -233,12 +206,12 @@ def test_other_machines_need_a_token(host):
 
 
 def test_the_next_free_port_is_taken_and_an_impossible_address_is_one_line(guarded):
-    gate = Gate(Address("127.0.0.1", guarded.gate.port, TOKEN), guarded.answer)
-    assert gate.port > guarded.gate.port
-    gate.close()
-    gate.close()
+    server = served(Address("127.0.0.1", guarded.port, TOKEN))
+    assert server.port > guarded.port
+    server.close()
+    server.close()
     with pytest.raises(InputError, match=r"--host 203\.0\.113\.1 --port 8080: .*choose another"):
-        Gate(Address("203.0.113.1", 8080, TOKEN), guarded.answer)
+        served(Address("203.0.113.1", 8080, TOKEN))
     with pytest.raises(InputError, match="choose another"):
         Address("127.0.0.1", 99999, TOKEN)
 
@@ -256,10 +229,10 @@ def test_the_address_for_all_is_one_that_others_can_open(monkeypatch):
         assert _reachable("0.0.0.0") == "192.168.0.7"
     for host in ("localhost", "studio", "192.168.0.9"):
         assert _reachable(host) == host
-    server = PageServer(Address("0.0.0.0", 0, TOKEN), "walk")
+    server = served(Address("0.0.0.0", 0, TOKEN))
     try:
         place = urlsplit(server.url)
-        assert place.port == server.gate.port and place.query in QUERY
+        assert place.port == server.port and place.query in QUERY
         socket.create_connection((place.hostname, place.port), timeout=5).close()
     finally:
         server.close()

@@ -234,7 +234,7 @@ def test_only_the_page_beside_takes_json(desk):
     page = SilhouettePage(ResultScenes("walk"))
 
     def request(target: str) -> GateRequest:
-        return GateRequest(b"", "GET", target, {})
+        return GateRequest("GET", target, {})
 
     assert page.answers.answers(request("/silhouettes/?frame=2"))
     for target in ("/", "/silhouettes", "/silhouettes2/", "//silhouettes/"):

@@ -84,9 +84,9 @@ function session(step, job) {
   const light = (good, name, words) => make("li", {}, make("i", { class: good ? "good" : "bad" }, "●"), make("b", {}, name), make("span", {}, words));
   step.facts.replaceChildren(
     make("ul", {},
-      make("li", {}, make("b", {}, "pictures a second"), make("span", { id: "rates" }, `${number(job.followed_fps, 1)} followed of ${number(job.arriving_fps, 1)}`)),
-      make("li", {}, make("b", {}, "from picture to pose"), make("span", {}, job.latency_ms === null ? "–" : `${number(job.latency_ms, 0)} ms`)),
+      make("li", {}, make("b", {}, "pictures a second"), make("span", { id: "rates" }, `${number(job.fps, 1)} followed of ${number(job.arriving_fps, 1)}`)),
+      make("li", {}, make("b", {}, "from picture to pose"), make("span", {}, job.latency_s === null ? "–" : `${number(1000 * job.latency_s, 0)} ms`)),
       make("li", {}, make("b", {}, "pictures followed"), make("span", {}, String(job.frames)))),
-    make("ul", {}, ...job.cameras.map((camera) => light(camera.state === "ok", camera.name, camera.state))),
+    make("ul", {}, ...Object.entries(job.cameras).map(([name, words]) => light(words === "ok", name, words))),
     ...(job.receivers.length ? [make("ul", { id: "receivers" }, ...job.receivers.map((one) => light(one.working, one.address, `${one.message}; ${one.sent} sent`)))] : []));
 }

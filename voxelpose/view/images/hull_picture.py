@@ -16,15 +16,7 @@ from silhouette_core.motion import kinematics
 from silhouette_core.progress import Reporter
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
-from voxelpose.view.images.canvas import (
-    FAINT,
-    PEOPLE,
-    Colour,
-    Image,
-    png,
-    text_width,
-    write_text,
-)
+from voxelpose.view.images.canvas import FAINT, PEOPLE, Colour, Image, png, text_width, write_text
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d

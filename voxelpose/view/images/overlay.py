@@ -253,8 +253,6 @@ def draw_pictures(
 
 
 class _Video:
-    """Writer of one camera's overlay."""
-
     def __init__(
         self,
         folder: Path,

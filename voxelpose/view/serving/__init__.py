@@ -1,1 +1,1 @@
-"""Who may see a page: viser's server behind a gate."""
+"""Who may see a page: a gate before its server."""

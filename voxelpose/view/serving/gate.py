@@ -1,7 +1,7 @@
 """The gate before every page: it listens, and checks each request before it answers anything.
 
-A connection carries one request: a page's file, JSON that a page sends where it may, or the upgrade
-to a WebSocket and all that follows. Those that may pass go to who answers them.
+A connection carries one request: for a page's file, or with JSON or a file that a page sends where
+it may. Those that may pass go to who answers them.
 """
 
 from __future__ import annotations
@@ -77,7 +77,6 @@ class Reply:
 class GateRequest:
     """Head of a request."""
 
-    head: bytes  # as it came
     method: str
     target: str  # path and query
     headers: dict[str, str]  # value by name in small letters; cookies are joined
@@ -101,7 +100,7 @@ class GateRequest:
                 raise ValueError(line)
             before = headers.get(name)
             headers[name] = value.strip() if before is None else f"{before}; {value.strip()}"
-        return cls(head, method, target, headers)
+        return cls(method, target, headers)
 
     @property
     def path(self) -> tuple[str, ...]:
@@ -112,11 +111,6 @@ class GateRequest:
     def query(self) -> list[tuple[str, str]]:
         """Names and values of the target's query."""
         return parse_qsl(urlsplit(self.target).query, keep_blank_values=True)
-
-    @property
-    def upgrade(self) -> bool:
-        """Whether a WebSocket is asked for."""
-        return "upgrade" in self.headers
 
     def below(self, parts: int) -> GateRequest:
         """The request as for a page that lies so many parts of the path deep."""
@@ -167,6 +161,8 @@ class GateRequest:
         can send JSON or files of this kind: browsers ask before another's may, and are told no.
         """
         length = self.headers.get("content-length", "0")
+        if "upgrade" in self.headers:
+            return Reply("400 Bad Request", "No WebSocket is here.")
         if self.method == "GET" and length == "0" and "transfer-encoding" not in self.headers:
             return None
         if not largest_body:
@@ -174,7 +170,6 @@ class GateRequest:
         stated = length.isascii() and length.isdigit() and len(length) < 16
         if (
             self.method != "POST"
-            or self.upgrade
             or not stated
             or "transfer-encoding" in self.headers
             or self._kind not in ("application/json", _FILE)
@@ -189,8 +184,6 @@ class GateRequest:
         if given:
             if not all([_is_equal(value, token) for value in given]):
                 return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
-            if self.upgrade:
-                return None
             rest = urlencode([(name, value) for name, value in self.query if name != "token"])
             # Never "//": a browser would take what follows for another host.
             path = "/" + urlsplit(self.target).path.lstrip("/") + ("?" + rest if rest else "")

@@ -3,7 +3,7 @@
 import asyncio
 import traceback
 from asyncio import StreamReader, StreamWriter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Annotated, Any, TypeVar
 
@@ -20,6 +20,7 @@ Moment = Annotated[int, Meta(ge=0, le=10_000_000)]
 Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Corner = tuple[Pixel, Pixel]
 _BODY_S = 60
+_BEAT_MS = 10_000  # between signs of life
 # Packages in whose folders `page` lies what pages share: the player's pieces, then those of forms.
 _SHARED = "voxelpose.export", "voxelpose.view.serving"
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
@@ -104,11 +105,6 @@ def json_content(content: Any) -> Content:
     return msgspec.json.encode(content), "application/json"
 
 
-def moment_of(query: Mapping[str, str]) -> int | None:
-    """The moment that a query names; None: it names none. InputError where it is no number."""
-    return whole_number(query, "moment")
-
-
 def whole_number(query: Mapping[str, str], name: str) -> int | None:
     """The number of a name in a query; None: there is none. InputError where it is no number."""
     text = query.get(name)
@@ -139,6 +135,33 @@ def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
             raise InputError(
                 f"there is no camera {name[:40]!r}: the recording has {', '.join(known)}"
             )
+
+
+async def send_events(writer: StreamWriter, events: Iterator[Any], every_ms: int) -> None:
+    """Sends what is told, looking every so often, as server-sent events; None: nothing is new. A
+    sign of life now and then shows whether the other side is still there.
+    """
+    headers = PAGE_HEADERS | {
+        "Content-Type": "text/event-stream",
+        "Cache-Control": "no-store",
+        "Connection": "close",
+    }
+    writer.write(response_head(headers))
+    silent_ms = 0
+    for event in events:
+        if event is not None:
+            writer.write(b"data: " + msgspec.json.encode(event) + b"\n\n")
+        elif silent_ms >= _BEAT_MS:
+            writer.write(b":\n\n")
+        silent_ms = silent_ms + every_ms if event is None and silent_ms < _BEAT_MS else 0
+        await writer.drain()
+        await asyncio.sleep(every_ms / 1000)
+
+
+def response_head(headers: Mapping[str, str]) -> bytes:
+    """Head of an answer whose content follows."""
+    lines = [f"{name}: {value}" for name, value in headers.items()]
+    return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
 
 
 def error_reply(status: str, text: str) -> Reply:

@@ -45,7 +45,6 @@ class PageJob:
     """
 
     def __init__(self) -> None:
-        """Starts nothing."""
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Any = None
@@ -54,7 +53,7 @@ class PageJob:
         self._stopping = False
         self._state: dict[str, Any] = {"state": "idle"}
         self._overall: OverallProgress | None = None
-        self._started_s = 0.0
+        self._started_s, self._step = 0.0, ""
         self.version = 0
 
     def start(
@@ -64,6 +63,7 @@ class PageJob:
         work: Callable[..., Mapping[str, Any]],
         *arguments: object,
         shares: Mapping[str, float] | None = None,
+        step: str = "",
     ) -> None:
         """Begins a job.
 
@@ -73,6 +73,7 @@ class PageJob:
             work: a function of a module that takes a JobReporter and the arguments, all of which
                 can be pickled, and returns what is known then; its InputError is told in a line.
             shares: of the time that its stages usually take; None: not known.
+            step: of the page that mends an InputError which is no StepError.
 
         Raises:
             InputError: one is running.
@@ -88,7 +89,7 @@ class PageJob:
             self._process.start()
             child_pipe.close()
             self._pipe, self._pictures = pipe, {}
-            self._stopping, self._started_s = False, time.monotonic()
+            self._stopping, self._started_s, self._step = False, time.monotonic(), step
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
             self._update(stage=_BEGINNING, done=0, total=None, part=None)
@@ -147,7 +148,6 @@ class PageJob:
         self.version += 1
 
     def _listen(self, pipe: Connection, process: Any) -> None:
-        """Takes what the process tells until its end."""
         kind = "at"
         while kind not in ("done", "failed"):
             content: Any = (_ENDED, "")
@@ -165,7 +165,6 @@ class PageJob:
         process.join()
 
     def _update_from(self, kind: str, content: Any) -> None:
-        """Notes what the process has told."""
         if kind == "at":
             stage, done, total = content
             part = None if self._overall is None else self._overall.part(stage, done, total)
@@ -186,7 +185,7 @@ class PageJob:
             self._update(state="stopped")
         else:
             error, step = content
-            self._update(state="failed", error=error, step=step)
+            self._update(state="failed", error=error, step=self._step if step is None else step)
 
 
 class JobReporter:
@@ -234,7 +233,6 @@ class JobReporter:
 
 
 def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ...]) -> None:
-    """Does the work in this process, and tells how it ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's program ends this one
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     threading.Thread(target=end_with_parent, daemon=True).start()
@@ -242,7 +240,7 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
     try:
         outcome, content = "done", work(reporter, *arguments)
     except InputError as error:
-        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", ""))
+        outcome, content = "failed", (" ".join(str(error).split()), getattr(error, "step", None))
     except KeyboardInterrupt:
         outcome, content = "failed", (_ENDED, "")
     except OSError as error:

@@ -84,12 +84,10 @@ class Browser(GatedServer):
         return None
 
     def _page(self) -> Content:
-        """The page, which bears the result's name."""
         page = player_page(f"{self.scenes.name} – voxelpose view", _HEAD)
         return page.encode(), "text/html; charset=utf-8"
 
     def _state(self) -> dict[str, Any]:
-        """What the page shows at first, and plays."""
         scenes = self.scenes
         rig = Rig(tuple(view.pinhole for view in scenes.lenses.values()))
         frames = int(scenes.frames[0]), int(scenes.frames[-1]) + 1

@@ -11,8 +11,6 @@ from voxelpose.view.images.canvas import Colour
 _RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
 UNKNOWN: Colour = (150, 150, 150)
 HULL: Colour = (140, 150, 160)
-HYPOTHESIS: Colour = (60, 60, 60)
-PAPER: Colour = (255, 255, 255)
 SILHOUETTE: Colour = (255, 150, 40)
 OUTLYING_CM = 5
 """Distance from the body above which a voxel is unexplained: a hull of few cameras is too large."""
@@ -27,13 +25,6 @@ def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.where(np.isfinite(overlap)[:, None], mixed, UNKNOWN).round().astype(np.uint8)
 
 
-def faded(likelihood: float) -> NDArray[np.uint8]:
-    """Colour (3,) RGB of a hypothesis by its relative likelihood: the less likely fade."""
-    opacity = 0.15 + 0.85 * min(likelihood, 1.0)
-    mixed = opacity * np.array(HYPOTHESIS) + (1 - opacity) * np.array(PAPER)
-    return mixed.round().astype(np.uint8)
-
-
 def display_name(part: str) -> str:
     """Name of a part with spaces."""
     return part.replace("_", " ")
@@ -44,12 +35,8 @@ def person_colour(number: int) -> Colour:
     return COLOURS[number % len(COLOURS)]
 
 
-def area_text(part: str | None, areas: dict[str, LimbArea]) -> str:
-    """Description of the chosen part's movable area."""
-    if part is None:
-        return (
-            "Choose a part to see where it could be, and with which others it is matched together."
-        )
+def area_text(part: str, areas: dict[str, LimbArea]) -> str:
+    """Description of a part's movable area."""
     if part not in areas:
         return "There is no pose or no hull in this frame."
     area = areas[part]

@@ -12,21 +12,13 @@ from voxelpose.multiview.carving.observe import FrameObservation
 
 @dataclass(frozen=True, eq=False)
 class OuterVoxels:
-    """Occupied voxels that touch one that is not.
+    """Occupied voxels that touch one that is not."""
 
-    Attributes:
-        centres_m: (n, 3) float64, world, m.
-        cameras: (n,) int64, how many cameras see it, with nothing of the hull before it.
-        part: (n,) int64, the part of the fitted bodies next to it; -1: there is no body.
-        distance_m: (n,) float64, from the inside of that; inf: there is no body.
-        at_vertex: (V,) int64, the voxel next to each vertex of the surface.
-    """
-
-    centres_m: NDArray[np.float64]
-    cameras: NDArray[np.int64]
-    part: NDArray[np.int64]
-    distance_m: NDArray[np.float64]
-    at_vertex: NDArray[np.int64]
+    centres_m: NDArray[np.float64]  # (n, 3), world
+    cameras: NDArray[np.int64]  # (n,), how many see it, with nothing of the hull before it
+    part: NDArray[np.int64]  # (n,), part of the fitted bodies next to it; -1: there is no body
+    distance_m: NDArray[np.float64]  # (n,), from the inside of that; inf: there is no body
+    at_vertex: NDArray[np.int64]  # (V,), the voxel next to each vertex of the surface
 
     @classmethod
     def from_hull(

@@ -165,7 +165,6 @@ def _explain(stages: SilhouetteStages, pixel: tuple[int, int]) -> dict[str, Any]
 
 
 def _why(stages: SilhouetteStages, pixel: tuple[int, int]) -> str:
-    """Why a pixel is the person or is not, in a few words."""
     first, person = bool(stages.first[pixel]), bool(stages.silhouette[pixel])
     if first != person:
         return "filled in: edge or a hole" if person else "taken out: edge, region or a speck"

@@ -9,6 +9,7 @@ import base64
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -190,8 +191,9 @@ class SilhouettePage:
         self._fit = FitSilhouettes(scenes)
         self._models = previews.BackgroundModels(lambda _: reader.silhouettes)
         self._working = threading.Lock()
-        self._fitted: tuple[int, Mapping[str, FitSilhouette]] | None = None  # of the last moment
-        self._staged: tuple[tuple[str, int], SilhouetteStages] | None = None  # asked last
+        self._reader = reader
+        self._stages = lru_cache(1)(self._make_stages)
+        self._fitted = lru_cache(1)(self._make_fitted)
         self.answers = page_answers.PageAnswers(
             "voxelpose.view.viewer", self._get, self._post, FOLDER
         )
@@ -202,7 +204,7 @@ class SilhouettePage:
                 return page_answers.json_content(self._state())
             case ("picture", camera):
                 page_answers.check_camera_names([camera], self._recording.rig.names)
-                picture = self._frames(page_answers.moment_of(query) or 0)[camera]
+                picture = self._frames(page_answers.whole_number(query, "moment") or 0)[camera]
                 return encoded(picture, ".jpg", 93), "image/jpeg"
         return None
 
@@ -215,7 +217,6 @@ class SilhouettePage:
             return page_answers.json_content(self._stage(asked))
 
     def _state(self) -> dict[str, Any]:
-        """What the page shows at first."""
         recording = self._recording
         return {
             "name": self._scenes.name,
@@ -242,30 +243,26 @@ class SilhouettePage:
 
     def _stage(self, asked: previews.StageAsked) -> dict[str, Any]:
         """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
-        body = asked.stage == "body"
-        model = self._models.get("plain")
-        if model is None:
+        body, answer = asked.stage == "body", {"ready": True}
+        if self._models.get("plain") is None:
             return {"ready": False}
-        frames, answer = self._frames(asked.moment), {"ready": True}
         if not self._recording.silhouettes_given:
-            key = asked.camera, asked.moment
-            if self._staged is None or self._staged[0] != key:
-                frame = frames[asked.camera]
-                self._staged = key, model.stages(asked.camera, frame, asked.moment)
             alone = previews.StageAsked(
                 asked.moment, asked.camera, None if body else asked.stage, asked.pixel
             )
-            size = self._recording.rig[asked.camera].size
-            answer = previews.stage_answer(self._staged[1], alone, size)
-        if not body:
-            return answer
-        if self._fitted is None or self._fitted[0] != asked.moment:
-            self._fitted = asked.moment, self._fit.of(asked.moment, frames, model)
-        return answer | self._changed(asked, answer)
+            stages = self._stages(asked.camera, asked.moment)
+            answer = previews.stage_answer(stages, alone, self._recording.rig[asked.camera].size)
+        return answer | self._changed(asked, answer) if body else answer
+
+    def _make_stages(self, camera: str, moment: int) -> SilhouetteStages:
+        return self._reader.silhouettes.stages(camera, self._frames(moment)[camera], moment)
+
+    def _make_fitted(self, moment: int) -> Mapping[str, FitSilhouette]:
+        return self._fit.of(moment, self._frames(moment), self._reader.silhouettes)
 
     def _changed(self, asked: previews.StageAsked, alone: Mapping[str, Any]) -> dict[str, Any]:
         """What the fit made of a silhouette, or of a pixel of it that is explained already."""
-        fitted = None if self._fitted is None else self._fitted[1].get(asked.camera)
+        fitted = self._fitted(asked.moment).get(asked.camera)
         if fitted is None:
             raise InputError("nothing is fitted yet: `voxelpose fit` makes a result")
         if asked.pixel is not None and "explained" in alone:

@@ -30,11 +30,10 @@ class Studio(PageArguments):
     def run(self) -> None:
         """Serves the page until it is interrupted."""
         address = self.address()
-        from voxelpose.cli.command_forms import CommandForms
         from voxelpose.studio.projects import StudioFolder
         from voxelpose.studio.studio_server import StudioServer
         from voxelpose.studio.studio_session import StudioSession
 
         folder = StudioFolder(self.folder)
-        server = StudioServer(StudioSession(folder, CommandForms()), address)
+        server = StudioServer(StudioSession(folder), address)
         self.serve(message(str(folder.root)), server)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
-    from voxelpose.batch.jobs import Job
     from voxelpose.batch.run import Outcome
 
 
@@ -69,7 +68,7 @@ class Batch:
         from voxelpose.batch.run import BatchSettings, run_batch
 
         listed = jobs_of(self.paths, self.command, read_settings(self.set))
-        jobs = [_with_folder_settings(job) for job in listed]
+        jobs = [job.with_folder_settings() for job in listed]
         if self.pieces is not None and not self.pieces > 0:
             raise InputError(f"--pieces {self.pieces} is impossible: give a length in seconds")
         memory_gib = int(psutil.virtual_memory().total / 2**30)  # a core needs one
@@ -104,21 +103,7 @@ class Batch:
         return 1 if any(outcome.status == "failed" for outcome in outcomes) else 0
 
 
-def _with_folder_settings(job: Job) -> Job:
-    """The job with what voxelpose.toml of its recording and the folders above it say."""
-    from voxelpose.cli.options import folder_settings
-
-    settings = folder_settings(job.command, Path(job.recording))
-    named = {name.replace("-", "_"): setting for name, setting in settings.items()}
-    values = {
-        name: str(setting.value) if isinstance(setting.value, Path) else setting.value
-        for name, setting in named.items()
-    }
-    return job.with_defaults(values, {name: setting.file for name, setting in named.items()})
-
-
 def _print_outcome(outcome: Outcome, place: str) -> None:
-    """Prints one line about a job."""
     words = f"{len(outcome.people)} people, " if outcome.people else ""
     words += str(outcome.verdict)
     if outcome.status != "failed":

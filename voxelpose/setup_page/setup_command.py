@@ -1,7 +1,6 @@
 """voxelpose setup."""
 
 from dataclasses import dataclass
-from functools import partial
 
 from voxelpose.cli.arguments import Fps, Label, PageArguments, RecordingFolder, Unit
 from voxelpose.cli.options import folder_settings
@@ -34,10 +33,9 @@ class Setup(PageArguments):
         from voxelpose.setup_page.setup_server import SetupServer
         from voxelpose.setup_page.setup_session import SetupSession
 
-        settings = partial(folder_settings, "fit", self.recording)
-        known = settings()
+        known = folder_settings("fit", self.recording)
         unit = self.unit or known.get("unit", (None, ""))[0]
         fps = self.fps or known.get("fps", (None, ""))[0]
         label = self.label or known.get("label", (None, ""))[0]
-        session = SetupSession(OpenedFolder.open(self.recording, unit, fps, label), settings)
+        session = SetupSession(OpenedFolder.open(self.recording, unit, fps, label))
         self.serve(message(str(self.recording)), SetupServer(session, address))

@@ -1,0 +1,144 @@
+"""Commands as forms: their options in groups, as tables for the page, and commands made of what was
+typed into it. They are named by their sections in a voxelpose.toml: fit, calibrate.board, ….
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import itertools
+import re
+import textwrap
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+from msgspec import Meta
+
+from calib.board import Board
+from calib.errors import InputError
+from silhouette_core.body.presets import body_preset
+from voxelpose.cli.arguments import BoardArguments
+from voxelpose.cli.export import Export
+from voxelpose.cli.options import (
+    Option,
+    checked_values,
+    choices_of,
+    folder_settings,
+    load_command,
+    made_of,
+    options_of,
+    types_if_given,
+)
+from voxelpose.studio.projects import StudioFolder
+from voxelpose.view.serving.page_answers import Name
+
+Typed = dict[Name, bool | int | float | Annotated[str, Meta(max_length=1000)] | None]
+"""Settings as they are typed in, by their names; None: the usual value."""
+# What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
+_NOT_IN_FORMS = set(
+    "out overwrite verbose intrinsics points source send loop record record_now duration page host"
+    " port token browser".split()
+)
+_FILES = {"body", "library"}  # options whose value may name a file
+_INPUTS = {bool: "checkbox", int: "number", float: "number"}
+
+
+def form_of(command: str, project: Path) -> list[dict[str, Any]]:
+    """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`),
+    `usual` value and the `value` by the files of a project, `help`.
+    """
+    kind = load_command(command)
+    helps, values = _helps(kind), folder_settings(command, project)
+    group = {field: name for name, listed in kind.groups.items() for field in listed.split()}
+    order = [*kind.groups, "expert"]
+    rows = []
+    for option in options_of(kind, _NOT_IN_FORMS).values():
+        choices = choices_of(option.kind)
+        value = values[option.name].value if option.name in values else None
+        rows.append(
+            {
+                "name": option.name,
+                "group": group.get(option.field, "expert"),
+                "input": "choice" if choices else _input_of(option),
+                "whole": types_if_given(option.kind) == (int,),
+                "choices": choices,
+                "usual": None if option.default is MISSING else option.default,
+                "value": str(value) if isinstance(value, Path) else value,
+                "help": helps.get(option.field, ""),
+            }
+        )
+    return sorted(rows, key=lambda row: order.index(row["group"]))
+
+
+def _input_of(option: Option) -> str:
+    kind, *others = types_if_given(option.kind)
+    return "text" if others else _INPUTS.get(kind, "text")
+
+
+def _helps(command: type) -> dict[str, str]:
+    """Help of a command's options by their fields."""
+    helps: dict[str, str] = {}
+    for kind in reversed(command.__mro__[:-1]):
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        for field, after in itertools.pairwise(getattr(body, "body", [])):
+            if isinstance(field, ast.AnnAssign) and isinstance(after, ast.Expr):
+                helps[ast.unparse(field.target)] = ast.literal_eval(after.value)
+    for field, hint in get_type_hints(command, include_extras=True).items():
+        for mark in getattr(hint, "__metadata__", ()):
+            if text := getattr(mark, "help", None):
+                helps.setdefault(field, text)
+    return {field: " ".join(text.split()) for field, text in helps.items()}
+
+
+def filled_in(
+    command: str,
+    folder: StudioFolder,
+    project: Path,
+    fixed: Mapping[str, Any],
+    given: Mapping[str, Any],
+) -> Any:
+    """A command that overwrites, of what files say and what is `given`, by options' names, None for
+    the usual value, and of fields that are `fixed`; files that settings name are in the studio's
+    folder. InputError where a value makes no sense.
+    """
+    kind = load_command(command)
+    options, in_files = options_of(kind), folder_settings(command, project)
+    values = {name: setting.value for name, setting in in_files.items() if name not in given}
+    shown = options_of(kind, _NOT_IN_FORMS)
+    typed = {name: value for name, value in given.items() if value is not None or name not in shown}
+    values |= checked_values(shown, typed, project, "the page")
+    values = {options[name].field: value for name, value in values.items()}
+    for field in _FILES & values.keys():
+        value = str(values[field])
+        if field == "library" or (values[field] is not None and body_preset(value) is None):
+            path = folder.file_inside(project, str(given.get(field, value)))
+            values[field] = path if field == "library" else str(path)
+    taken = {name: setting.file for name, setting in in_files.items() if name not in given}
+    known = {"overwrite": True, "sources": taken, **fixed}
+    names = {field.name for field in fields(kind)}
+    values |= {name: value for name, value in known.items() if name in names}
+    missing = [
+        option.name
+        for option in options.values()
+        if option.default is MISSING and option.field not in values
+    ]
+    if missing:
+        raise InputError(f"{' and '.join(missing)} must be known: fill in the field")
+    return made_of(kind, values)
+
+
+def board_in(project: Path) -> Board | None:
+    """The board that the files of a project describe; None where they do not. InputError where
+    there is no such board.
+    """
+    settings = folder_settings("calibrate.intrinsics", project)
+    like = {field.name for field in fields(BoardArguments)}
+    known = {name: settings[name].value for name in like & settings.keys()}
+    return BoardArguments(**known).to_board() if {"board", "square"} <= known.keys() else None
+
+
+def export_formats() -> dict[str, str]:
+    """What `export` writes, by the names of the formats, as its help says."""
+    return dict(re.findall(r"^  (\w+)  (.+)$", inspect.getdoc(Export) or "", re.MULTILINE))
