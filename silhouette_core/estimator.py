@@ -178,7 +178,7 @@ class Estimate:
         hypotheses: alternative poses of each frame: frame number, probabilities (n,) and joints
             (n, 15, 3) in the world, m, likeliest first.
         rig: the cameras as they were found to stand; None: as the source says.
-        away: frames in which the person, one of several, is not there.
+        away: frames in which the person is not there.
     """
 
     motion: Motion

@@ -37,7 +37,7 @@ from silhouette_core.monocular.monocular_stages import (
     TrackedPerson,
     person_for,
 )
-from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person import Person, find_person
 from silhouette_core.monocular.person_finder import (
     LONG_SIDE_PX,
     OneOfPeople,
@@ -187,7 +187,8 @@ class _Tracking:
         tracked, root = self.tracked
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
         stages = PoseStages(tracked, self.camera, settings, options, clock, root)
-        people = read_ahead(_people(source, self.silhouettes, finder, clock))
+        away: set[int] = set()
+        people = read_ahead(_people(source, self.silhouettes, finder, clock, away))
         frames = _noted(people, stages)
         if settings.smooth:  # otherwise a frame needs what was found in the last
             frames = read_ahead(frames)
@@ -216,6 +217,7 @@ class _Tracking:
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
             facts,
             hypotheses,
+            away=frozenset(away),
         )
 
 
@@ -305,8 +307,11 @@ def _people(
     silhouettes: Silhouettes,
     finder: PersonFinder,
     clock: StageClock,
+    away: set[int],
 ) -> Iterator[tuple[int, float, Person | None]]:
-    """Number and time of every frame, and the person in it."""
+    """Number and time of every frame, and the person in it; the numbers of those in which nobody is
+    seen are added to `away`.
+    """
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
@@ -314,6 +319,8 @@ def _people(
             person = finder.find(frames[name], mask, silhouettes.of_people(name, step))
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
+            elif silhouettes.shows_nobody(name, step) and find_person(mask) is None:
+                away.add(number)
         yield number, seconds, person
 
 
