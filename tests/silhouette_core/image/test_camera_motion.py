@@ -98,11 +98,12 @@ def test_a_shake_across_a_single_line_is_told():
     frames = []
     for at in range(12):
         floor = 128 + 60 * (y > 40 + x / 2 + (-1) ** at * 0.7)[..., None] * np.ones(3)
-        frames.append(np.uint8(floor + rng.normal(0, 2, floor.shape)))
+        frames.append(np.uint8(floor + rng.normal(0, 1, floor.shape)))
     motion = CameraMovement(frames)
     assert motion.shakes and not motion.moves
     steady = [motion.registered(frame).astype(float) for frame in frames[:2]]
-    assert np.abs(steady[1] - steady[0]).mean() < 0.5 * np.abs(frames[1] - 1.0 * frames[0]).mean()
+    line = np.abs(frames[1] - 1.0 * frames[0]) > 30
+    assert np.abs(steady[1] - steady[0])[line].mean() < 30
 
 
 def test_noise_before_a_bare_wall_moves_nothing():
