@@ -4,7 +4,7 @@ A board's own frame lies in its plane: x along a row of corners, y down the colu
 board, so that a camera that sees its face has z pointing away. Corners are numbered row by row.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Literal
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib.checks import FloatArray, check_array
 from calib.errors import InputError
+from calib.marker_layout import marked_squares, seen_layout
 from calib.tuning import BOARDS
 
 Image = NDArray[np.uint8]
@@ -48,6 +49,8 @@ class Board:
         square_m: Side of a square, m.
         marker_m: Side of a ChArUco marker, m; None for a plain checkerboard.
         dictionary: Name of OpenCV's ArUco dictionary.
+        legacy: Whether a ChArUco board with an even number of rows of squares begins with a marker,
+            as boards by OpenCV before 4.6 do.
 
     Raises:
         InputError: The board is impossible.
@@ -58,6 +61,7 @@ class Board:
     square_m: float
     marker_m: float | None = None
     dictionary: str = "DICT_4X4_50"
+    legacy: bool = False
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:
@@ -139,27 +143,88 @@ class Board:
             " squares meet, not squares"
         )
 
-    def _other_markers(self, picture: Image) -> str | None:
-        """Names the dictionary with most markers in the image."""
-        counts: dict[str, tuple[int, int]] = {}
-        kinds = ("DICT_4X4", "DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_ARUCO")
-        for name in (name for name in dir(cv2.aruco) if name.startswith(kinds)):
-            dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-            ids = cv2.aruco.ArucoDetector(dictionary).detectMarkers(picture)[1]
-            # Small dictionaries are part of larger ones.
-            counts[name] = 0 if ids is None else len(ids), -len(dictionary.bytesList)
-        best = max(counts, key=lambda name: counts[name])
-        if counts[best][0] < _MIN_CORNERS or best == self.dictionary:
+    def as_printed(self, picture: Image) -> "Board | None":
+        """This ChArUco board as an image shows it: as it is, of the older pattern, with rows and
+        columns exchanged, or both. None: the image does not tell, or shows none of these.
+        """
+        if self.marker_m is None:
             return None
-        return f"markers of {best} are there, not of {self.dictionary}"
+        ids, corners_px = self._markers(_grey(picture), self.dictionary)
+        layout = seen_layout(ids, corners_px, self.marker_m / self.square_m)
+        turned = replace(self, columns=self.rows, rows=self.columns)
+        boards = (replace(one, legacy=legacy) for one in (self, turned) for legacy in (False, True))
+        fitting = (board for board in (self, *boards) if board._layout == layout)
+        return next((board for board in fitting if ids.max() < board._marker_count), None)
+
+    def print_words(self, given: "Board") -> str:
+        """What a board that `as_printed` gave is otherwise than the one that was given."""
+        size = f"{self.columns} x {self.rows}"
+        exchanged = f"its rows and columns are exchanged (it has {size} inner corners)"
+        older = "its pattern is that of OpenCV before 4.6, which begins with a marker"
+        words = [exchanged] * ((self.columns, self.rows) != (given.columns, given.rows))
+        words += [older] * self._layout[1]
+        return f"the board is taken as it is seen: {', and '.join(words)}"
+
+    @property
+    def _layout(self) -> tuple[int, bool]:
+        """Squares in a row, and whether the first one has a marker."""
+        return self.columns + 1, self.legacy and self.rows % 2 == 1
+
+    @property
+    def _marker_count(self) -> int:
+        across, first = self._layout
+        squares = across * (self.rows + 1)
+        return (squares + first) // 2
+
+    @staticmethod
+    def _markers(grey: Image, dictionary: str) -> tuple[NDArray[np.int64], FloatArray]:
+        """Numbers (N,) and corners (N, 4, 2), px, of the markers of a dictionary in an image."""
+        known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+        corners, ids, _ = cv2.aruco.ArucoDetector(known).detectMarkers(grey)
+        numbers = np.zeros(0, np.int64) if ids is None else ids.ravel().astype(np.int64)
+        return numbers, np.array(corners, np.float64).reshape(-1, 4, 2)
+
+    def _other_markers(self, picture: Image) -> str | None:
+        """Names the board in the image, by the dictionary with most of its markers."""
+        grey = _grey(picture)
+        known = {
+            getattr(cv2.aruco, name): name
+            for name in dir(cv2.aruco)
+            if name.startswith("DICT_A") or name.endswith("_1000")  # which hold the smaller ones
+        }
+        found = {name: self._markers(grey, name) for name in known.values()}
+        best = max(found, key=lambda name: len(found[name][0]))
+        ids, corners_px = found[best]
+        if len(ids) < _MIN_CORNERS or self.marker_m is None:
+            return None
+        kind = best.removesuffix("1000")
+        sizes = (f"{kind}{count}" for count in (50, 100, 250, 1000) if ids.max() < count)
+        best = next((name for name in sizes if hasattr(cv2.aruco, name)), best)
+        if self.dictionary.startswith(kind) and ids.max() < len(self._dictionary.bytesList):
+            best = self.dictionary
+        layout = seen_layout(ids, corners_px, self.marker_m / self.square_m)
+        if best == self.dictionary and layout in (None, self._layout):
+            return None
+        size = ""
+        if layout is not None:
+            down = int(marked_squares(*layout, int(ids.max()) + 1)[-1, 1])
+            size = (
+                f", of a board with {layout[0] - 1} inner corners in a row and {down} rows or more"
+            )
+        return (
+            f"markers 0 to {ids.max()} of {best} are there{size}; not {self.columns} x {self.rows}"
+            f" inner corners with {self.dictionary}"
+        )
 
     @cached_property
     def charuco(self) -> cv2.aruco.CharucoBoard:
         """The board as OpenCV's object."""
         squares = (self.columns + 1, self.rows + 1)
-        return cv2.aruco.CharucoBoard(
+        board = cv2.aruco.CharucoBoard(
             squares, self.square_m, self.marker_m or self.square_m / 2, self._dictionary
         )
+        board.setLegacyPattern(self.legacy)
+        return board
 
     @property
     def _dictionary(self) -> cv2.aruco.Dictionary:
@@ -173,8 +238,9 @@ class Board:
             if len(self._charuco_corners(np.ascontiguousarray(grey[:, ::-1]))[1]) >= _MIN_CORNERS:
                 return "the picture is mirrored: switch off the camera's mirror (selfie) option"
             return (
-                f"only {len(ids)} marked corners found, {_MIN_CORNERS} are needed: dictionary,"
-                " board numbers, light?"
+                f"no board with {self.columns} x {self.rows} inner corners and markers of"
+                f" {self.dictionary} found ({len(ids)} corners, {_MIN_CORNERS} are needed):"
+                " dictionary, board numbers, light?"
             )
         spread = np.linalg.matrix_rank(self.points_m[ids, :2] - self.points_m[ids[0], :2])
         if spread < 2:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -62,6 +63,17 @@ def waving(count: int = 6, stature_m: float = 1.7, fps: float = 25.0) -> Motion:
         "unexplained": 0.1 * phase,
     }
     return Motion(fps, model, root, quaternion, angles, quality=quality)
+
+
+def turning(count: int = 60) -> Motion:
+    """Turns twice about the vertical, the last half turn head over heels, while an arm rises past
+    the horizontal: every triple of angles leaves its usual range.
+    """
+    take, share = waving(count), np.linspace(0, 1, count)[:, None]
+    yaw = Rotation.from_euler("z", 720 * share, degrees=True)
+    over = Rotation.from_euler("x", 180 * np.clip(4 * share - 3, 0, 1), degrees=True)
+    # Signs as SciPy has them: of either, since both mean the same.
+    return replace(take, root_quaternion=(yaw * over).as_quat(scalar_first=True))
 
 
 def walking(count: int = 90, stature_m: float = 1.7, fps: float = 25.0) -> Motion:

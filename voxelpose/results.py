@@ -49,7 +49,7 @@ _MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 class _Frames(msgspec.Struct):
     with_pose: _Count
     lost: list[_Count]
-    away: list[_Count] = []  # one of several people, who comes or leaves
+    away: list[_Count] = []  # in which the person is not there
     not_filmed: list[_Count] = []  # by every camera; of older results counted as lost
     first: _Count = 0
     last: _Count = 0

@@ -229,6 +229,15 @@ class Silhouettes:
         size = self._sizes[name]
         return people_masks(self.people.of(name, step), size[0] / self._cameras[name].size[0], size)
 
+    def shows_nobody(self, name: str, step: int) -> bool:
+        """Whether an empty silhouette of a frame means that nobody is there: the pose network sees
+        nobody, or, where it is not asked, the background is not estimated from the recording, of
+        which who stands still is part.
+        """
+        if self.people is None:
+            return name not in self.without_background
+        return not self.people.of(name, step)
+
     def soft(
         self, frames: Mapping[str, Frame], step: int | None = None
     ) -> dict[str, SoftSilhouette]:

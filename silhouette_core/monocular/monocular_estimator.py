@@ -31,7 +31,7 @@ from silhouette_core.monocular.monocular_stages import (
     TrackedPerson,
     person_for,
 )
-from silhouette_core.monocular.person import Person
+from silhouette_core.monocular.person import Person, find_person
 from silhouette_core.monocular.person_finder import (
     LONG_SIDE_PX,
     OneOfPeople,
@@ -181,7 +181,8 @@ class _Tracking:
         tracked, root = self.tracked
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
         stages = PoseStages(tracked, self.camera, settings, options, clock, root)
-        people = read_ahead(_people(source, self.silhouettes, finder, clock))
+        away: set[int] = set()
+        people = read_ahead(_people(source, self.silhouettes, finder, clock, away))
         frames = (
             (number, None if person is None else stages.noted(number, seconds, person))
             for number, seconds, person in people
@@ -209,6 +210,7 @@ class _Tracking:
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
             facts,
             hypotheses,
+            away=frozenset(away),
         )
 
 
@@ -292,9 +294,15 @@ def upright_frame(rig: Rig, settings: Settings, reporter: Reporter) -> UprightFr
 
 
 def _people(
-    source: FrameSource, silhouettes: Silhouettes, finder: PersonFinder, clock: StageClock
+    source: FrameSource,
+    silhouettes: Silhouettes,
+    finder: PersonFinder,
+    clock: StageClock,
+    away: set[int],
 ) -> Iterator[tuple[int, float, Person | None]]:
-    """Number and time of every frame, and the person in it."""
+    """Number and time of every frame, and the person in it; the numbers of those in which nobody is
+    seen are added to `away`.
+    """
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
@@ -302,6 +310,8 @@ def _people(
             person = finder.find(frames[name], mask, silhouettes.of_people(name, step))
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
+            elif silhouettes.shows_nobody(name, step) and find_person(mask) is None:
+                away.add(number)
         yield number, seconds, person
 
 

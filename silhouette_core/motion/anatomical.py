@@ -31,6 +31,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -171,6 +172,21 @@ def euler_degrees(matrices: FloatArray, order: str) -> FloatArray:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Gimbal lock")
         return Rotation.from_matrix(matrices).as_euler(order, degrees=True)
+
+
+def continuous_degrees(matrices: FloatArray) -> FloatArray:
+    """Angles (T, ..., 3), degrees, about z, x and y, of rotation matrices (T, ..., 3, 3) over time,
+    without jumps: of the triples that mean the same, each is the nearest to the one before it.
+    """
+    flat = euler_degrees(matrices.reshape(-1, 3, 3), "ZXY")
+    angles = flat.reshape(*matrices.shape[:-1])
+    for before, now in pairwise(angles):
+        other = now * [1, -1, 1] + 180
+        equivalent = np.stack([now, other])
+        equivalent += 360 * np.round((before - equivalent) / 360)
+        nearer = np.abs(equivalent - before).sum(axis=-1, keepdims=True).argmin(axis=0)
+        now[...] = np.take_along_axis(equivalent, nearer[None], axis=0)[0]
+    return angles
 
 
 def _along(up: FloatArray, right: FloatArray) -> FloatArray:

@@ -97,7 +97,9 @@ def test_charuco_corners_are_found_even_when_part_is_hidden():
     assert 6 <= len(part.ids) < 28
     np.testing.assert_allclose(part.pixels, whole.pixels[part.ids], atol=0.5)
     assert "mirrored" in reason(board.find(np.ascontiguousarray(picture[:, ::-1])))
-    assert "only 0 marked corners" in reason(board.find(np.full((300, 400), 255, np.uint8)))
+    assert "markers of DICT_4X4_50 found (0 corners" in reason(
+        board.find(np.full((300, 400), 255, np.uint8))
+    )
 
 
 def test_impossible_boards_are_refused():
@@ -127,11 +129,55 @@ def test_another_board_in_the_picture_is_named():
     )
     assert ODD.other_board(drawn(ODD)) is None
     assert ODD.other_board(np.full((300, 400), 128, np.uint8)) is None
-    marked = Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100")
-    picture = cv2.copyMakeBorder(
-        marked.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255
+    marked = with_markers(Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100"))
+    seen = Board(7, 4, 0.04, marker_m=0.03).other_board(marked)
+    assert seen is not None and seen.startswith("markers 0 to 19 of DICT_5X5_")
+    assert seen.endswith(
+        " are there, of a board with 7 inner corners in a row and 4 rows or more; not 7 x 4 inner"
+        " corners with DICT_4X4_50"
     )
-    assert (
-        Board(7, 4, 0.04, marker_m=0.03).other_board(picture)
-        == "markers of DICT_5X5_50 are there, not of DICT_4X4_50"
+    larger = with_markers(Board(8, 5, 0.04, marker_m=0.03))
+    asked = Board(6, 4, 0.04, marker_m=0.03)
+    assert "no board with 6 x 4 inner corners" in reason(asked.find(larger))
+    assert "with 8 inner corners in a row and 5 rows" in str(asked.other_board(larger))
+    # What it is asked for, but for a dictionary that holds the same markers.
+    assert Board(8, 5, 0.04, 0.03, "DICT_4X4_250").other_board(larger) is None
+
+
+def with_markers(board: Board, square_px: int = 70) -> np.ndarray:
+    """Draws a ChArUco board, seen straight on."""
+    size = (square_px * (board.columns + 1), square_px * (board.rows + 1))
+    return cv2.copyMakeBorder(
+        board.charuco.generateImage(size), *[60] * 4, cv2.BORDER_CONSTANT, value=255
     )
+
+
+@pytest.mark.parametrize(
+    ("printed", "asked", "words"),
+    [
+        ((8, 5, False), (8, 5), ""),
+        ((8, 5, True), (8, 5), "OpenCV before 4.6"),
+        ((5, 8, False), (8, 5), "exchanged (it has 5 x 8 inner corners)"),
+        ((8, 5, True), (5, 8), "exchanged (it has 8 x 5 inner corners), and its pattern"),
+        ((7, 5, True), (7, 5), "OpenCV before 4.6"),
+    ],
+)
+def test_boards_with_markers_are_taken_as_they_are_printed(printed, asked, words):
+    columns, rows, legacy = printed
+    truth = Board(columns, rows, 0.04, 0.03, legacy=legacy)
+    picture, given = with_markers(truth), Board(*asked, 0.04, 0.03)
+    found = given.as_printed(picture)
+    assert found == truth and words in found.print_words(given)
+    assert (found == given) == (not words) == isinstance(given.find(picture), BoardView)
+    view = found.find(picture)
+    assert isinstance(view, BoardView) and len(view.ids) == columns * rows
+    expected = truth.points_m[view.ids, :2] / 0.04 * 70 + 60 + 70 - 0.5
+    np.testing.assert_allclose(view.pixels, expected, atol=0.6)
+
+
+def test_a_board_seen_in_part_does_not_tell_its_pattern():
+    """Without the ends of its rows, the older pattern is the newer one, a square farther on."""
+    given = Board(8, 5, 0.04, 0.03)
+    part = with_markers(Board(8, 5, 0.04, 0.03, legacy=True))[:, : 60 + 5 * 70]
+    assert isinstance(given.find(part), BoardView) and given.as_printed(part) is None
+    assert ODD.as_printed(drawn(ODD)) is None

@@ -16,7 +16,13 @@ from calib.documents import visible_entries
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.camera_files import pictures_by_camera
-from voxelpose.recording.frame_reader import STILLS, Frame, FrameReader, read_still
+from voxelpose.recording.frame_reader import (
+    STILLS,
+    Frame,
+    FrameReader,
+    read_still,
+    turned_differently,
+)
 from voxelpose.recording.timestamps import Times
 from voxelpose.tuning import BOARD_SEARCH
 
@@ -32,7 +38,7 @@ def _examined_pictures(pictures: FrameReader) -> Iterator[tuple[str, Frame]]:
     step = stride(pictures.frame_count)
     if pictures.stills:
         for still in pictures.stills[::step]:
-            yield still.name, read_still(still)
+            yield still.name, read_still(still, sensor=pictures.sensor)
         return
     for number, frame in enumerate(pictures):
         if number % step == 0:
@@ -81,7 +87,8 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
             _add(cameras, name, FrameReader.open(pictures))
     for folder, stills in loose.items():
         # Their sizes may differ: none is stated.
-        reader = FrameReader(folder, tuple(stills), (0, 0), len(stills), None)
+        sensor = turned_differently(stills)
+        reader = FrameReader(folder, tuple(stills), (0, 0), len(stills), None, sensor=sensor)
         _add(cameras, folder.name, reader)
     return cameras
 
@@ -92,6 +99,26 @@ def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> N
             f"two sets of pictures are named {name}: name each folder or video after its camera"
         )
     cameras[name] = pictures
+
+
+def as_printed(board: Board, cameras: Mapping[str, FrameReader], reporter: Reporter) -> Board:
+    """A board as the first picture shows it that tells, see `Board.as_printed`, and says what is
+    otherwise than was given; as it was given where none tells.
+
+    Raises:
+        InputError: A picture cannot be read.
+    """
+    for pictures in cameras.values() if board.marker_m is not None else ():
+        if is_film(pictures):
+            step = _PATIENT_STEP * stride(pictures.frame_count)
+            pictures = pictures.select(range(0, pictures.frame_count, step))
+        for _, picture in _examined_pictures(pictures):
+            printed = board.as_printed(picture)
+            if printed is not None:
+                if printed != board:
+                    reporter.note(printed.print_words(board))
+                return printed
+    return board
 
 
 def find_views(
@@ -105,6 +132,11 @@ def find_views(
             is described.
     """
     views: dict[str, BoardView | str] = {}
+    if pictures.sensor:
+        reporter.note(
+            f"{pictures.path.name}: EXIF data turn some pictures otherwise than others: all were"
+            " turned back to the sensor's pixels, to which a lens belongs"
+        )
     find = BoardFinder(board, stills=not is_film(pictures))
     for name, picture in _examined_pictures(pictures):
         views[name] = find(picture)

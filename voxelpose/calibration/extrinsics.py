@@ -13,7 +13,7 @@ from calib.errors import InputError
 from calib.extrinsics import Extrinsics, board_errors, calibrate_extrinsics
 from calib.pairs import check_lens_size
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import board_moments
+from voxelpose.calibration.board_views import as_printed, board_moments
 from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.file_times import ends_apart, recorded_times
 from voxelpose.recording.frame_reader import FrameReader
@@ -56,6 +56,7 @@ def extrinsics_from_recording(
     for note in notes:
         reporter.note(note)
     _check_start(folder, readers, times, reporter)
+    board = as_printed(board, readers, reporter)
     views, seen = board_moments(
         board, readers, times, settings.floor, settings.max_moments, reporter
     )

@@ -9,7 +9,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.intrinsics import Intrinsics, LensKind, calibrate_intrinsics, lens_error_px
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.board_views import find_views, stride
+from voxelpose.calibration.board_views import as_printed, find_views, stride
 from voxelpose.recording.frame_reader import FrameReader
 
 
@@ -53,6 +53,7 @@ def calibrate_lenses(
         count = pictures.frame_count
         reporter.stage(f"pictures of {name}", -(-count // stride(count)))
         try:
+            board = as_printed(board, {name: pictures}, reporter)
             views = find_views(board, pictures, max_views, reporter)
             reporter.stage(f"lens of {name}")
             lens = Lens(name, calibrate_intrinsics(board, views, kind, name), views)

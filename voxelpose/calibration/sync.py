@@ -26,7 +26,7 @@ from calib.signals import (
 from calib.synchronise import Synchronisation, outline_signal, require_motion, synchronise
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
-from voxelpose.calibration.board_views import BoardFinder
+from voxelpose.calibration.board_views import BoardFinder, as_printed
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
 from voxelpose.recording.camera_files import not_read, pictures_by_camera
 from voxelpose.recording.file_times import times_in_files
@@ -312,7 +312,7 @@ def _by_board(films: _Films, reporter: Reporter) -> Sync:
             "how fast a board moves is seen through known lenses: give --intrinsics, as written by"
             " `voxelpose calibrate intrinsics`, or choose another way with --by"
         )
-    signals = []
+    signals, board = [], as_printed(settings.board, films.readers, reporter)
     for name, reader in films.readers.items():
         if name not in lenses:
             raise InputError(
@@ -323,7 +323,7 @@ def _by_board(films: _Films, reporter: Reporter) -> Sync:
         inside = films.inside(name, "board")
         numbers = inside[:: max(1, int(films.fps[name] / _BOARD_HZ))]
         reporter.stage(f"looking for the board in {name}", len(numbers))
-        find, views = BoardFinder(settings.board, stills=False), []
+        find, views = BoardFinder(board, stills=False), []
         for picture in reader.select(numbers.tolist()):
             views.append(find(picture))
             reporter.advance()
@@ -334,7 +334,7 @@ def _by_board(films: _Films, reporter: Reporter) -> Sync:
                 " it nearer and for longer, or choose another way with --by"
             )
         times = films.times[name][numbers]
-        signals.append(board_speed(settings.board, lenses[name], times, views))
+        signals.append(board_speed(board, lenses[name], times, views))
     reporter.stage("offsets")
     return films.by_signals("board", signals, SignalSettings(films.max_offset_s("board")))
 

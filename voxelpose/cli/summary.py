@@ -38,9 +38,10 @@ def print_result(result: Result, verbose: bool = False) -> None:
     console.print(_verdict_markup(summary), soft_wrap=True)
     frames, seconds = summary["frames"], summary["seconds"]
     count = frames["with_pose"] + len(frames["lost"])
-    missed = len(frames.get("not_filmed", ()))
+    missed, absent = (len(frames.get(name, ())) for name in ("not_filmed", "away"))
     console.print(
         f"[bold]{frames['with_pose']} of {count} frames[/bold] have a pose"
+        + (f", {absent} more show nobody" if absent else "")
         + (f", {missed} more were not filmed by all cameras" if missed else "")
         + f"; {seconds['total']:.1f} s in total"
     )

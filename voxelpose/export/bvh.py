@@ -1,6 +1,5 @@
 """Biovision hierarchy (BVH): skeletal animation for Blender, Maya, MotionBuilder and others."""
 
-import warnings
 from pathlib import Path
 from typing import TextIO
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.anatomical import continuous_degrees
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import (
     Y_UP_FROM_WORLD,
@@ -19,7 +19,6 @@ from voxelpose.export.skeleton import (
 )
 
 CM_PER_M = 100
-_ORDER = "ZXY"
 
 
 def write_bvh(motion: Motion, path: Path) -> None:
@@ -27,20 +26,17 @@ def write_bvh(motion: Motion, path: Path) -> None:
 
     Axis map: x_bvh = x, y_bvh = z, z_bvh = -y of the upright frame; centimetres. With all rotations
     zero the skeleton stands in the model's rest pose (upright, arms 45 degrees down), facing +z.
-    Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry; the root's position
-    precedes them. The joints, 27 of a person, have the names of the body's parts; the last ones end
-    in end sites. Importers that ask for axes (Blender): forward -Z, up Y, scale 0.01.
+    Every joint has Z, X and Y rotations in degrees, applied as R = Rz Rx Ry and continuous in time,
+    as programs interpolate between frames; the root's position precedes them. The joints, 27 of a
+    person, have the names of the body's parts; the last ones end in end sites. Importers that ask
+    for axes (Blender): forward -Z, up Y, scale 0.01.
 
     Frames without a pose between the first and the last pose are interpolated, since BVH cannot
     contain gaps.
     """
     motion = motion.upright()
     local, root = _without_gaps(motion)
-    rotations = Rotation.from_matrix(local.reshape(-1, 3, 3))
-    with warnings.catch_warnings():
-        # Where two of the axes coincide, the third angle is zero, and the rotation right.
-        warnings.filterwarnings("ignore", "Gimbal lock")
-        degrees = rotations.as_euler(_ORDER, degrees=True).reshape(len(local), -1, 3)
+    degrees = continuous_degrees(local)
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write("HIERARCHY\n")
         order = _write_joint(file, motion.model, part_ends(motion.model), 0, 0)

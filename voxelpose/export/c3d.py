@@ -25,8 +25,9 @@ def write_c3d(motion: Motion, path: Path) -> None:
     screen: +X and +Z.
 
     The file holds every frame from the first to the last pose. Frames without a pose have the
-    residual -1, C3D's mark of a point that was not seen, and no position. The first pose is the
-    file's frame 1, whatever its number in the recording. POINT:CONDITIONING states filter and
+    residual -1, C3D's mark of a point that was not seen, and no position. Frame 1 is frame 0 of the
+    recording, as in TRC: TRIAL:ACTUAL_START_FIELD and :ACTUAL_END_FIELD have the first and the last
+    number, and so has the header where its 16 bits hold them. POINT:CONDITIONING states filter and
     filling of gaps, POINT:FILLED the frames (the first 255) that were filled, or 0.
 
     Raises:
@@ -58,8 +59,15 @@ def write_c3d(motion: Motion, path: Path) -> None:
     file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
     # Parameters hold at most 255 characters.
     file.add_parameter("POINT", "CONDITIONING", [conditioning_words(motion)[:255]])
-    filled = [float(frame) for frame in motion.frames[motion.filled] - frames[0] + 1]
+    filled = [float(frame) for frame in motion.frames[motion.filled] + 1]
     file.add_parameter("POINT", "FILLED", filled[:_MOST_LISTED] or [0.0])
+    for name, number in (("START", frames[0] + 1), ("END", frames[-1] + 1)):
+        # As two words of 16 bits, the lower one first; a list would become floating-point numbers.
+        file.add_parameter("TRIAL", f"ACTUAL_{name}_FIELD", 0)
+        words = np.array([number], "<u4").view("<i2").astype(int)
+        file["parameters"]["TRIAL"][f"ACTUAL_{name}_FIELD"]["value"] = words
+    if frames[-1] < _MAX_FRAMES:
+        file["header"]["points"]["first_frame"] = int(frames[0])
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = residuals
     file.write(str(path))

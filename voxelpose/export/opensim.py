@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.motion.anatomical import LAB_FROM_WORLD, euler_degrees, joint_rotations
+from silhouette_core.motion.anatomical import LAB_FROM_WORLD, continuous_degrees, joint_rotations
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.trc import write_trc
@@ -81,7 +81,7 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
     motion = motion.upright()
     rotations = joint_rotations(motion)
     names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
-    columns = dict(zip(names, _rotation_angles(rotations["pelvis"]), strict=True))
+    columns = dict(zip(names, continuous_degrees(rotations["pelvis"]).T, strict=True))
     hips = motion.landmarks()[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
     # Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
     hips_in_pelvis_m = np.array([-0.056276, -0.07849, 0.0])
@@ -92,27 +92,14 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
         for joint, names in _COORDINATES.items():
             if joint == "trunk" and side == "left":
                 continue
-            angles = _rotation_angles(rotations[joint if joint == "trunk" else f"{side}_{joint}"])
+            matrices = rotations[joint if joint == "trunk" else f"{side}_{joint}"]
             sign = -1.0 if joint == "knee" else 1.0
             columns |= {
                 name.format(side[0]): sign * values
-                for name, values in zip(names, angles, strict=True)
+                for name, values in zip(names, continuous_degrees(matrices).T, strict=True)
                 if name
             }
     return columns
-
-
-def _rotation_angles(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation angles (3, T) about z, x and y, degrees, of matrices (T, 3, 3), that are continuous
-    in time: of the equivalent triples, each is the nearest to its predecessor.
-    """
-    angles = euler_degrees(matrices, "ZXY")
-    for row in range(1, len(angles)):
-        z, x, y = angles[row]
-        equivalent = np.array([[z, x, y], [z + 180, 180 - x, y + 180]])
-        equivalent += 360 * np.round((angles[row - 1] - equivalent) / 360)
-        angles[row] = equivalent[np.abs(equivalent - angles[row - 1]).sum(axis=1).argmin()]
-    return angles.T
 
 
 @dataclass(frozen=True)

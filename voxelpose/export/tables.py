@@ -20,6 +20,7 @@ from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angle
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.smoothing import continuous_quaternions
 
 JOINTS = "joints.csv"
 _COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
@@ -152,9 +153,9 @@ def write_wide_joints(motion: Motion, path: Path) -> None:
 def write_angles(motion: Motion, path: Path) -> None:
     """Writes angles.csv: frame,time_s,pelvis_tilt_deg,... with one row per pose.
 
-    The angles are those of `silhouette_core.motion.anatomical`, in degrees, of a body on a person's
-    tree; then those of all joints that a person does not have. Frames without a pose have no row;
-    those filled are marked as in joints_wide.csv.
+    The angles are those of `silhouette_core.motion.anatomical`, in degrees and without jumps from
+    180 to -180, of a body on a person's tree; then those of all joints that a person does not have.
+    Frames without a pose have no row; those filled are marked as in joints_wide.csv.
     """
     model, known = motion.model, AnatomicalAngles((), np.zeros((len(motion), 0)))
     if is_person_tree(model.tree):
@@ -163,6 +164,7 @@ def write_angles(motion: Motion, path: Path) -> None:
     others = [k for k, name in enumerate(model.tree.dof_names) if name not in person]
     names = [*known.names, *(model.tree.dof_names[k] for k in others)]
     degrees = np.hstack([known.degrees, np.degrees(motion.angles_rad[:, others])])
+    degrees = np.unwrap(degrees, period=360, axis=0)
     _write(motion, [f"{name}_deg" for name in names], degrees, 3, path)
 
 
@@ -181,7 +183,8 @@ def write_npz(motion: Motion, path: Path) -> None:
     model, anatomical = motion.model, {}
     if is_person_tree(model.tree):
         angles = anatomical_angles(motion)
-        anatomical = {"anatomical_deg": angles.degrees, "anatomical_names": np.array(angles.names)}
+        degrees = np.unwrap(angles.degrees, period=360, axis=0)
+        anatomical = {"anatomical_deg": degrees, "anatomical_names": np.array(angles.names)}
     rotation, origin = motion.parts()
     with path.open("wb") as file:  # savez would add .npz to a name without it
         np.savez_compressed(
@@ -192,7 +195,7 @@ def write_npz(motion: Motion, path: Path) -> None:
             frames=motion.frames,
             time_s=motion.time_s,
             root_m=motion.root_m,
-            root_quaternion=motion.root_quaternion,
+            root_quaternion=continuous_quaternions(motion.root_quaternion),
             angles_rad=motion.angles_rad,
             angle_names=np.array(model.tree.dof_names),
             **anatomical,

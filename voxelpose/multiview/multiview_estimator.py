@@ -29,6 +29,7 @@ from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.people import PEOPLE_CAMERAS, require_cameras
 from voxelpose.multiview.people.people_track import PeopleTrack, people_places
+from voxelpose.multiview.people.presence import frames_of_nobody
 from voxelpose.multiview.quality.quality import motion_quality
 from voxelpose.multiview.silhouettes.prepared_silhouettes import (
     PreparationSettings,
@@ -138,13 +139,13 @@ class MultiViewEstimator:
                     reporter.note(ONE_PERSONS)
                 anybody = work.of_anybody()
                 tracked = PeopleTrack(anybody, prepared, places_m, things_m, kept).track()
+            absent_frames = [frames_of_nobody(prepared)]
             motions = [
                 _motion(tracker, settings, prepared.numbers, prepared.times_s, clock, reporter)
                 for tracker, _ in tracked
             ]
         stage_s = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         rig, estimates = _posed_as(source.rig, prepared.rig), []
-        absent_frames = [frozenset[int]()] * len(tracked)
         if len(tracked) > 1:
             absent = np.isnan(places_m[:, :, 0])
             absent_frames = [frozenset(prepared.numbers[rows].tolist()) for rows in absent]

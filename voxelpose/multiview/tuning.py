@@ -43,8 +43,8 @@ class Live:
     foreground: float = 0.002
     """1. Least fraction of a picture that a person takes. Chosen by eye."""
     longest_step_s: float = 0.14
-    """s. Longest step of a track that catches up: frames are passed over up to it. With 0.2 walk4 is
-    lost in `python -m benchmarks.follower --every 3 --late 2`."""
+    """s. Longest step of a track that catches up: frames are passed over up to it. Tuned on walk4
+    by `python -m benchmarks.follower --every 3 --late 2`."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -36,6 +36,7 @@ _LAST_BYTES = 4096
 _LARGEST_BYTES = 8 * _MOST_PX
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
+_ORIENTATION = 0x0112  # of EXIF
 _ASKED = 16  # images of a sequence whose brightest values tell its bits
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
@@ -56,6 +57,8 @@ class FrameReader:
         shown_s: (frame_count,) float64, s, increasing, when a video shows its frames; None where it
             does not tell, or some are selected.
         bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
+        sensor: whether images are read as the sensor has them, since their EXIF data turn them
+            differently: a lens belongs to the sensor.
     """
 
     path: Path
@@ -67,6 +70,7 @@ class FrameReader:
     promised: int = 0
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
     bits: int = 8
+    sensor: bool = False
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -89,8 +93,9 @@ class FrameReader:
         elif path.suffix.lower() in STILLS:
             stills = (path,)
         if stills:
-            size, bits = cls._size_of(stills[0]), cls._bits_of(stills)
-            return cls(path, stills, size, len(stills), None, bits=bits)
+            bits, sensor = cls._bits_of(stills), turned_differently(stills)
+            size = cls._size_of(stills[0], sensor)
+            return cls(path, stills, size, len(stills), None, bits=bits, sensor=sensor)
         size, count, fps, promised, shown_s = _probe(path)
         return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
 
@@ -128,8 +133,8 @@ class FrameReader:
         return replace(self, numbers=selected, frame_count=count, promised=0, shown_s=None)
 
     @staticmethod
-    def _size_of(still: Path) -> tuple[int, int]:
-        height, width = read_still(still).shape[:2]
+    def _size_of(still: Path, sensor: bool) -> tuple[int, int]:
+        height, width = read_still(still, sensor=sensor).shape[:2]
         return width, height
 
     @staticmethod
@@ -143,7 +148,8 @@ class FrameReader:
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         """Yields frames of the file by their numbers, whatever their size."""
         if self.stills:
-            return (read_still(self.stills[number], self.bits) for number in numbers)
+            stills = (self.stills[number] for number in numbers)
+            return (read_still(still, self.bits, self.sensor) for still in stills)
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
@@ -228,19 +234,37 @@ def _probe(
     return (width, height), count, fps, promised, shown_s if pieces == count else None
 
 
-def read_still(file: Path, bits: int = 8) -> Frame:
+def turned_differently(stills: Sequence[Path]) -> bool:
+    """Whether EXIF data turn some images otherwise than others, as of a telephone that is held now
+    upright and now across.
+    """
+    return len({_orientation(still) for still in stills}) > 1
+
+
+def _orientation(file: Path) -> int:
+    """Number by which EXIF data turn an image; 1: they do not."""
+    unreadable = suppress(OSError, ValueError, SyntaxError, EOFError, struct.error, KeyError)
+    with unreadable, _pillow().open(file) as image:
+        # Pillow would read all of a PNG to look for them.
+        if image.format != "PNG" or "exif" in image.info:
+            return int(image.getexif().get(_ORIENTATION, 1))
+    return 1
+
+
+def read_still(file: Path, bits: int = 8, sensor: bool = False) -> Frame:
     """Reads an image file as (H, W, 3) uint8, BGR.
 
     Args:
         file: the image.
-        bits: as of `FrameReader`.
+        bits: as of `FrameReader`; `sensor` likewise.
 
     Raises:
         InputError: the file is missing or is not an image.
     """
+    as_is = cv2.IMREAD_IGNORE_ORIENTATION if sensor else 0
     if bits == 8:
-        return _three_channels(read_image(file, cv2.IMREAD_COLOR))
-    return _three_channels(np.minimum(read_image(file, _DEEP) >> (bits - 8), 255))
+        return _three_channels(read_image(file, cv2.IMREAD_COLOR | as_is))
+    return _three_channels(np.minimum(read_image(file, _DEEP | as_is) >> (bits - 8), 255))
 
 
 def read_image(file: Path, flags: int) -> np.ndarray:

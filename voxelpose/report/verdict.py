@@ -200,7 +200,7 @@ def _lost(result: Result) -> Finding:
     absence = f" Away in {ranges_text(absent)}." if len(absent) else ""
     first, last = result.motion.frames[[0, -1]]
     if ((absent > first) & (absent < last)).any():
-        absence += " That who came back is who left is a guess by the colours."
+        absence += " That who came back is who left is a guess."
     if not len(lost):
         return Finding("good", "Frames", f"All {count} frames have a pose.{absence}")
     noun = noun_of(result)

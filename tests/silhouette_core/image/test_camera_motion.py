@@ -77,6 +77,35 @@ def test_somebody_who_fills_the_middle_does_not_move_the_camera():
     assert not motion.moves and not motion.shakes
 
 
+@pytest.mark.parametrize("step", [4, 60])  # faint as of two shades of a floor, and sharp
+def test_what_a_single_line_does_not_tell_is_no_motion(step):
+    rng = np.random.default_rng(8)
+    y, x = np.indices((240, 320))
+    floor = 128 + step * (y > 40 + x / 2)[..., None] * np.ones(3)  # from rim to rim
+    frames = []
+    for at in range(12):
+        frame = floor + rng.normal(0, 2, floor.shape)
+        frame[60 + 5 * at : 130 + 5 * at, 20 * at : 20 * at + 50] -= 40  # somebody, also in the rim
+        frames.append(np.uint8(np.clip(frame, 0, 255)))
+    motion = CameraMovement(frames)
+    assert not motion.moves and not motion.shakes
+    np.testing.assert_array_equal(motion.registered(frames[0]).shape, frames[0].shape)
+
+
+def test_a_shake_across_a_single_line_is_told():
+    rng = np.random.default_rng(9)
+    y, x = np.indices((240, 320))
+    frames = []
+    for at in range(12):
+        floor = 128 + 60 * (y > 40 + x / 2 + (-1) ** at * 0.7)[..., None] * np.ones(3)
+        frames.append(np.uint8(floor + rng.normal(0, 1, floor.shape)))
+    motion = CameraMovement(frames)
+    assert motion.shakes and not motion.moves
+    steady = [motion.registered(frame).astype(float) for frame in frames[:2]]
+    line = np.abs(frames[1] - 1.0 * frames[0]) > 30
+    assert np.abs(steady[1] - steady[0])[line].mean() < 30
+
+
 def test_noise_before_a_bare_wall_moves_nothing():
     rng = np.random.default_rng(1)
     wall = np.full((240, 320, 3), 128.0)

@@ -130,6 +130,18 @@ def test_who_is_not_there_is_not_invented(quick, filmed):
     estimate = quick(masks, smooth=False)
     assert estimate.motion.frames.tolist() == [0, 1, 2, 6, 7, 8, 9]
     assert estimate.facts["frames_absent"] == [3, 4, 5]
+    assert estimate.away == {3, 4, 5}
+
+
+def test_who_is_seen_and_not_found_is_not_away(quick, filmed):
+    masks = list(filmed[1])
+    part = np.zeros_like(masks[4])
+    rows, columns = np.nonzero(masks[4])
+    part[rows[: len(rows) // 10], columns[: len(rows) // 10]] = True  # too little to be the person
+    masks[4], masks[5] = part, EMPTY
+    estimate = quick(masks, smooth=False)
+    assert estimate.facts["frames_absent"] == [4, 5]
+    assert estimate.away == {5}
 
 
 def test_nobody_at_all_is_one_clear_line(quick):

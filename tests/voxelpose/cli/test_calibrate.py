@@ -4,6 +4,8 @@ be.
 
 import json
 import shutil
+import subprocess
+import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks.board_scene import (
     FACE_UP,
@@ -141,6 +144,41 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
         "lenses_coverage.png",
         "lenses_lenses.json",
     ]
+
+
+@pytest.mark.parametrize("turns", [{3: 2, 1: 0}, {6: 1, 1: 0}, {8: 3, 3: 2}])
+def test_pictures_that_exif_data_turn_have_one_lens(studio, truth, tmp_path, capsys, turns):
+    """Pixels as the sensor has them, and a number that says how to turn them."""
+    (tmp_path / "cam_0").mkdir()
+    for at, still in enumerate(sorted((studio / "stills" / "cam_0").glob("*.png"))):
+        data = Image.Exif()
+        data[0x0112] = [*turns][at % 2]
+        file = tmp_path / "cam_0" / f"{at:02d}.jpg"
+        Image.open(still).convert("RGB").save(file, quality=95, exif=data)
+    out = tmp_path / "lens.toml"
+    assert (
+        run(["calibrate", "intrinsics", str(tmp_path / "cam_0"), *LIKE_THIS, "--out", str(out)])
+        == 0
+    )
+    assert "turned back to the sensor's pixels" in capsys.readouterr().err
+    camera = read_rig(out, lenses=True)["cam_0"]
+    assert camera.size == SIZE
+    known = truth["cam_0"].matrix
+    np.testing.assert_allclose(camera.matrix, known, atol=0.01 * known[0, 0])
+
+
+def test_boards_of_older_programs_are_taken_as_they_are(shared, tmp_path, capsys):
+    script = next(shared.parent.glob("**/cases/scripts/charuco_legacy/boards.py"), None)
+    if script is None:
+        pytest.skip("no script that draws boards beside the shared recordings")
+    subprocess.run([sys.executable, script, tmp_path / "cam_1", "legacy", "1"], check=True)
+    words = ["calibrate", "intrinsics", str(tmp_path / "cam_1"), "--square", "0.03"]
+    words += ["--marker", "0.0216", "--board", "5x8", "--out", str(tmp_path / "lens.toml")]
+    assert run(words) == 0
+    said = capsys.readouterr().err
+    assert "it has 8 x 5 inner corners" in said and "OpenCV before 4.6" in said
+    matrix = read_rig(tmp_path / "lens.toml", lenses=True)["cam_1"].matrix
+    np.testing.assert_allclose(matrix, [[820, 0, 505], [0, 820, 345], [0, 0, 1]], atol=3)
 
 
 def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):

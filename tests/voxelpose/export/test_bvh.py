@@ -5,9 +5,10 @@ from pathlib import Path
 import bvhio
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.motion import Motion
-from tests.clips import waving
+from tests.clips import turning, waving
 from voxelpose.export.bvh import write_bvh
 
 
@@ -55,6 +56,22 @@ def test_head_ends_at_its_vertex(tmp_path):
     )
     rise = motion.model.landmarks_m[8] - motion.model.joints_m[motion.model.names.index("head")]
     np.testing.assert_allclose(world_from_bvh(head.EndSite), rise, atol=1e-6)
+
+
+def test_between_the_frames_every_joint_turns_the_short_way(tmp_path):
+    write_bvh(turning(), tmp_path / "motion.bvh")
+    rows = (tmp_path / "motion.bvh").read_text().split("Frame Time")[1].splitlines()[1:]
+    degrees = np.array([row.split() for row in rows], float)[:, 3:]
+    assert np.ptp(degrees, axis=0).max() > 600  # it turns twice
+    keys, between = (
+        Rotation.from_euler("ZXY", angles.reshape(-1, 3), degrees=True)
+        for angles in (degrees, (degrees[:-1] + degrees[1:]) / 2)
+    )
+    parts = degrees.shape[1] // 3
+    whole = keys[:-parts].inv() * keys[parts:]
+    half = keys[:-parts].inv() * between
+    off = (Rotation.from_rotvec(whole.as_rotvec() / 2).inv() * half).magnitude()
+    assert np.degrees(off).max() < 2
 
 
 def test_lost_frames_are_interpolated(tmp_path):

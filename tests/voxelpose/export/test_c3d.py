@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import c3d
+import ezc3d
 import numpy as np
 import pytest
 
@@ -67,6 +68,21 @@ def test_lost_frames_are_not_seen(tmp_path):
     assert len(points) == 6
     assert np.isnan(points[[2, 4]]).all()
     np.testing.assert_allclose(points[keep - 1], named_points(motion)[1][keep], atol=1e-6)
+
+
+@pytest.mark.parametrize(("first", "header"), [(41, 42), (69_999, 1)])
+def test_frames_keep_their_numbers(tmp_path, first, header):
+    write_c3d(replace(waving(7), frames=np.arange(first, first + 7)), tmp_path / "motion.c3d")
+    with (tmp_path / "motion.c3d").open("rb") as file, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="No analog data")
+        reader = c3d.Reader(file)
+        numbers = [
+            reader.get(f"TRIAL:ACTUAL_{name}_FIELD").uint16_array @ [1, 1 << 16]
+            for name in ("START", "END")
+        ]
+        assert reader.header.first_frame == header
+    assert numbers == [first + 1, first + 7]  # counted from 1, as TRC does
+    assert ezc3d.c3d(str(tmp_path / "motion.c3d"))["data"]["points"].shape[2] == 7
 
 
 def test_more_frames_than_the_format_counts_are_refused(tmp_path):

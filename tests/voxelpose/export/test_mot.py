@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.motion import Motion
-from tests.clips import waving
+from tests.clips import turning, waving
 from voxelpose.export.opensim import write_mot
 from voxelpose.export.skeleton import named_points
 from voxelpose.export.trc import write_trc
@@ -169,3 +169,11 @@ def test_mot_is_continuous_and_leaves_lost_frames_out(tmp_path):
         if name != "time":
             assert np.abs(np.diff(values)).max() < 12, name
     assert columns["knee_angle_l"][-1] > 80
+
+
+def test_mot_of_somebody_who_turns_twice_has_no_jumps(tmp_path):
+    write_mot(turning(), tmp_path / "motion.mot")
+    columns = read_mot(tmp_path / "motion.mot")
+    assert np.ptp(columns["pelvis_rotation"]) > 500
+    for name, values in columns.items():
+        assert np.abs(np.diff(values)).max() < 45, name

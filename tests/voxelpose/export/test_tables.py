@@ -8,7 +8,7 @@ import pytest
 
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import anatomical_angles
-from tests.clips import waving
+from tests.clips import turning, waving
 from voxelpose.export.tables import write_angles, write_npz, write_wide_joints
 
 
@@ -53,6 +53,17 @@ def test_angles(tmp_path, motion):
         > 20
         > float(read[-1]["right_knee_flexion_deg"])
     )
+
+
+def test_somebody_who_turns_twice_leaves_no_jumps(tmp_path):
+    write_angles(turning(), tmp_path / "angles.csv")
+    write_npz(turning(), tmp_path / "motion.npz")
+    turned = [float(row["pelvis_rotation_deg"]) for row in rows(tmp_path / "angles.csv")]
+    assert np.abs(np.diff(turned)).max() < 180 < 500 < np.ptp(turned)
+    with np.load(tmp_path / "motion.npz", allow_pickle=False) as file:
+        assert np.abs(np.diff(file["anatomical_deg"], axis=0)).max() <= 180
+        quaternions = file["root_quaternion"]
+    assert ((quaternions[1:] * quaternions[:-1]).sum(axis=1) > 0).all()
 
 
 def test_npz_needs_no_pickle_and_its_rotations_make_its_joints(tmp_path, motion):

@@ -20,6 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from silhouette_core.ranking import rounded
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
+from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tuning import CARVING, PEOPLE, PERSON_COST
 
 ASKED_HZ = 10
@@ -163,6 +164,29 @@ def metre_px(observer: HullObserver) -> NDArray[np.float64]:
     away_m = np.linalg.norm(observer.views.center_m - middle, axis=1)
     focal_px = np.array([camera.matrix[0, 0] for camera in observer.views.rig])
     return np.asarray(focal_px / away_m, float)
+
+
+def frames_of_nobody(prepared: PreparedSilhouettes) -> frozenset[int]:
+    """Frames of the recording in which nobody is seen, neither by the pose network nor, where it
+    was not asked, before a background that was estimated from the recording: who stands still is
+    part of that.
+
+    In none of the cameras as much of a person is seen as makes somebody, see `PEOPLE.needed`.
+    """
+    footage, least_px = prepared.footage, PEOPLE.needed * PEOPLE.seen_m2
+    if footage.people is None and prepared.background_estimated:
+        return frozenset()
+    person_px = least_px * metre_px(prepared.observer) ** 2
+    empty = (
+        number
+        for t, number in enumerate(prepared.numbers.tolist())
+        if not footage.people_together(t)
+        and all(
+            np.count_nonzero(mask) < area
+            for mask, area in zip(prepared.store[t], person_px, strict=True)
+        )
+    )
+    return frozenset(empty)
 
 
 def _reduced(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:

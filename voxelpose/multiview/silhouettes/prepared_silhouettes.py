@@ -129,6 +129,7 @@ class PreparedSilhouettes:
         facts: what was found, for the summary.
         settings: by which they were prepared.
         footage: from which.
+        background_estimated: whether that of a camera is estimated from the recording.
     """
 
     store: MaskStore
@@ -140,6 +141,7 @@ class PreparedSilhouettes:
     facts: dict[str, object]
     settings: PreparationSettings
     footage: Footage
+    background_estimated: bool
 
     @contextmanager
     def without(self, hidden: Sequence[np.ndarray]) -> Iterator[PreparedSilhouettes]:
@@ -219,6 +221,7 @@ def prepare_silhouettes(
             facts,
             preparation,
             Footage(source, settings, lenses, checked.late_frames, people),
+            bool(silhouettes.without_background),
         )
 
 

@@ -1,5 +1,8 @@
 """How many people there are, and where, by their hull."""
 
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -21,6 +24,7 @@ from voxelpose.multiview.people.presence import (
     PresenceSearch,
     at_all_times,
     find_people,
+    frames_of_nobody,
     join_tracks,
     likeliest_sets,
     link_sets,
@@ -220,3 +224,38 @@ def test_places_between_the_moments_that_were_asked():
     (places,) = at_all_times(asked, np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.1, 0.2, 0.3]))
     np.testing.assert_allclose(places[:3], [[0, 0], [0.5, 1], [1, 2]])
     assert np.isnan(places[3]).all()
+
+
+@dataclass
+class Prepared:
+    """Silhouettes of one body in frame 11 of three, less of it in 12, nobody in 10."""
+
+    observer: HullObserver
+    store: list
+    network: int | None = None
+    background_estimated: bool = False
+
+    numbers = np.array([10, 11, 12])
+
+    @property
+    def footage(self):
+        return SimpleNamespace(people=self.network, people_together=lambda t: self.network)
+
+
+def test_frames_in_which_nobody_is_seen_are_told():
+    seen_by, body = views(4), fitting_model()
+    whole = photograph(seen_by, body, stance(body, {}))
+    nobody = [np.zeros_like(mask) for mask in whole]
+    in_one = [whole[0], *nobody[1:]]
+    prepared = Prepared(observer(seen_by), [nobody, whole, in_one])
+    # Who is seen by a single camera is not found, and yet not away.
+    assert frames_of_nobody(prepared) == {10}
+    specks = [mask.copy() for mask in nobody]
+    specks[1][:4, :4] = True
+    assert frames_of_nobody(replace(prepared, store=[specks, whole, whole])) == {10}
+    # Silhouettes miss somebody whom the network sees,
+    assert frames_of_nobody(replace(prepared, network=1)) == frozenset()
+    # and who stands still is part of a background that is estimated, but for the network.
+    unsure = replace(prepared, background_estimated=True)
+    assert frames_of_nobody(unsure) == frozenset()
+    assert frames_of_nobody(replace(unsure, network=0)) == {10}
