@@ -137,6 +137,11 @@ class Recording:
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
+        if fields := [name for name, reader in readers.items() if reader.interlaced]:
+            notes += (
+                f"{', '.join(fields)}: flagged as interlaced: where a picture's lines are of two"
+                " moments, those of the first are taken",
+            )
         whole = frames is None or frames[1] is None
         timed, time_notes = recorded_times(folder, readers, fps, together=whole)
         if timed is None:

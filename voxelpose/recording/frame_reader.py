@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.documents import visible_entries
 from calib.errors import InputError
-from voxelpose.recording.ffmpeg import picture_times
+from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields
 
 Frame = NDArray[np.uint8]
 STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split())
@@ -37,6 +37,7 @@ _LARGEST_BYTES = 8 * _MOST_PX
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _ASKED = 16  # images of a sequence whose brightest values tell its bits
+_SPARSE = 16  # rows of a picture, of which one is compared with the picture before
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -56,6 +57,7 @@ class FrameReader:
         shown_s: (frame_count,) float64, s, increasing, when a video shows its frames; None where it
             does not tell, or some are selected.
         bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
+        interlaced: whether a video is flagged as interlaced, and read by FFmpeg.
     """
 
     path: Path
@@ -67,6 +69,7 @@ class FrameReader:
     promised: int = 0
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
     bits: int = 8
+    interlaced: bool = False
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -91,8 +94,7 @@ class FrameReader:
         if stills:
             size, bits = cls._size_of(stills[0]), cls._bits_of(stills)
             return cls(path, stills, size, len(stills), None, bits=bits)
-        size, count, fps, promised, shown_s = _probe(path)
-        return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
+        return cls(path, (), **_probe(path))
 
     @property
     def nearly_whole(self) -> bool:
@@ -147,15 +149,23 @@ class FrameReader:
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        capture = cv2.VideoCapture(video_address(self.path))
-        position, frame = 0, None
+        capture = FieldCapture(self.path, self.size) if self.interlaced else None
+        capture = capture or cv2.VideoCapture(video_address(self.path))
+        position, frame, rows = 0, None, None
         try:
             for number in numbers:
                 # Skip by decoding: seeking lands on a wrong frame in some containers.
-                good = all(capture.grab() for _ in range(position, number))
-                if good and (position <= number or frame is None):
+                good = all(capture.grab() for _ in range(position, number - 1))
+                position = max(position, number - 1)
+                while good and (position <= number or frame is None):
                     good, frame = capture.read()
-                    position = number + 1
+                    position += 1
+                    before, rows = rows, None if frame is None else frame[::_SPARSE].copy()
+                    if self._is_stale(capture, before, rows):
+                        capture.release()
+                        capture = FieldCapture(self.path, self.size)
+                        good = all(capture.grab() for _ in range(position - 1))
+                        position -= 1
                 if not good or frame is None:
                     raise InputError(
                         f"{self.path} cannot be read beyond frame {number}: repair it, or give"
@@ -165,6 +175,14 @@ class FrameReader:
                 yield _three_channels(frame if self.numbers is None else frame.copy())
         finally:
             capture.release()
+
+    def _is_stale(
+        self, capture: object, before: np.ndarray | None, rows: np.ndarray | None
+    ) -> bool:
+        """Whether OpenCV may have left the picture before where it should have converted one."""
+        if before is None or isinstance(capture, FieldCapture) or not np.array_equal(before, rows):
+            return False
+        return has_fields(self.path, self.path.stat().st_mtime_ns)
 
 
 def read_together(
@@ -195,12 +213,8 @@ def read_together(
             yield step
 
 
-def _probe(
-    path: Path,
-) -> tuple[tuple[int, int], int, float | None, int, NDArray[np.float64] | None]:
-    """Returns size, number of frames, frames per second and promised frames of a video, and when it
-    shows its frames.
-    """
+def _probe(path: Path) -> dict[str, Any]:
+    """What a `FrameReader` knows of a video, by name."""
     capture = cv2.VideoCapture(video_address(path))
     try:
         good, frame = capture.read()
@@ -208,11 +222,12 @@ def _probe(
             remedy = "convert it, for example with ffmpeg to .mp4 (H.264)"
             raise InputError(f"{path} cannot be read as a video: {cut_off(path) or remedy}")
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        fps: float | None = float(capture.get(cv2.CAP_PROP_FPS))
-        # Some containers announce more frames than they hold; only then all frames are counted.
+        fps = float(capture.get(cv2.CAP_PROP_FPS))
+        # Some containers announce more frames than they hold, some fewer; only then all are counted.
+        coded, counted = coded_pictures(path), path.suffix.lower() in _COUNTED
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
-        if count < 1 or (count > 1 and not capture.grab()):
+        if count < 1 or (count > 1 and not capture.grab()) or (count < coded.count and not counted):
             capture.release()
             capture = cv2.VideoCapture(video_address(path))
             count = 0
@@ -220,12 +235,16 @@ def _probe(
                 count += 1
     finally:
         capture.release()
-    pieces, shown_s = picture_times(path)
-    count = min(count, pieces or count)  # empty pieces count in a header, lost frames in others
+    count = min(count, coded.count or count)  # a header may count empty pieces, or lost frames
     height, width = frame.shape[:2]
-    promised = promised if path.suffix.lower() in _COUNTED else count
-    fps = fps if np.isfinite(fps) and fps > 0 else None
-    return (width, height), count, fps, promised, shown_s if pieces == count else None
+    return {
+        "size": (width, height),
+        "frame_count": count,
+        "fps": fps if np.isfinite(fps) and fps > 0 else None,
+        "promised": promised if counted else count,
+        "shown_s": coded.shown_s if coded.count == count else None,
+        "interlaced": coded.interlaced,
+    }
 
 
 def read_still(file: Path, bits: int = 8) -> Frame:
