@@ -14,6 +14,8 @@ from calib.errors import InputError
 QUIET = ("-v", "quiet", "-nostdin")
 _STREAMS = frozenset(".ts .mts .m2ts .mpg .mpeg".split())  # they begin at any time of a clock
 _UNKNOWN = -(2**62)  # ticks, below which FFmpeg says that it does not know
+_SMALL = 10  # times smaller than the mean is a coded picture that may be the one before
+_HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
 _FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
 _FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter showinfo
 
@@ -26,11 +28,14 @@ class CodedPictures:
         count: number of those that are shown; 0 without FFmpeg.
         shown_s: (count,) float64, s, increasing, when they are; None where it does not tell.
         interlaced: whether the first is flagged as two fields.
+        may_repeat: whether some are coded in so few bytes, or so alike, that they may be those
+            before them.
     """
 
     count: int = 0
     shown_s: NDArray[np.float64] | None = None
     interlaced: bool = False
+    may_repeat: bool = False
 
 
 def coded_pictures(path: Path) -> CodedPictures:
@@ -39,16 +44,27 @@ def coded_pictures(path: Path) -> CodedPictures:
         table, words = _packets(path, "-copyts", *_FIRST)
     except (InputError, OSError):
         return CodedPictures()
-    interlaced = _FIELDS.search(words) is not None
+    told = _FIELDS.search(words) is not None, _may_repeat(table, words)
     times_s = np.sort(table[:, 1])
     if not len(table) or np.isnan(times_s).any():
-        return CodedPictures(len(table), None, interlaced)
+        return CodedPictures(len(table), None, *told)
     times_s = times_s[times_s >= 0]  # an edit list cuts off the others
     if not len(times_s) or (np.diff(times_s) <= 0).any():
-        return CodedPictures(len(table), None, interlaced)
+        return CodedPictures(len(table), None, *told)
     # Without an edit list, pictures come late by as much as some are coded ahead.
     counts_from_first = path.suffix.lower() in _STREAMS or table[0, 0] == 0
-    return CodedPictures(len(times_s), times_s - times_s[0] * counts_from_first, interlaced)
+    return CodedPictures(len(times_s), times_s - times_s[0] * counts_from_first, *told)
+
+
+def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
+    """Whether coded pictures, as of `_packets`, may be those before them."""
+    shown = table[np.argsort(table[:, 1], kind="stable"), 2:]
+    if len(shown) < 3:
+        return False
+    small = _SMALL * (shown[:, 0] - _HEADERS) < shown[:, 0].mean()
+    alike = (shown[1:] == shown[:-1]).all(axis=1)
+    # FFV1 codes the same picture in other bytes, and in as many.
+    return bool(small.any() or alike.any() or "Video: ffv1" in words)
 
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:
@@ -61,11 +77,11 @@ def packets(path: Path, *words: str) -> NDArray[np.float64]:
     Raises:
         InputError: there is no FFmpeg for this machine.
     """
-    return _packets(path, *words)[0]
+    return _packets(path, *words)[0][:, :2]
 
 
 def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
-    """Times as of `packets`, and what FFmpeg says."""
+    """Times as of `packets`, numbers of bytes and checksums, (n, 4); and what FFmpeg says."""
     source = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy"]
     done = finished("-nostdin", *source, "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
@@ -74,9 +90,10 @@ def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
             top, _, bottom = line.removeprefix("#tb 0:").partition("/")
             unit = float(top) / float(bottom)
         elif line.startswith("0,"):
-            rows.append([int(ticks) for ticks in line.split(",")[1:3]])
-    ticks = np.array(rows, np.int64).reshape(-1, 2)
-    return np.where(ticks > _UNKNOWN, ticks * unit, np.nan), done.stderr
+            rows.append([int(line.split(",")[k], 0) for k in (1, 2, 4, 5)])
+    table = np.array(rows, np.int64).reshape(-1, 4)
+    times = np.where(table[:, :2] > _UNKNOWN, table[:, :2] * unit, np.nan)
+    return np.column_stack([times, table[:, 2:]]), done.stderr
 
 
 @cache

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Self
 
@@ -58,6 +59,7 @@ class FrameReader:
             does not tell, or some are selected.
         bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
         interlaced: whether a video is flagged as interlaced, and read by FFmpeg.
+        may_repeat: whether the files tell that some frames may be those before them.
     """
 
     path: Path
@@ -70,6 +72,7 @@ class FrameReader:
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
     bits: int = 8
     interlaced: bool = False
+    may_repeat: bool = False
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -93,7 +96,9 @@ class FrameReader:
             stills = (path,)
         if stills:
             size, bits = cls._size_of(stills[0]), cls._bits_of(stills)
-            return cls(path, stills, size, len(stills), None, bits=bits)
+            lengths = [still.stat().st_size for still in stills]
+            alike = any(length == other for length, other in pairwise(lengths))
+            return cls(path, stills, size, len(stills), None, bits=bits, may_repeat=alike)
         return cls(path, (), **_probe(path))
 
     @property
@@ -223,7 +228,7 @@ def _probe(path: Path) -> dict[str, Any]:
             raise InputError(f"{path} cannot be read as a video: {cut_off(path) or remedy}")
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         fps = float(capture.get(cv2.CAP_PROP_FPS))
-        # Some containers announce more frames than they hold, some fewer; only then all are counted.
+        # Some containers announce more frames than they hold, or fewer: only then all are counted.
         coded, counted = coded_pictures(path), path.suffix.lower() in _COUNTED
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
@@ -244,6 +249,7 @@ def _probe(path: Path) -> dict[str, Any]:
         "promised": promised if counted else count,
         "shown_s": coded.shown_s if coded.count == count else None,
         "interlaced": coded.interlaced,
+        "may_repeat": coded.may_repeat,
     }
 
 
