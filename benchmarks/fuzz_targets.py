@@ -335,13 +335,14 @@ def _make_video(folder: Path, name: str) -> None:
 
 
 def _use_video(folder: Path, thorough: bool, name: str) -> None:
-    from voxelpose.recording.ffmpeg import picture_times
+    from voxelpose.recording.ffmpeg import coded_pictures
     from voxelpose.recording.timestamps import even_numbers
 
-    count, times_s = picture_times(folder / name)
+    coded = coded_pictures(folder / name)
+    times_s = coded.shown_s
     if times_s is not None:
         numbers, _ = even_numbers(times_s)
-        assert len(numbers) == count
+        assert len(numbers) == coded.count
         assert np.isfinite(times_s).all()
         assert (np.diff(numbers) > 0).all()
 

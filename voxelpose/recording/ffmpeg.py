@@ -1,6 +1,9 @@
 """FFmpeg, the program that imageio-ffmpeg brings along, and when it shows a video's pictures."""
 
+import re
 import subprocess
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +14,57 @@ from calib.errors import InputError
 QUIET = ("-v", "quiet", "-nostdin")
 _STREAMS = frozenset(".ts .mts .m2ts .mpg .mpeg".split())  # they begin at any time of a clock
 _UNKNOWN = -(2**62)  # ticks, below which FFmpeg says that it does not know
+_SMALL = 10  # times smaller than the mean is a coded picture that may be the one before
+_HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
+_FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
+_FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter showinfo
 
 
-def picture_times(path: Path) -> tuple[int, NDArray[np.float64] | None]:
-    """Number of the coded pictures that a video shows, and when it shows them, (n,) float64, s,
-    increasing; None where it does not tell. Nothing is decoded. (0, None) without FFmpeg.
+@dataclass(frozen=True, eq=False)
+class CodedPictures:
+    """What a video's file tells of its pictures; hardly any is decoded.
+
+    Attributes:
+        count: number of those that are shown; 0 without FFmpeg.
+        shown_s: (count,) float64, s, increasing, when they are; None where it does not tell.
+        interlaced: whether the first is flagged as two fields.
+        may_repeat: whether some are coded in so few bytes, or so alike, that they may be those
+            before them.
     """
+
+    count: int = 0
+    shown_s: NDArray[np.float64] | None = None
+    interlaced: bool = False
+    may_repeat: bool = False
+
+
+def coded_pictures(path: Path) -> CodedPictures:
+    """Looks at a video's file."""
     try:
-        table = packets(path, "-copyts")
+        table, words = _packets(path, "-copyts", *_FIRST)
     except (InputError, OSError):
-        return 0, None
+        return CodedPictures()
+    told = _FIELDS.search(words) is not None, _may_repeat(table, words)
     times_s = np.sort(table[:, 1])
     if not len(table) or np.isnan(times_s).any():
-        return len(table), None
+        return CodedPictures(len(table), None, *told)
     times_s = times_s[times_s >= 0]  # an edit list cuts off the others
     if not len(times_s) or (np.diff(times_s) <= 0).any():
-        return len(table), None
+        return CodedPictures(len(table), None, *told)
     # Without an edit list, pictures come late by as much as some are coded ahead.
     counts_from_first = path.suffix.lower() in _STREAMS or table[0, 0] == 0
-    return len(times_s), times_s - times_s[0] * counts_from_first
+    return CodedPictures(len(times_s), times_s - times_s[0] * counts_from_first, *told)
+
+
+def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
+    """Whether coded pictures, as of `_packets`, may be those before them."""
+    shown = table[np.argsort(table[:, 1], kind="stable"), 2:]
+    if len(shown) < 3:
+        return False
+    small = _SMALL * (shown[:, 0] - _HEADERS) < shown[:, 0].mean()
+    alike = (shown[1:] == shown[:-1]).all(axis=1)
+    # FFV1 codes the same picture in other bytes, and in as many.
+    return bool(small.any() or alike.any() or "Video: ffv1" in words)
 
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:
@@ -42,16 +77,71 @@ def packets(path: Path, *words: str) -> NDArray[np.float64]:
     Raises:
         InputError: there is no FFmpeg for this machine.
     """
-    source = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy", *words]
+    return _packets(path, *words)[0][:, :2]
+
+
+def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
+    """Times as of `packets`, numbers of bytes and checksums, (n, 4); and what FFmpeg says."""
+    source = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy"]
+    done = finished("-nostdin", *source, "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
-    for line in finished(*QUIET, *source, "-f", "framecrc", "-").stdout.splitlines():
+    for line in done.stdout.splitlines():
         if line.startswith("#tb 0:"):
             top, _, bottom = line.removeprefix("#tb 0:").partition("/")
             unit = float(top) / float(bottom)
         elif line.startswith("0,"):
-            rows.append([int(ticks) for ticks in line.split(",")[1:3]])
-    ticks = np.array(rows, np.int64).reshape(-1, 2)
-    return np.where(ticks > _UNKNOWN, ticks * unit, np.nan)
+            rows.append([int(line.split(",")[k], 0) for k in (1, 2, 4, 5)])
+    table = np.array(rows, np.int64).reshape(-1, 4)
+    times = np.where(table[:, :2] > _UNKNOWN, table[:, :2] * unit, np.nan)
+    return np.column_stack([times, table[:, 2:]]), done.stderr
+
+
+@cache
+def has_fields(path: Path, changed_ns: int) -> bool:
+    """Whether any picture of a video, which was changed last at a time, is flagged as two fields;
+    all are decoded.
+    """
+    words = ("-i", str(path.absolute()), "-map", "0:v:0", "-vf", "showinfo", "-f", "null", "-")
+    try:
+        return _FIELDS.search(finished("-nostdin", *words).stderr) is not None
+    except (InputError, OSError):
+        return False
+
+
+class FieldCapture:
+    """Pictures of a video flagged as interlaced, which OpenCV 5 does not convert, decoded by
+    FFmpeg; those whose lines are of two moments are deinterlaced. It is used as `cv2.VideoCapture`.
+    """
+
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        """Opens a video of pictures (width, height) px.
+
+        Raises:
+            InputError: there is no FFmpeg for this machine.
+        """
+        source = ("-i", str(path.absolute()), "-map", "0:v:0", "-fps_mode", "passthrough")
+        raw = ("-vf", "idet,bwdif=send_frame:auto:interlaced", "-f", "rawvideo", "-pix_fmt")
+        words = [program(), *QUIET, *source, *raw, "bgr24", "-"]
+        self._size = size
+        self._process = subprocess.Popen(words, stdout=subprocess.PIPE)
+
+    def grab(self) -> bool:
+        """Passes over a picture; whether there was one."""
+        return self.read()[0]
+
+    def read(self) -> tuple[bool, NDArray[np.uint8] | None]:
+        """Whether there is another picture, and it, (H, W, 3) uint8, BGR."""
+        width, height = self._size
+        assert self._process.stdout is not None, "it is a pipe"
+        data = self._process.stdout.read(3 * width * height)
+        if len(data) < 3 * width * height:
+            return False, None
+        return True, np.frombuffer(bytearray(data), np.uint8).reshape(height, width, 3)
+
+    def release(self) -> None:
+        """Ends FFmpeg."""
+        self._process.kill()
+        self._process.communicate()
 
 
 def finished(*words: str) -> subprocess.CompletedProcess[str]:

@@ -29,6 +29,7 @@ from voxelpose.recording.frame_reader import (
     read_together,
 )
 from voxelpose.recording.mask_labels import open_masks
+from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
@@ -137,8 +138,19 @@ class Recording:
             for reader in readers.values()
             if reader.promised > reader.frame_count
         )
+        if fields := [name for name, reader in readers.items() if reader.interlaced]:
+            notes += (
+                f"{', '.join(fields)}: flagged as interlaced: where a picture's lines are of two"
+                " moments, those of the first are taken",
+            )
         whole = frames is None or frames[1] is None
         timed, time_notes = recorded_times(folder, readers, fps, together=whole)
+        if not silhouettes_given:
+            in_step = timed is None
+            distinct, timed, repeats = without_repeats(readers, timed, fps)
+            if repeats and in_step and whole:
+                _frame_range(readers, None)  # refuses other lengths
+            readers, time_notes = distinct, time_notes + repeats
         if timed is None:
             start, stop = _frame_range(readers, frames)
             rate, times_s = times_by_rate(folder, readers, fps)

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Self
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.documents import visible_entries
 from calib.errors import InputError
-from voxelpose.recording.ffmpeg import picture_times
+from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields
 
 Frame = NDArray[np.uint8]
 STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split())
@@ -38,6 +39,7 @@ _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise
 _DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _ORIENTATION = 0x0112  # of EXIF
 _ASKED = 16  # images of a sequence whose brightest values tell its bits
+_SPARSE = 16  # rows of a picture, of which one is compared with the picture before
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -59,6 +61,8 @@ class FrameReader:
         bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
         sensor: whether images are read as the sensor has them, since their EXIF data turn them
             differently: a lens belongs to the sensor.
+        interlaced: whether a video is flagged as interlaced, and read by FFmpeg.
+        may_repeat: whether the files tell that some frames may be those before them.
     """
 
     path: Path
@@ -71,6 +75,8 @@ class FrameReader:
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
     bits: int = 8
     sensor: bool = False
+    interlaced: bool = False
+    may_repeat: bool = False
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -95,9 +101,11 @@ class FrameReader:
         if stills:
             bits, sensor = cls._bits_of(stills), turned_differently(stills)
             size = cls._size_of(stills[0], sensor)
-            return cls(path, stills, size, len(stills), None, bits=bits, sensor=sensor)
-        size, count, fps, promised, shown_s = _probe(path)
-        return cls(path, (), size, count, fps, promised=promised, shown_s=shown_s)
+            lengths = [still.stat().st_size for still in stills]
+            alike = any(length == other for length, other in pairwise(lengths))
+            count = len(stills)
+            return cls(path, stills, size, count, None, bits=bits, sensor=sensor, may_repeat=alike)
+        return cls(path, (), **_probe(path))
 
     @property
     def nearly_whole(self) -> bool:
@@ -153,15 +161,23 @@ class FrameReader:
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        capture = cv2.VideoCapture(video_address(self.path))
-        position, frame = 0, None
+        capture = FieldCapture(self.path, self.size) if self.interlaced else None
+        capture = capture or cv2.VideoCapture(video_address(self.path))
+        position, frame, rows = 0, None, None
         try:
             for number in numbers:
                 # Skip by decoding: seeking lands on a wrong frame in some containers.
-                good = all(capture.grab() for _ in range(position, number))
-                if good and (position <= number or frame is None):
+                good = all(capture.grab() for _ in range(position, number - 1))
+                position = max(position, number - 1)
+                while good and (position <= number or frame is None):
                     good, frame = capture.read()
-                    position = number + 1
+                    position += 1
+                    before, rows = rows, None if frame is None else frame[::_SPARSE].copy()
+                    if self._is_stale(capture, before, rows):
+                        capture.release()
+                        capture = FieldCapture(self.path, self.size)
+                        good = all(capture.grab() for _ in range(position - 1))
+                        position -= 1
                 if not good or frame is None:
                     raise InputError(
                         f"{self.path} cannot be read beyond frame {number}: repair it, or give"
@@ -171,6 +187,14 @@ class FrameReader:
                 yield _three_channels(frame if self.numbers is None else frame.copy())
         finally:
             capture.release()
+
+    def _is_stale(
+        self, capture: object, before: np.ndarray | None, rows: np.ndarray | None
+    ) -> bool:
+        """Whether OpenCV may have left the picture before where it should have converted one."""
+        if before is None or isinstance(capture, FieldCapture) or not np.array_equal(before, rows):
+            return False
+        return has_fields(self.path, self.path.stat().st_mtime_ns)
 
 
 def read_together(
@@ -201,12 +225,8 @@ def read_together(
             yield step
 
 
-def _probe(
-    path: Path,
-) -> tuple[tuple[int, int], int, float | None, int, NDArray[np.float64] | None]:
-    """Returns size, number of frames, frames per second and promised frames of a video, and when it
-    shows its frames.
-    """
+def _probe(path: Path) -> dict[str, Any]:
+    """What a `FrameReader` knows of a video, by name."""
     capture = cv2.VideoCapture(video_address(path))
     try:
         good, frame = capture.read()
@@ -214,11 +234,12 @@ def _probe(
             remedy = "convert it, for example with ffmpeg to .mp4 (H.264)"
             raise InputError(f"{path} cannot be read as a video: {cut_off(path) or remedy}")
         count = promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        fps: float | None = float(capture.get(cv2.CAP_PROP_FPS))
-        # Some containers announce more frames than they hold; only then all frames are counted.
+        fps = float(capture.get(cv2.CAP_PROP_FPS))
+        # Some containers announce more frames than they hold, or fewer: only then all are counted.
+        coded, counted = coded_pictures(path), path.suffix.lower() in _COUNTED
         if count > 1:
             capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
-        if count < 1 or (count > 1 and not capture.grab()):
+        if count < 1 or (count > 1 and not capture.grab()) or (count < coded.count and not counted):
             capture.release()
             capture = cv2.VideoCapture(video_address(path))
             count = 0
@@ -226,12 +247,17 @@ def _probe(
                 count += 1
     finally:
         capture.release()
-    pieces, shown_s = picture_times(path)
-    count = min(count, pieces or count)  # empty pieces count in a header, lost frames in others
+    count = min(count, coded.count or count)  # a header may count empty pieces, or lost frames
     height, width = frame.shape[:2]
-    promised = promised if path.suffix.lower() in _COUNTED else count
-    fps = fps if np.isfinite(fps) and fps > 0 else None
-    return (width, height), count, fps, promised, shown_s if pieces == count else None
+    return {
+        "size": (width, height),
+        "frame_count": count,
+        "fps": fps if np.isfinite(fps) and fps > 0 else None,
+        "promised": promised if counted else count,
+        "shown_s": coded.shown_s if coded.count == count else None,
+        "interlaced": coded.interlaced,
+        "may_repeat": coded.may_repeat,
+    }
 
 
 def turned_differently(stills: Sequence[Path]) -> bool:

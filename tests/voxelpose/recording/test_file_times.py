@@ -21,7 +21,7 @@ from tests.voxelpose.recording.test_folder import (
     write_video,
 )
 from voxelpose.calibration.sync import SyncSettings, _Films
-from voxelpose.recording.ffmpeg import picture_times
+from voxelpose.recording.ffmpeg import coded_pictures
 from voxelpose.recording.file_times import image_numbers
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader
@@ -159,7 +159,7 @@ def test_without_times_nothing_is_said(folder: Path, monkeypatch: pytest.MonkeyP
         raise RuntimeError("none")
 
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", missing)
-    assert picture_times(folder / "cam_2.mp4") == (0, None)
+    assert coded_pictures(folder / "cam_2.mp4").count == 0
     with pytest.raises(InputError, match=r"cam_1 20, cam_2 17 frames"):
         Recording.open(folder)
 

@@ -1,0 +1,156 @@
+"""Pictures that a camera gave again are lost frames; those of a still scene are pictures."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from tests.voxelpose.recording.test_file_times import ffmpeg
+from tests.voxelpose.recording.test_interlaced import made_case
+from voxelpose.recording.folder import Recording
+
+WIDTH, HEIGHT, COUNT = 96, 64, 24
+X264 = ["-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p"]
+
+
+def film(moments: list[float], noise: float, seed: int = 0) -> list[np.ndarray]:
+    """Pictures of a bar that is at a place of its own at each moment; a moment of one number is the
+    same picture, noise included. At a negative one it is out of sight.
+    """
+    rng, seen = np.random.default_rng(seed), {}
+    for moment in moments:
+        picture = np.full((HEIGHT, WIDTH, 3), 60.0)
+        if moment >= 0:
+            left = 8 + round(2.5 * moment)
+            picture[8:56, left : left + 16] = 190
+        noisy = np.clip(picture + noise * rng.standard_normal(picture.shape), 0, 255)
+        seen.setdefault(moment, noisy.astype(np.uint8))
+    return [seen[moment] for moment in moments]
+
+
+def write(folder: Path, name: str, pictures: list[np.ndarray], words=X264, ext="mp4") -> None:
+    source = folder / "source.mkv"
+    size = (WIDTH, HEIGHT)
+    writer = cv2.VideoWriter(str(source), cv2.VideoWriter.fourcc(*"FFV1"), 30, size)
+    for picture in pictures:
+        writer.write(picture)
+    writer.release()
+    ffmpeg("-i", source, *words, folder / f"{name}.{ext}")
+    source.unlink()
+
+
+def record(folder: Path, cameras: dict[str, list[float]], noise: float = 3, **how) -> Recording:
+    text = "".join(
+        f'[{name}]\nname = "{name}"\nsize = [{WIDTH}, {HEIGHT}]\nmatrix = [[90.0, 0, 48], [0, 90.0,'
+        " 32], [0, 0, 1]]\ndistortions = [0, 0, 0, 0, 0]\nrotation = [1.5, 0.1,"
+        f" {index}]\ntranslation = [0, 1, 4]\n"
+        for index, name in enumerate(cameras)
+    )
+    (folder / "calibration.toml").write_text(text + '[metadata]\nunit = "m"\n')
+    for seed, (name, moments) in enumerate(cameras.items()):
+        write(folder, name, film(moments, noise, seed), **how)
+    return Recording.open(folder)
+
+
+STEPS = [float(k) for k in range(COUNT)]
+STALL = [*STEPS[:8], 7.0, 7.0, 7.0, *STEPS[11:]]
+KEPT = [k for k in range(COUNT) if k not in (8, 9, 10)]
+CODED = {
+    "x264": {},
+    "strong": {"words": ["-c:v", "libx264", "-crf", "30", "-pix_fmt", "yuv420p"]},
+    "mpeg4": {"words": ["-c:v", "mpeg4", "-q:v", "3"], "ext": "avi"},
+    "mjpeg": {"words": ["-c:v", "mjpeg", "-q:v", "3"], "ext": "avi"},
+    "ffv1": {"words": ["-c:v", "ffv1"], "ext": "mkv"},
+}
+
+
+@pytest.mark.parametrize("coded", CODED)
+@pytest.mark.parametrize("noise", [0, 3])
+def test_a_camera_that_stalls_loses_the_frames(tmp_path: Path, coded: str, noise: float):
+    recording = record(tmp_path, {"cam_1": STEPS, "cam_2": STALL}, noise, **CODED[coded])
+    assert recording.numbers.tolist() == KEPT
+    assert recording.fps == pytest.approx(30, rel=1e-3)
+    (note,) = recording.notes
+    assert note.startswith("cam_2 repeats the picture before in 3 frames (8 to 10): ")
+    assert sum(1 for _ in recording) == recording.frame_count == len(KEPT)
+
+
+def test_cameras_that_stall_together_are_told_by_noise(tmp_path: Path):
+    cameras = {"cam_1": STALL, "cam_2": STALL}
+    assert record(tmp_path, cameras).numbers.tolist() == KEPT
+
+
+@pytest.mark.parametrize(
+    ("moments", "kept"),
+    [
+        ([*STEPS[:16], *[15.0] * 8], list(range(16))),
+        ([*[0.0] * 6, *STEPS[6:]], [0, *range(6, COUNT)]),
+        ([k * 25 // 30 for k in range(COUNT)], [k for k in range(COUNT) if k % 6 != 1]),
+        ([k - (k % 3 == 2) for k in range(COUNT)], [k for k in range(COUNT) if k % 3 != 2]),
+    ],
+    ids=["end", "start", "25 in 30", "every third"],
+)
+def test_repeats_anywhere_are_lost(tmp_path: Path, moments: list[float], kept: list[int]):
+    recording = record(tmp_path, {"cam_1": STEPS, "cam_2": [float(k) for k in moments]}, 1)
+    np.testing.assert_allclose(30 * recording.times_s, kept, atol=0.01)
+    assert [reader.numbers for reader in recording.readers.values()] == [tuple(kept)] * 2
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_a_video_doubled_throughout_has_its_real_rate(tmp_path: Path, shift: int):
+    twice = [float(k // 2 * 2) for k in range(COUNT)]
+    other = [float((k + shift) // 2 * 2) for k in range(COUNT)]
+    recording = record(tmp_path, {"cam_1": twice, "cam_2": other})
+    assert recording.fps == pytest.approx(15, rel=1e-3)
+    assert recording.frame_count == COUNT // 2
+    assert "cam_1, cam_2 shows each picture 2 times" in recording.notes[0] or shift
+
+
+STAND = [*STEPS[:8], *[8.0] * 8, *STEPS[9:17]]
+
+
+@pytest.mark.parametrize(
+    "cameras",
+    [
+        {"cam_1": STAND, "cam_2": STAND},
+        {"cam_1": STAND},
+        {"cam_1": [5.0] * COUNT, "cam_2": [5.0] * COUNT},
+        {"cam_1": STEPS, "cam_2": [*STEPS[:8], *[-1.0] * 8, *STEPS[16:]]},
+    ],
+    ids=["stands", "one camera", "always still", "out of sight of one"],
+)
+@pytest.mark.parametrize("noise", [0, 3])
+def test_who_stands_still_is_not_lost(tmp_path: Path, cameras, noise: float):
+    if noise:  # each picture has its own
+        cameras = {name: [m + 1e-4 * k for k, m in enumerate(c)] for name, c in cameras.items()}
+    recording = record(tmp_path, cameras, noise)
+    assert (recording.frame_count, recording.notes) == (COUNT, ())
+
+
+def test_images_that_are_copies_are_lost(tmp_path: Path):
+    record(tmp_path, {"cam_1": STEPS, "cam_2": STALL})
+    for name in ("cam_1", "cam_2"):
+        (tmp_path / name).mkdir()
+        ffmpeg("-i", tmp_path / f"{name}.mp4", "-q:v", "2", tmp_path / name / "%04d.png")
+        (tmp_path / f"{name}.mp4").unlink()
+    moments = film(STALL, 3, 1)
+    for number, picture in enumerate(moments, 1):
+        cv2.imwrite(str(tmp_path / "cam_2" / f"{number:04d}.png"), picture)
+    recording = Recording.open(tmp_path, fps=30)
+    assert recording.numbers.tolist() == KEPT
+
+
+def test_lengths_that_differ_are_still_asked_about(tmp_path: Path):
+    avi = CODED["mjpeg"]
+    with pytest.raises(InputError, match=r"differ in length|did not stop together"):
+        record(tmp_path, {"cam_1": STEPS[:-5], "cam_2": STALL}, **avi)
+
+
+@pytest.mark.slow
+def test_the_shared_case_of_a_recorder_that_stalls(shared: Path, tmp_path: Path):
+    recording = Recording.open(made_case(shared, "repeated_pictures", tmp_path) / "frozen4")
+    lost = [*range(8, 12), *range(24, 28)]
+    assert recording.numbers.tolist() == [k for k in range(40) if k not in lost]
+    assert "cam_2 repeats the picture before in 8 frames (8 to 11, 24 to 27)" in recording.notes[0]
