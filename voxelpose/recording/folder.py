@@ -28,7 +28,7 @@ from voxelpose.recording.frame_reader import (
     other_size,
     read_together,
 )
-from voxelpose.recording.mask_labels import open_masks
+from voxelpose.recording.mask_labels import cut_outs, open_masks
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
@@ -374,7 +374,9 @@ def open_readers(
         return readers, True, notes
     with ThreadPoolExecutor() as pool:  # each reads its file once, without decoding
         opened = pool.map(FrameReader.open, paths.values())
-        return dict(zip(paths, opened, strict=True)), False, ()
+        readers = dict(zip(paths, opened, strict=True))
+    silhouettes, notes = cut_outs(readers)
+    return silhouettes or readers, bool(silhouettes), notes
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
