@@ -4,7 +4,7 @@ other.
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 from calib.documents import visible_entries
 from calib.errors import InputError
 from voxelpose.recording.ffmpeg import finished
+from voxelpose.recording.film_track import film_track
 from voxelpose.recording.frame_reader import (
     STILLS,
     VIDEOS,
@@ -38,28 +39,37 @@ _OFF_S = (1, 1, 2)  # by which `_Facts` may be off: the last are whole seconds
 
 
 @dataclass(frozen=True)
-class ChapterReader(FrameReader):
-    """Frames of a film in several files.
+class FilmReader(FrameReader):
+    """Frames of a film that lies in other files than a video of its name.
 
     Attributes:
-        chapters: readers of the files, in their order.
+        files: readers of the files, in their order.
+        note: what is to be told.
     """
 
-    chapters: tuple[FrameReader, ...] = field(default=(), compare=False)
+    files: tuple[FrameReader, ...] = field(default=(), compare=False)
+    note: str = ""
 
-    @property
-    def note(self) -> str:
-        """What is to be told."""
-        names = ", ".join(chapter.path.name for chapter in self.chapters)
-        return f"{self.path.name}: {names} are joined as the chapters of one film"
+    @classmethod
+    def of(cls, path: Path, files: Sequence[FrameReader], note: str) -> "FilmReader":
+        """The film of a camera in files of one size and rate.
+
+        Args:
+            path: the camera's video or folder.
+        """
+        counts = [file.frame_count for file in files]
+        promised, shown_s = sum(file.promised for file in files), _shown_s(files)
+        size, fps = files[0].size, files[0].fps
+        film = cls(path, (), size, sum(counts), fps, promised=promised, shown_s=shown_s)
+        return replace(film, files=tuple(files), note=note)
 
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         begin = 0
-        for chapter in self.chapters:
-            end = begin + chapter.frame_count
+        for file in self.files:
+            end = begin + file.frame_count
             inside = [number - begin for number in numbers if begin <= number < end]
             if inside:
-                yield from chapter.select(inside)
+                yield from file.select(inside)
             begin = end
 
 
@@ -79,25 +89,19 @@ def open_camera(path: Path) -> FrameReader:
     """
     files = chapters_in(path)
     if not files:
-        return FrameReader.open(path)
+        reader = FrameReader.open(path)
+        if reader.stills or reader.frame_count > 1 or (film := film_track(path)) is None:
+            return reader
+        note = f"{path.name}: the first video track is a still picture, and a later one is used"
+        return FilmReader.of(path, [FrameReader.open(film)], note)
     if len(files) > 1 and all(_GOPRO.fullmatch(file.stem) for file in files):
         files = _gopro_order(path, files)
     chapters = [FrameReader.open(file) for file in files]
     if len(chapters) > 1:
         chapters = _continued(path, chapters)
-    first = chapters[0]
-    counts = [chapter.frame_count for chapter in chapters]
-    promised = sum(chapter.promised for chapter in chapters)
-    return ChapterReader(
-        path,
-        (),
-        first.size,
-        sum(counts),
-        first.fps,
-        promised=promised,
-        shown_s=_shown_s(chapters),
-        chapters=tuple(chapters),
-    )
+    names = ", ".join(chapter.path.name for chapter in chapters)
+    joined = "are joined as the chapters of one film" if len(chapters) > 1 else "is the film"
+    return FilmReader.of(path, chapters, f"{path.name}: {names} {joined}")
 
 
 def chapters_in(folder: Path) -> list[Path]:

@@ -20,7 +20,7 @@ from voxelpose.recording.camera_files import (
     pictures_by_camera,
     renaming,
 )
-from voxelpose.recording.chapters import ChapterReader, chapters_apart, open_camera
+from voxelpose.recording.chapters import FilmReader, chapters_apart, open_camera
 from voxelpose.recording.file_times import recorded_times
 from voxelpose.recording.frame_reader import (
     VIDEOS,
@@ -376,7 +376,7 @@ def open_readers(
         opened = pool.map(open_camera, paths.values())
         readers = dict(zip(paths, opened, strict=True))
     silhouettes, notes = cut_outs(readers)
-    notes += tuple(one.note for one in readers.values() if isinstance(one, ChapterReader))
+    notes += tuple(one.note for one in readers.values() if isinstance(one, FilmReader))
     return silhouettes or readers, bool(silhouettes), notes
 
 

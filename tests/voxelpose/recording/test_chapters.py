@@ -110,6 +110,35 @@ def test_chapters_beside_each_other_belong_into_a_folder(tmp_path: Path):
         one_camera(tmp_path)
 
 
+def with_cover(path: Path, number: int, *words: str) -> None:
+    """Puts a still picture before a video's track."""
+    picture_file, whole = path.with_suffix(".jpg"), path.with_name("whole.mp4")
+    cv2.imwrite(str(picture_file), cv2.resize(picture(number), (48, 32)))
+    path.rename(whole)
+    tracks = ("-map", "0:v", "-map", "1:v", "-c:v:0", "mjpeg", "-c:v:1", "copy")
+    ffmpeg("-i", picture_file, "-i", whole, *tracks, *words, path)
+    for file in (picture_file, whole):
+        file.unlink()
+
+
+@pytest.mark.parametrize("words", [(), ("-disposition:v:0", "attached_pic")])
+def test_the_film_is_taken_whichever_track_it_is(tmp_path: Path, words: tuple[str, ...]):
+    write_calibration(tmp_path / "calibration.toml")
+    for name in ("cam_1", "cam_2"):
+        film(tmp_path / f"{name}.mp4")
+    with_cover(tmp_path / "cam_2.mp4", 3, *words)
+    recording = Recording.open(tmp_path)
+    assert numbers(recording) == [(n, [n, n]) for n in range(COUNT)]
+    assert recording.fps == FPS
+    assert recording.readers["cam_2"].path == tmp_path / "cam_2.mp4"
+    assert list(recording.file_times()) == ["cam_1", "cam_2"]
+
+
+def test_a_video_of_one_picture_is_what_it_is(tmp_path: Path):
+    film(tmp_path / "cam_1.mp4", count=1)
+    assert open_camera(tmp_path / "cam_1.mp4").frame_count == 1
+
+
 def test_a_folder_of_several_cameras_videos_is_no_camera(tmp_path: Path):
     ffmpeg_words = ("-f", "lavfi", "-i", "color=size=96x64:rate=25", "-frames:v", "2")
     (tmp_path / "videos").mkdir()
