@@ -68,7 +68,7 @@ class NameReading:
         steps = np.diff(self.values)
         usual = float(np.median(steps))
         alike = 2 * np.count_nonzero(np.abs(steps - usual) <= usual / 4) >= len(steps)
-        return alike and (self.kind != "time" or possible_rate(1 / usual))
+        return bool(alike) and (self.kind != "time" or possible_rate(1 / usual))
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +304,8 @@ def _goes_along(order: NDArray[np.int64], values: Sequence[float]) -> bool:
         return True
     steps = np.diff(np.unique(along))
     usual = np.median(steps)
-    return len(steps) + 1 == len(along) and 2 * np.mean(np.abs(steps - usual) <= usual / 4) < 1
+    alike = int(np.count_nonzero(np.abs(steps - usual) <= usual / 4))
+    return len(steps) + 1 == len(along) and 2 * alike < len(steps)
 
 
 def _agreed(
