@@ -359,6 +359,37 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
         frame.mean()
 
 
+def _make_image_names(folder: Path) -> None:
+    """Names of the images of some cameras, which tell numbers and times in several ways."""
+    forms = (
+        lambda n: f"cam1_{n:04d}",
+        lambda n: f"{1_700_000_000.35 + n / 30:.6f}",
+        lambda n: f"{n}_2024-01-01T11-59-59.{33_333 * n:06d}+0200",
+        lambda n: f"IMG_20240101_1159{n // 9 + 58}_{111 * (n % 9):03d}",
+        lambda n: f"{n // 9}-{111_000_000 * (n % 9)}",
+        lambda n: f"f_{n + 4:x}",
+        lambda n: f"{1_700_000_000_000_000_000 + 33_000_000 * n}",
+    )
+    names = ["\n".join(map(form, range(_FRAMES))) for form in forms]
+    (folder / "names.txt").write_text("\n\n".join(names))
+
+
+def _use_image_names(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.image_names import in_order, names_by_camera
+
+    listed = (folder / "names.txt").read_text("utf-8", "replace").split("\n\n")
+    cameras = {str(k): names.splitlines() for k, names in enumerate(listed)}
+    ordered = {
+        name: in_order([folder / "names.txt" / f"{stem}.png" for stem in stems])
+        for name, stems in cameras.items()
+        if stems
+    }
+    for name, paths in ordered.items():
+        with contextlib.suppress(InputError):  # others may tell more
+            names_by_camera({name: paths})
+    names_by_camera(ordered)
+
+
 def _make_masks(folder: Path, name: str) -> None:
     (folder / "masks" / "cam_0").mkdir(parents=True)
     for number in range(3):
@@ -619,6 +650,7 @@ TARGETS: dict[str, FuzzTarget] = {
     "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
     "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
     "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
+    "image-names": FuzzTarget(_make_image_names, {"names.txt": any_text}, _use_image_names),
     "times-mov": _video("mov"),
     "times-mkv": _video("mkv"),
     "times-avi": _video("avi"),

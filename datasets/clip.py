@@ -21,7 +21,8 @@ from calib.files import read_rig, write_rig  # noqa: F401
 from voxelpose import InputError, Recording  # noqa: F401
 from voxelpose.recording import mask_labels
 from voxelpose.recording.camera_files import pictures_by_camera  # noqa: F401
-from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader, natural_order  # noqa: F401
+from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader
+from voxelpose.recording.image_names import natural_order  # noqa: F401
 from voxelpose.recording.timestamps import write_timestamps  # noqa: F401
 
 FloatArray = NDArray[np.float64]

@@ -16,6 +16,7 @@ from calib.documents import visible_entries
 from calib.errors import InputError
 from silhouette_core.progress import Reporter
 from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.frame_reader import (
     STILLS,
     Frame,
@@ -84,7 +85,7 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
                 " folder with one of these per camera"
             )
         for name, pictures in inside.items():
-            _add(cameras, name, FrameReader.open(pictures))
+            _add(cameras, name, open_camera(pictures))
     for folder, stills in loose.items():
         # Their sizes may differ: none is stated.
         sensor = turned_differently(stills)

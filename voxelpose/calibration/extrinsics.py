@@ -15,6 +15,7 @@ from calib.pairs import check_lens_size
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.board_views import as_printed, board_moments
 from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
+from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.file_times import ends_apart, recorded_times
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import TIMESTAMPS, Times, rates_differ
@@ -104,7 +105,7 @@ def _readers(
         )
     if lacking:
         raise InputError(f"no pictures of {', '.join(lacking)} in {folder}: {remedy}")
-    readers = {name: FrameReader.open(paths[name]) for name in lenses.names}
+    readers = {name: open_camera(paths[name]) for name in lenses.names}
     for name, reader in readers.items():
         check_lens_size(lenses[name], reader.size)
     return readers, lenses

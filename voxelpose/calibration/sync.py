@@ -199,7 +199,8 @@ class _Films:
         times = {name: np.arange(readers[name].frame_count) / fps[name] for name in names}
         notes = []
         for name in names:
-            file_times = times_in_files({name: readers[name]}, (settings.rates or {}).get(name))
+            one = {name: readers[name]}
+            file_times, _ = times_in_files(one, (settings.rates or {}).get(name))
             if file_times is not None:
                 times |= file_times.times
                 fps[name] = 1 / even_numbers(times[name])[1]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from calib.documents import visible_entries
 from calib.errors import InputError
+from voxelpose.recording.chapters import chapters_in
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
 CALIBRATION_SUFFIXES = (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", ".qca.txt", ".xcp")
@@ -27,7 +28,7 @@ _MOST = 3  # names in a message
 
 
 def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
-    """Returns the videos and folders of images in a folder, by camera name.
+    """Returns the videos and folders of images, or of chapters, in a folder, by camera name.
 
     The camera name is the stem of the file or the name of the folder.
 
@@ -44,7 +45,7 @@ def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
         if path.name in SUBFOLDERS:
             continue
         if path.is_dir():
-            if not is_image_folder(path):
+            if not is_image_folder(path) and not chapters_in(path):
                 continue
             name = path.name
         elif suffix in VIDEOS or (stills and suffix in STILLS):

@@ -1,6 +1,5 @@
-"""When frames were taken as their files tell: presentation times of videos, numbers of images."""
+"""When frames were taken as their files tell: presentation times of videos, names of images."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.image_names import NameReading, names_by_camera
 from voxelpose.recording.timestamps import (
     TIMESTAMPS,
     Times,
@@ -47,13 +47,14 @@ def recorded_times(
         checked_rate(fps, "--fps", "correct it")
     elif (folder / TIMESTAMPS).exists():
         return read_timestamps(folder / TIMESTAMPS, readers)
-    file_times = times_in_files(readers, fps)
+    file_times, notes = times_in_files(readers, fps)
     if file_times is not None:
         if together:
             _check_ends(folder, file_times.times)
-        return file_times.times, (file_times.note,)
-    aside = None if fps is None else times_in_files(readers)
-    return None, () if aside is None else (f"{aside.faults}: --fps sets them aside",)
+        return file_times.times, (*notes, file_times.note)
+    videos = {name: reader for name, reader in readers.items() if not reader.stills}
+    aside = None if fps is None else times_in_files(videos)[0]
+    return None, notes if aside is None else (*notes, f"{aside.faults}: --fps sets them aside")
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,33 +78,86 @@ class FileTimes:
 
 def times_in_files(
     readers: Mapping[str, FrameReader], fps: float | None = None
-) -> FileTimes | None:
+) -> tuple[FileTimes | None, tuple[str, ...]]:
     """Times that the files tell, by which cameras lost frames, began late or film at a varying
-    rate; None where they tell no such thing, so that frame n is the same moment in all.
+    rate; None where they tell no such thing, so that frame n is the same moment in all. And what
+    else is to be told.
 
     Args:
         readers: frame readers by camera name, none of them selected.
-        fps: frames per second, before what videos tell.
+        fps: frames per second, before what files tell.
+
+    Raises:
+        InputError: the names of images may be understood in several ways.
     """
+    images = {name: reader.stills for name, reader in readers.items() if reader.stills}
+    named, notes = _comparable(images)
     rate = fps or next((reader.fps for reader in readers.values() if reader.fps), None)
+    clock_fps = 0.0
+    if any(reading.kind == "time" for reading in named.values()):
+        clock_fps = 1 / min(even_numbers(reading.values)[1] for reading in named.values())
+        words = f"by the times in the names of the images {clock_fps:.4g} were taken per second"
+        if fps is None:
+            rate = clock_fps
+        elif rates_differ([clock_fps, fps]):
+            notes += (f"{words}: --fps {fps:g} is used",)
     if rate is None:
-        return None
-    stills = {name: image_numbers(reader.stills) for name, reader in readers.items()}
-    images = {name: numbers for name, numbers in stills.items() if numbers is not None}
-    counted, times = _common_numbers(images), dict[str, Times]()
+        return None, notes
+    counted, begins = _common_numbers(named)
+    times = dict[str, Times]()
     for name, reader in readers.items():
         times[name] = np.arange(reader.frame_count) / (fps or reader.fps or rate)
         if name in counted:
             times[name] = counted[name] / rate
         elif fps is None and reader.shown_s is not None:
             times[name] = reader.shown_s
-    faults = [(_fault(taken, images.get(name)), name) for name, taken in times.items()]
-    faults += _late_starts(times, images)
-    named = {words: [name for fault, name in faults if fault == words] for words, _ in faults}
-    listed = [f"{', '.join(names)} {words}" for words, names in named.items() if words]
+    numbers = {
+        name: reading.values.astype(np.int64)
+        for name, reading in named.items()
+        if reading.kind == "number"
+    }
+    faults = [
+        (_fault(taken, numbers.get(name), "image" if name in images else "frame"), name)
+        for name, taken in times.items()
+    ]
+    faults += _late_starts(times, numbers)
+    labelled = {words: [name for fault, name in faults if fault == words] for words, _ in faults}
+    listed = [f"{', '.join(names)} {words}" for words, names in labelled.items() if words]
     listed += _rates_apart(times)
-    source = "numbers of the images" if images else "times in the files"
-    return FileTimes(times, f"by the {source}, {'; '.join(listed)}") if listed else None
+    if clock_fps and fps is None:
+        listed = listed or [f"{clock_fps:.4g} were taken per second"]
+    source = "numbers" if len(numbers) == len(named) else "times in the names"
+    source = f"{source} of the images" if named else "times in the files"
+    notes += begins
+    return FileTimes(times, f"by the {source}, {'; '.join(listed)}") if listed else None, notes
+
+
+def _comparable(
+    images: Mapping[str, Sequence[Path]],
+) -> tuple[dict[str, NameReading], tuple[str, ...]]:
+    """What the names of images tell, by camera, where those of all tell alike; else nothing, and
+    that the order counts.
+
+    Raises:
+        InputError: a camera lost images, and others' names do not tell which go with those left.
+    """
+    readings = names_by_camera(images)
+    if all(len(paths) < 2 for paths in images.values()):
+        return {}, ()
+    named = {name: reading for name, reading in readings.items() if reading is not None}
+    kinds = {"times" if reading.kind == "time" else "numbers" for reading in named.values()}
+    if len(kinds) == 1 and len(named) == len(images):
+        return named, ()
+    if not named:
+        what = f"the names of the images of {', '.join(images)} tell neither numbers nor times"
+        return {}, (f"{what}: frames are taken in the order of the names",)
+    what = f"not all names of images tell times, or all numbers ({', '.join(images)})"
+    if lossy := [name for name, reading in named.items() if reading.lost.any()]:
+        raise InputError(
+            f"{what}, and by theirs {', '.join(lossy)} lost some: name them alike, or add"
+            f" {TIMESTAMPS}"
+        )
+    return {}, (f"{what}: frames are paired in the order of the names",)
 
 
 def ends_apart(times: Mapping[str, Times]) -> str:
@@ -130,41 +184,46 @@ def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
         )
 
 
-def image_numbers(stills: Sequence[Path]) -> NDArray[np.int64] | None:
-    """Numbers (n,) in the names of n images, increasing: of their groups of digits the one that
-    changes; None where none, or more than one, does.
+def _common_numbers(
+    named: Mapping[str, NameReading],
+) -> tuple[dict[str, Times], tuple[str, ...]]:
+    """Numbers of the cameras' images, counted in steps from a common begin, and what is to be told.
+
+    Where all count as many, each begins with its first: some count from 0, others from 1.
+
+    Raises:
+        InputError: it is not sure whether they do.
     """
-    groups = [re.findall(r"\d+", path.stem) for path in stills]
-    if not groups or len({len(words) for words in groups}) > 1:
-        return None
-    changing = [column for column in zip(*groups, strict=True) if len({*column}) > 1]
-    if (len(groups) > 1 and len(changing) != 1) or not groups[0]:
-        return None
-    words = changing[0] if changing else groups[0][-1:]
-    if max(map(len, words)) > 18:  # digits that an integer holds
-        return None
-    numbers = np.array([int(word) for word in words], np.int64)
-    return numbers if (np.diff(numbers) > 0).all() else None
-
-
-def _common_numbers(numbered: Mapping[str, NDArray[np.int64]]) -> dict[str, Times]:
-    """Numbers of the cameras' images, counted in steps from a common begin.
-
-    Where all cover the same, each begins with its first: some count from 0, others from 1.
-    """
-    if not numbered:
-        return {}
-    steps = [np.median(np.diff(numbers)) for numbers in numbered.values() if len(numbers) > 1]
-    step = max(min(steps, default=1), 1)
-    same = len({int(numbers[-1] - numbers[0]) for numbers in numbered.values()}) == 1
-    first = min(int(numbers[0]) for numbers in numbered.values())
+    if not named:
+        return {}, ()
+    values = {name: reading.values for name, reading in named.items()}
+    first = min(float(numbers[0]) for numbers in values.values())
+    same, notes = False, ()
+    if any(reading.kind != "number" for reading in named.values()):
+        step = min(even_numbers(numbers)[1] for numbers in values.values() if len(numbers) > 1)
+    else:
+        usual = [np.median(np.diff(numbers)) for numbers in values.values() if len(numbers) > 1]
+        step = max(min(usual, default=1), 1)
+        same = len({numbers[-1] - numbers[0] for numbers in values.values()}) == 1
+    firsts = {int(numbers[0]) for numbers in values.values()}
+    if same and len(firsts) > 1 and not firsts <= {0, 1}:
+        listed = ", ".join(f"{name} from {int(numbers[0])}" for name, numbers in values.items())
+        if max(firsts) <= min(numbers[-1] for numbers in values.values()):
+            raise InputError(
+                f"images are numbered from different numbers on ({listed}): where those of one"
+                " number belong together, remove those that a camera lacks; where the first ones"
+                " do, number each camera's from 0"
+            )
+        notes = (
+            f"images are numbered from different numbers on ({listed}): the first ones are"
+            " taken to belong together",
+        )
     return {
-        name: (numbers - (numbers[0] if same else first)) / step
-        for name, numbers in numbered.items()
-    }
+        name: (numbers - (numbers[0] if same else first)) / step for name, numbers in values.items()
+    }, notes
 
 
-def _fault(times: Times, images: NDArray[np.int64] | None) -> str:
+def _fault(times: Times, images: NDArray[np.int64] | None, noun: str) -> str:
     """What a camera lost by its own times, in words; "" where nothing."""
     if np.array_equal(even_numbers(times)[0], np.arange(len(times))):
         return ""
@@ -172,11 +231,11 @@ def _fault(times: Times, images: NDArray[np.int64] | None) -> str:
     lost = int(gaps.sum())
     plural = "" if lost == 1 else "s"
     if images is not None:
-        return f"lost {lost} image{plural} ({_missing(images, gaps)})"
+        return f"lost {lost} {noun}{plural} ({_missing(images, gaps)})"
     if not lost or 10 * np.count_nonzero(gaps) > len(gaps):
         slow, fast = 1 / np.quantile(np.diff(times), (0.95, 0.05))
         return f"filmed {slow:.4g} to {fast:.4g} frames per second"
-    return f"lost {lost} frame{plural}"
+    return f"lost {lost} {noun}{plural}"
 
 
 def _missing(images: NDArray[np.int64], gaps: NDArray[np.int64]) -> str:

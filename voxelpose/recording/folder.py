@@ -20,6 +20,7 @@ from voxelpose.recording.camera_files import (
     pictures_by_camera,
     renaming,
 )
+from voxelpose.recording.chapters import FilmReader, chapters_apart, open_camera
 from voxelpose.recording.file_times import recorded_times
 from voxelpose.recording.frame_reader import (
     VIDEOS,
@@ -28,7 +29,7 @@ from voxelpose.recording.frame_reader import (
     other_size,
     read_together,
 )
-from voxelpose.recording.mask_labels import open_masks
+from voxelpose.recording.mask_labels import cut_outs, open_masks
 from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.subject import Subject, read_subject
 from voxelpose.recording.timestamps import (
@@ -248,7 +249,7 @@ class Recording:
         """Time of every frame of every camera's file, s, by timestamps.csv, the files or
         rate, by camera.
         """
-        readers = {name: FrameReader.open(reader.path) for name, reader in self.readers.items()}
+        readers = {name: open_camera(reader.path) for name, reader in self.readers.items()}
         times, _ = recorded_times(self.folder, readers)
         return times or {
             name: np.arange(reader.frame_count) / (reader.fps or self.fps)
@@ -265,7 +266,7 @@ class Recording:
         paths = pictures_by_camera(self.folder / "background", stills=True)
         for camera in self.rig:
             if camera.name in paths and not self.silhouettes_given:
-                reader = FrameReader.open(paths[camera.name])
+                reader = open_camera(paths[camera.name])
                 if reader.size != camera.size:
                     remedy = "record the background with the same settings, or remove it"
                     raise other_size(paths[camera.name], reader.size, camera, remedy)
@@ -319,9 +320,8 @@ def one_camera(recording: Path, camera: str | None = None) -> tuple[Path, str]:
         return recording, camera
     names = [*_paths(recording, None)[0]]
     if len(names) > 1:
-        raise InputError(
-            f"{recording} has {len(names)} cameras: choose one with --camera: {', '.join(names)}"
-        )
+        remedy = chapters_apart(names) or f"choose one with --camera: {', '.join(names)}"
+        raise InputError(f"{recording} has {len(names)} cameras: {remedy}")
     return recording, names[0]
 
 
@@ -385,8 +385,11 @@ def open_readers(
         readers, notes = open_masks(paths, label)
         return readers, True, notes
     with ThreadPoolExecutor() as pool:  # each reads its file once, without decoding
-        opened = pool.map(FrameReader.open, paths.values())
-        return dict(zip(paths, opened, strict=True)), False, ()
+        opened = pool.map(open_camera, paths.values())
+        readers = dict(zip(paths, opened, strict=True))
+    silhouettes, notes = cut_outs(readers)
+    notes += tuple(one.note for one in readers.values() if isinstance(one, FilmReader))
+    return silhouettes or readers, bool(silhouettes), notes
 
 
 def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path], bool]:
@@ -451,7 +454,7 @@ def _select_cameras(
     others = {name: reader.path for name, reader in readers.items() if name not in rig}
     renamed = renaming(others, [name for name in rig.names if name not in readers])
     for name in others:
-        remedy = renamed or "add it, or choose with --cameras"
+        remedy = chapters_apart(others) or renamed or "add it, or choose with --cameras"
         raise InputError(
             f"camera {name} has no calibration: {calibration} knows {calibrated}; {remedy}"
         )

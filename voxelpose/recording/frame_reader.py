@@ -1,7 +1,6 @@
 """Frames of one camera, read in order from a video, a folder of images or a single image."""
 
 import os
-import re
 import struct
 import warnings
 from collections import deque
@@ -22,6 +21,7 @@ from calib.camera import Camera
 from calib.documents import visible_entries
 from calib.errors import InputError
 from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields
+from voxelpose.recording.image_names import in_order
 
 Frame = NDArray[np.uint8]
 STILLS = frozenset(".png .jpg .jpeg .bmp .tif .tiff .pbm .pgm .ppm .webp".split())
@@ -90,7 +90,7 @@ class FrameReader:
         stills = ()
         if path.is_dir():
             images = (file for file in visible_entries(path) if file.suffix.lower() in STILLS)
-            stills = tuple(sorted(images, key=natural_order))
+            stills = in_order([*images])
             if not stills:
                 raise InputError(
                     f"{path} holds no frames: put images there ({', '.join(sorted(STILLS))}) or"
@@ -404,15 +404,6 @@ def _three_channels(image: np.ndarray) -> Frame:
     if image.ndim == 2:
         image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     return np.ascontiguousarray(image, np.uint8)
-
-
-def natural_order(path: Path) -> list[tuple[int, str]]:
-    """Returns a sort key that puts frame_2 before frame_10."""
-    return [
-        (int(word), "") if word.isdigit() else (-1, word)
-        for word in re.split(r"(\d+)", path.name)
-        if word
-    ]
 
 
 def video_address(path: Path) -> str:

@@ -6,6 +6,7 @@ What is not plain is asked about: two that move, black and white exchanged, pict
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.read_ahead import side_by_side
+from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.mask_levels import MaskForm, MaskLevels
-from voxelpose.recording.masks import MaskReader, MaskRule
+from voxelpose.recording.masks import MaskReader, MaskRule, half_cut_out, may_be_transparent
 
 _STILL_PERCENT = 95  # of a label's pixels, which are the same in all pictures
 _PIECE_PERCENT = 90  # of the pixels of labels that are one body, and of the pictures where they are
@@ -34,9 +36,11 @@ class _Look:
     levels: MaskLevels
 
     @classmethod
-    def at(cls, reader: MaskReader) -> "_Look":
+    def at(cls, reader: MaskReader, labels: bool = True) -> "_Look":
         layers = reader.samples()
-        form = MaskForm.of(layers)
+        form = MaskForm.of(layers, labels)
+        if form.alpha and any(one.alpha is None for one in layers):
+            raise half_cut_out(reader.path)
         labels = form.coloured or not form.alpha
         return cls(reader, form, MaskLevels.of([form.plane(one) for one in layers], labels))
 
@@ -101,6 +105,14 @@ class _Look:
         masks = [np.isin(index, wanted) for index in self.levels.indices]
         return [mask for mask in masks if mask.any() and mask.shape == masks[0].shape]
 
+    def no_cut_out(self) -> str:
+        """Why the opacity of pictures is no silhouette, in words; "" where it is one."""
+        if not self.levels.bordered or self.levels.values[0].any():
+            return "not transparent along their borders"
+        first, *others = self.levels.indices
+        still = len(others) + 1 >= _FEWEST and all(np.array_equal(first, each) for each in others)
+        return "the same in all of them" if still else ""
+
     def check(self) -> None:
         """Checks that the masks can be understood without being asked about.
 
@@ -162,6 +174,44 @@ def open_masks(
         name: replace(look.reader, rule=look.rule(chosen.get(name, look.names[1:])))
         for name, look in looks.items()
     }, notes
+
+
+def cut_outs(
+    readers: Mapping[str, FrameReader],
+) -> tuple[dict[str, MaskReader], tuple[str, ...]]:
+    """Readers of the silhouettes that frames hold in their opacity, by camera name, and what is
+    worth telling; no readers where frames are no cut-outs.
+
+    Args:
+        readers: frame readers by camera name.
+
+    Raises:
+        InputError: only some of the cameras' frames are cut-outs.
+    """
+    layered = {
+        name: MaskReader.open(reader.path)
+        for name, reader in readers.items()
+        if may_be_transparent(reader)
+    }
+    look = partial(_Look.at, labels=False)
+    looks = dict(zip(layered, side_by_side(look, list(layered.values())), strict=True))
+    doubts = {name: look.no_cut_out() for name, look in looks.items() if look.form.alpha}
+    if "" not in doubts.values():
+        return {}, tuple(
+            f"the opacity of the frames of {name} is {doubt} and is not used: if it is the person's"
+            " silhouette, put them into masks/"
+            for name, doubt in doubts.items()
+        )
+    if others := [name for name in readers if doubts.get(name) != ""]:
+        raise InputError(
+            f"frames of {', '.join(doubts.keys() - {*others})} are cut-outs, whose opacity is the"
+            f" silhouette, and those of {', '.join(others)} are not: cut out all, or take the"
+            " opacity out of all"
+        )
+    silhouettes = {
+        name: replace(look.reader, rule=look.rule(look.names[1:])) for name, look in looks.items()
+    }
+    return silhouettes, ("frames are cut-outs: their opacity is used as silhouettes, no colours",)
 
 
 def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str, ...]]:

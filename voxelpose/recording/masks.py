@@ -5,6 +5,7 @@ Opacity counts where it varies, else the values: of any type and scale, labels o
 `mask_labels.py` says which of several labels is the person's.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.moments import even_moments
+from voxelpose.recording.ffmpeg import finished
 from voxelpose.recording.frame_reader import Frame, FrameReader, read_image, video_address
 from voxelpose.recording.mask_levels import (
     Layers,
@@ -29,6 +31,9 @@ from voxelpose.recording.mask_levels import (
 _SAMPLES = 12  # pictures of a sequence that are looked at beforehand
 _TABLE = 65536
 _ALPHA_DECODERS = {"VP80": "libvpx", "VP90": "libvpx-vp9"}  # FFmpeg's own leave opacity out
+_LOOKED_AT = 100  # images that are asked whether they have an opacity
+_LAYERED = (".mov", ".webm", ".mkv", ".avi")  # videos that may have an opacity
+_TRANSPARENT = re.compile(r"alpha_mode *: 1|Video: .*\b(yuva|rgba|bgra|argb|abgr|gbrap|ya)\w*")
 _MOST_COLOURS = 64  # of a palette whose numbers are labels
 
 
@@ -116,7 +121,9 @@ class MaskReader(FrameReader):
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         if self.rule is None:
             raise ValueError("masks need a rule before they are silhouettes")
-        for layers in self.layers(numbers):
+        for number, layers in zip(numbers, self.layers(numbers), strict=True):
+            if self.rule.form.alpha and layers.alpha is None:
+                raise half_cut_out(self.stills[number] if self.stills else self.path)
             mask = self.rule.mask(layers).view(np.uint8) * np.uint8(255)
             yield np.repeat(mask[..., None], 3, axis=2)
 
@@ -145,6 +152,35 @@ class MaskReader(FrameReader):
                 yield Layers.of(picture[..., [2, 1, 0, 3]])
         finally:
             pictures.close()
+
+
+def half_cut_out(path: Path) -> InputError:
+    """Error that names a picture, or all of a camera, without the opacity that others have."""
+    which = "holds some that have" if path.is_dir() else "has"
+    return InputError(
+        f"{path} {which} no opacity, and others have: cut out all, or take the opacity out of all"
+    )
+
+
+def may_be_transparent(reader: FrameReader) -> bool:
+    """Whether any of the frames, of some that are looked at, has an opacity; none is decoded."""
+    if not reader.stills:
+        if reader.path.suffix.lower() not in _LAYERED or not _raw_words(reader.path)[0]:
+            return False
+        said = finished("-hide_banner", "-nostdin", "-i", video_address(reader.path)).stderr
+        return _TRANSPARENT.search(said) is not None
+    step = -(-len(reader.stills) // _LOOKED_AT)
+    return any(_has_alpha(still) for still in reader.stills[::step])
+
+
+def _has_alpha(file: Path) -> bool:
+    from PIL import Image
+
+    try:
+        with Image.open(file) as image:
+            return "A" in image.getbands() or "transparency" in image.info
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return False
 
 
 def painted(path: Path) -> NDArray[np.bool_]:

@@ -1,9 +1,12 @@
 """Times of every camera's frames (timestamps.csv), and the frames that match in time."""
 
+from __future__ import annotations
+
 import csv
 from array import array
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +14,9 @@ from numpy.typing import NDArray
 from calib.atomic import replacing
 from calib.documents import csv_rows
 from calib.errors import InputError
-from voxelpose.recording.frame_reader import FrameReader
+
+if TYPE_CHECKING:
+    from voxelpose.recording.frame_reader import FrameReader
 
 TIMESTAMPS = "timestamps.csv"
 _LARGEST_BYTES = 500_000_000

@@ -11,8 +11,8 @@ from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.points import read_points
 from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.folder import calibration_path
-from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.setup_page.clicked_points import POINTS_FILE
@@ -144,7 +144,7 @@ class CalibrationStep:
         check_camera_names([camera], known)
         if not self._folder.holds(known[camera]):
             raise InputError(f"{camera} leads out of the studio's folder: remove that link")
-        picture = next(iter(FrameReader.open(known[camera])))
+        picture = next(iter(open_camera(known[camera])))
         return encoded(reduced(picture, _LONG_SIDE_PX / max(picture.shape)), ".jpg", 80)
 
     def _files(self, project: Path, asked: CalibrationAsked) -> dict[str, Any]:

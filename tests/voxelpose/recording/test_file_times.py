@@ -22,7 +22,6 @@ from tests.voxelpose.recording.test_folder import (
 )
 from voxelpose.calibration.sync import SyncSettings, _Films
 from voxelpose.recording.ffmpeg import coded_pictures
-from voxelpose.recording.file_times import image_numbers
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import even_numbers
@@ -198,24 +197,6 @@ def test_a_first_image_that_is_lost_is_told(images: Path):
     recording = Recording.open(images, fps=10)
     assert numbers(recording) == [(n, [n, n]) for n in range(1, 12)]
     assert "cam_2 began with image 1" in recording.notes[0]
-
-
-@pytest.mark.parametrize(
-    ("names", "found"),
-    [
-        (["a_01", "a_02", "a_05"], [1, 2, 5]),
-        (["cam2_0", "cam2_10"], [0, 10]),
-        (["1_of_3", "2_of_3"], [1, 2]),
-        (["seq1_9", "seq2_1"], None),
-        (["a", "b"], None),
-        (["a1", "b"], None),
-        (["7"], [7]),
-        (["9" * 30, "99"], None),
-    ],
-)
-def test_numbers_of_images(names: list[str], found: list[int] | None):
-    result = image_numbers([Path(f"{name}.png") for name in names])
-    assert result is None if found is None else result is not None and result.tolist() == found
 
 
 def test_numbers_follow_the_clock():
