@@ -85,7 +85,7 @@ class LiveScene:
         points = np.concatenate([np.zeros((0, 3), np.float32), *hulls])
         points = points[:: -(-len(points) // _MOST_POINTS) or 1]
         people = zip(self.bodies, frame.people, strict=True)
-        likely = () if frame.body is None else frame.body.hypotheses[:_MOST_HYPOTHESES]
+        likely = list(() if frame.body is None else frame.body.hypotheses[:_MOST_HYPOTHESES])
         return {
             "people": [None if body is None else _placed(sent, body) for sent, body in people],
             "hull": packed(points.astype(np.float32)),
@@ -153,4 +153,4 @@ def _viewpoint(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     beside = np.array([toward[0] - 0.6 * toward[1], toward[1] + 0.6 * toward[0], 0.0])
     distance = np.clip(1.5 * np.linalg.norm(toward[:2]), 4.0, 8.0)
     eye = middle + beside * distance / max(float(np.linalg.norm(beside)), 1e-9) + (0, 0, 2.2)
-    return middle, eye
+    return middle, np.asarray(eye, np.float64)
