@@ -102,7 +102,12 @@ def calibrate_intrinsics(
     if len(sizes) > 1:
         first = {view.size: name for name, view in reversed(good.items())}
         listed = ", ".join(f"{first[size]} {size[0]}x{size[1]}" for size in sorted(sizes))
-        raise InputError(f"camera {camera}: pictures of different sizes ({listed}): use one size")
+        turned = any(size[::-1] in sizes - {size} for size in sizes)
+        remedy = "turn those back that were turned, a lens has the sensor's pixels"
+        raise InputError(
+            f"camera {camera}: pictures of different sizes ({listed}):"
+            f" {remedy if turned else 'use one size'}"
+        )
     size = sizes.pop() if sizes else (0, 0)
     while True:
         if len(good) < _MIN_PICTURES:

@@ -24,7 +24,7 @@ from silhouette_core.monocular.monocular_estimator import (
     upright_frame,
 )
 from silhouette_core.monocular.monocular_stages import STARTS, assumed_stature
-from silhouette_core.monocular.person import upright_distance
+from silhouette_core.monocular.person import find_person, upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
@@ -96,12 +96,16 @@ class TreeEstimator:
         reporter.stage("motion model")
         backend = load_backend(settings.backend)
         follower = TreeFollower(library, pinhole, options.start, 1 / source.fps, backend)
-        finder, poses, noted = PersonFinder(camera, False), [], []
+        finder, poses, noted, away = PersonFinder(camera, False), [], [], set[int]()
         reporter.stage("tracking", source.frame_count)
-        for number, time_s, frames in source:
+        for step, (number, time_s, frames) in enumerate(source):
             with clock("total"):
                 with clock("silhouettes"):
-                    person = finder.find(frames[name], silhouettes.of(frames)[name])
+                    mask = silhouettes.of(frames)[name]
+                    person = finder.find(frames[name], mask)
+                    nobody = person is None and silhouettes.shows_nobody(name, step)
+                    if nobody and find_person(mask) is None:
+                        away.add(number)
                 if person is not None:
                     with clock("estimation"):
                         pose, error, probability, joints = follower.step(time_s, person.mask)
@@ -130,7 +134,7 @@ class TreeEstimator:
         stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         # A filter without lag would use later frames.
         motion = conditioned(motion, settings.applied_conditioning.chosen("none")).in_world(frame)
-        return Estimate(motion, stages, facts, hypotheses)
+        return Estimate(motion, stages, facts, hypotheses, away=frozenset(away))
 
 
 class TreeFollower:

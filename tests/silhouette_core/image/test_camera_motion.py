@@ -1,5 +1,8 @@
 """Cameras that move are told from those that stand still, and those that shake are steadied."""
 
+import subprocess
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -90,6 +93,18 @@ def test_what_a_single_line_does_not_tell_is_no_motion(step):
     motion = CameraMovement(frames)
     assert not motion.moves and not motion.shakes
     np.testing.assert_array_equal(motion.registered(frames[0]).shape, frames[0].shape)
+
+
+@pytest.mark.slow
+def test_a_shared_camera_above_a_plain_floor_stands_still(shared, tmp_path):
+    script = shared / "cases" / "scripts" / "overhead_camera_plain_floor" / "scenes.py"
+    if not script.is_file():
+        pytest.skip(f"no script that draws the recording at {script}")
+    subprocess.run([sys.executable, script, tmp_path / "ceiling", "ceiling", "5"], check=True)
+    film = cv2.VideoCapture(str(tmp_path / "ceiling" / "cam_3.mp4"))
+    frames = [film.read()[1] for _ in range(24)]
+    motion = CameraMovement(frames)
+    assert not motion.moves and not motion.shakes
 
 
 def test_a_shake_across_a_single_line_is_told():

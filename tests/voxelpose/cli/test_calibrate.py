@@ -167,17 +167,27 @@ def test_pictures_that_exif_data_turn_have_one_lens(studio, truth, tmp_path, cap
     np.testing.assert_allclose(camera.matrix, known, atol=0.01 * known[0, 0])
 
 
-def test_boards_of_older_programs_are_taken_as_they_are(shared, tmp_path, capsys):
-    script = next(shared.parent.glob("**/cases/scripts/charuco_legacy/boards.py"), None)
-    if script is None:
-        pytest.skip("no script that draws boards beside the shared recordings")
-    subprocess.run([sys.executable, script, tmp_path / "cam_1", "legacy", "1"], check=True)
-    words = ["calibrate", "intrinsics", str(tmp_path / "cam_1"), "--square", "0.03"]
-    words += ["--marker", "0.0216", "--board", "5x8", "--out", str(tmp_path / "lens.toml")]
-    assert run(words) == 0
-    said = capsys.readouterr().err
-    assert "it has 8 x 5 inner corners" in said and "OpenCV before 4.6" in said
-    matrix = read_rig(tmp_path / "lens.toml", lenses=True)["cam_1"].matrix
+@pytest.mark.parametrize(
+    ("kind", "asked", "words"),
+    [
+        (
+            "legacy",
+            ["--board", "5x8", "--marker", "0.0216"],
+            "it has 8 x 5 inner corners), and its",
+        ),
+        ("exif3", ["--board", "8x5"], "turned back to the sensor's pixels"),
+    ],
+)
+def test_shared_pictures_of_boards(shared, tmp_path, capsys, kind, asked, words):
+    script = shared / "cases" / "scripts" / "charuco_legacy" / "boards.py"
+    if not script.is_file():
+        pytest.skip(f"no script that draws boards at {script}")
+    subprocess.run([sys.executable, script, tmp_path / "cam_1", kind, "1"], check=True)
+    out = tmp_path / "lens.toml"
+    given = ["calibrate", "intrinsics", str(tmp_path / "cam_1"), "--square", "0.03", *asked]
+    assert run([*given, "--out", str(out)]) == 0
+    assert words in capsys.readouterr().err
+    matrix = read_rig(out, lenses=True)["cam_1"].matrix
     np.testing.assert_allclose(matrix, [[820, 0, 505], [0, 820, 345], [0, 0, 1]], atol=3)
 
 
