@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from calib.checks import ByteArray, FloatArray
+from calib.checks import BoolArray, ByteArray, FloatArray
+from silhouette_core.image.exposure import Aligner
 from silhouette_core.tuning import CAMERA_MOTION
 
 _SIDE_PX = 640  # of the picture whose pixels displacements are measured in
@@ -37,6 +38,9 @@ class CameraMovement:
         moves: Whether most frames show another place, or one that is too far away to be found.
         shakes: Whether the rim is found, but a quarter of the frames or the empty view have it
             elsewhere.
+        other_settings: Whether the empty view is found only with the exposure of the take.
+        other_tones: Whether it is found only by the order of its grey levels: no exposure makes it
+            what the take shows.
 
     Source: Lucas and Kanade (1981), coarse to fine.
     """
@@ -44,15 +48,17 @@ class CameraMovement:
     def __init__(self, frames: Sequence[ByteArray], empty: Sequence[ByteArray] = ()) -> None:
         """Looks at frames (H, W, 3) uint8, BGR, of a take, and of its empty view."""
         self._size = frames[0].shape[1::-1]
-        self._median = _Rim(np.median([_reduced(one) for one in frames], axis=0).astype(np.uint8))
+        self._usual = np.median([_reduced(one) for one in frames], axis=0).astype(np.uint8)
+        self._median = _Rim(self._usual)
         found = [self._moved_to(frame) for frame in frames]
         known = [moved for moved in found if moved is not None]
         self.moves, self.shakes = 2 * len(known) < len(found), False
+        self.other_settings = self.other_tones = False
         if self.moves:
             return
         self._to_median = np.linalg.inv(np.mean(known, axis=0))
         away_px = float(np.quantile([self._away_px(moved) for moved in known], 0.75))
-        empty_px = max((self._away_px(self._moved_to(frame)) for frame in empty), default=0.0)
+        empty_px = max((self._empty_away_px(frame) for frame in empty), default=0.0)
         self.shakes = max(away_px, empty_px) > CAMERA_MOTION.still_px
 
     def registered(self, frame: ByteArray) -> ByteArray:
@@ -66,6 +72,23 @@ class CameraMovement:
         matrix = (moved @ self._to_median)[:2]
         steady = cv2.warpAffine(frame, matrix, self._size, flags=flags, borderMode=border)
         return np.asarray(steady, np.uint8)
+
+    def _empty_away_px(self, frame: ByteArray) -> float:
+        """How far a picture of the empty view is away, px as of `_away_px`."""
+        moved = self._moved_to(frame)
+        away_px = [self._away_px(moved)]
+        if away_px[0] > CAMERA_MOTION.still_px:
+            grey = _reduced(frame)
+            usual, empty = (np.repeat(one[..., None], 3, axis=2) for one in (self._usual, grey))
+            exposed = Aligner(usual.astype(np.float32)).aligned(empty)
+            for picture in (exposed, _with_tones(grey, self._usual)):
+                away_px.append(self._away_px(self._moved_to(picture)))
+            # It stands still if it does with any settings; else the plainest that finds it tell.
+            still = [way for way in range(3) if away_px[way] <= CAMERA_MOTION.still_px]
+            way = (still or [way for way in range(3) if np.isfinite(away_px[way])] or [0])[0]
+            self.other_settings, self.other_tones = way > 0, way == 2
+            return 0.0 if self.other_tones else away_px[way]
+        return away_px[0]
 
     def _away_px(self, moved: FloatArray | None) -> float:
         """How far the picture's corners are from where they are in the mean of all frames: pixels
@@ -104,6 +127,23 @@ def _reduced(picture: ByteArray, side_px: int = _SIDES_PX[-1]) -> ByteArray:
     return picture
 
 
+def _with_tones(grey: ByteArray, like: ByteArray) -> ByteArray:
+    """A picture (h, w) with the histogram that another has at its rim, in the order of its own grey
+    levels.
+    """
+    shares = [np.cumsum(np.bincount(one[_rim(one.shape)], minlength=256)) for one in (grey, like)]
+    own, wanted = (share / share[-1] for share in shares)
+    return np.interp(own, wanted, np.arange(256)).round().astype(np.uint8)[grey]
+
+
+def _rim(shape: tuple[int, ...]) -> BoolArray:
+    """Where the rim of a picture is."""
+    height, width = shape
+    rim = np.ones(shape, np.bool_)
+    rim[height // _RIM : -(height // _RIM), width // _RIM : -(width // _RIM)] = False
+    return rim
+
+
 class _Rim:
     """The rim of a reduced picture (h, w) uint8, at several sizes."""
 
@@ -134,10 +174,8 @@ class _Level:
     def __init__(self, grey: ByteArray) -> None:
         self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
         height, width = grey.shape
-        self.side = max(grey.shape)
-        rim = np.ones(grey.shape, np.bool_)
-        rim[height // _RIM : -(height // _RIM), width // _RIM : -(width // _RIM)] = False
-        places = np.flatnonzero(rim)
+        self.side = max(height, width)
+        places = np.flatnonzero(_rim(grey.shape))
         self.judged = places[::_EVERY]
         right, down = (
             self.side * cv2.Sobel(self.picture, cv2.CV_32F, *order, scale=1 / 8).ravel()[places]

@@ -93,12 +93,17 @@ class Silhouettes:
         self.kinds: dict[str, str] = {}
         self.moving: tuple[str, ...] = ()
         self._shaking: dict[str, CameraMovement] = {}
+        self._other_settings: tuple[str, ...] = ()  # cameras whose empty view had others
+        self._other_tones: tuple[str, ...] = ()  # those of which it is set aside
         if self._given:
             return
         backgrounds = source.backgrounds()
-        without = [name for name in source.rig.names if name not in backgrounds]
         ahead = ahead and method == "refined"
         seen = self._samples(source, tuple(backgrounds), _SEEN, backgrounds) if ahead else {}
+        aside = self._other_tones
+        backgrounds = {name: empty for name, empty in backgrounds.items() if name not in aside}
+        seen = {name: frames for name, frames in seen.items() if name not in aside}
+        without = [name for name in source.rig.names if name not in backgrounds]
 
         def model(name: str) -> BackgroundModel:
             frames = islice(backgrounds[name], _BACKGROUND_FRAMES)
@@ -180,6 +185,12 @@ class Silhouettes:
             reporter.note(
                 f"{', '.join(self.moving)}: moves while it films, and no background can be told:"
                 " every camera must stand still, as on a tripod"
+            )
+        if self._other_settings:
+            aside = f", and of {', '.join(self._other_tones)} is not used" * bool(self._other_tones)
+            reporter.note(
+                f"the empty view of {', '.join(self._other_settings)} was filmed with other"
+                f" settings than the take (exposure, white balance, HDR){aside}: film both alike"
             )
         if self._shaking:
             reporter.note(
@@ -369,6 +380,8 @@ class Silhouettes:
             motion = CameraMovement(seen, empty)
             self.moving += (name,) if motion.moves else ()
             self._shaking |= {name: motion} if motion.shakes else {}
+            self._other_settings += (name,) if motion.other_settings else ()
+            self._other_tones += (name,) if motion.other_tones else ()
             samples[name] = [self._registered(name, frame) for frame in seen]
             odds = [self._evidence(name, step) for step in steps[: len(seen)]]
             told[name] = [one for one in odds if one is not None]

@@ -14,6 +14,7 @@ from calib.errors import InputError
 QUIET = ("-v", "quiet", "-nostdin")
 _STREAMS = frozenset(".ts .mts .m2ts .mpg .mpeg".split())  # they begin at any time of a clock
 _UNKNOWN = -(2**62)  # ticks, below which FFmpeg says that it does not know
+_AS_LONG = re.compile("Video: (ffv1|mpeg4)")  # they may spend as many bytes on what is repeated
 _SMALL = 10  # times smaller than the mean is a coded picture that may be the one before
 _HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
 _FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
@@ -63,8 +64,7 @@ def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
         return False
     small = _SMALL * (shown[:, 0] - _HEADERS) < shown[:, 0].mean()
     alike = (shown[1:] == shown[:-1]).all(axis=1)
-    # FFV1 codes the same picture in other bytes, and in as many.
-    return bool(small.any() or alike.any() or "Video: ffv1" in words)
+    return bool(small.any() or alike.any() or _AS_LONG.search(words))
 
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:
@@ -93,7 +93,7 @@ def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
             rows.append([int(line.split(",")[k], 0) for k in (1, 2, 4, 5)])
     table = np.array(rows, np.int64).reshape(-1, 4)
     times = np.where(table[:, :2] > _UNKNOWN, table[:, :2] * unit, np.nan)
-    return np.column_stack([times, table[:, 2:]]), done.stderr
+    return np.column_stack([times, table[:, 2:].astype(np.float64)]), done.stderr
 
 
 @cache

@@ -39,7 +39,7 @@ _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise
 _DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _ORIENTATION = 0x0112  # of EXIF
 _ASKED = 16  # images of a sequence whose brightest values tell its bits
-_SPARSE = 16  # rows of a picture, of which one is compared with the picture before
+_SPARSE = 32  # rows of a picture, of which one is compared with the picture before
 _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 
@@ -163,7 +163,7 @@ class FrameReader:
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
         capture = FieldCapture(self.path, self.size) if self.interlaced else None
         capture = capture or cv2.VideoCapture(video_address(self.path))
-        position, frame, rows = 0, None, None
+        position, frame, rows = 0, None, b""
         try:
             for number in numbers:
                 # Skip by decoding: seeking lands on a wrong frame in some containers.
@@ -172,8 +172,9 @@ class FrameReader:
                 while good and (position <= number or frame is None):
                     good, frame = capture.read()
                     position += 1
-                    before, rows = rows, None if frame is None else frame[::_SPARSE].copy()
-                    if self._is_stale(capture, before, rows):
+                    before, rows = rows, b"" if frame is None else frame[::_SPARSE].tobytes()
+                    # OpenCV may have left the picture before where it converted none.
+                    if rows and rows == before and self._has_fields(capture):
                         capture.release()
                         capture = FieldCapture(self.path, self.size)
                         good = all(capture.grab() for _ in range(position - 1))
@@ -188,13 +189,10 @@ class FrameReader:
         finally:
             capture.release()
 
-    def _is_stale(
-        self, capture: object, before: np.ndarray | None, rows: np.ndarray | None
-    ) -> bool:
-        """Whether OpenCV may have left the picture before where it should have converted one."""
-        if before is None or isinstance(capture, FieldCapture) or not np.array_equal(before, rows):
-            return False
-        return has_fields(self.path, self.path.stat().st_mtime_ns)
+    def _has_fields(self, capture: object) -> bool:
+        """Whether a file that OpenCV reads has pictures that it does not convert."""
+        opened = isinstance(capture, FieldCapture)
+        return not opened and has_fields(self.path, self.path.stat().st_mtime_ns)
 
 
 def read_together(

@@ -110,7 +110,7 @@ class MaskReader(FrameReader):
         return samples
 
     @staticmethod
-    def _size_of(still: Path, sensor: bool) -> tuple[int, int]:  # noqa: ARG004
+    def _size_of(still: Path, sensor: bool) -> tuple[int, int]:
         height, width = _still_layers(still).values.shape[:2]
         return width, height
 

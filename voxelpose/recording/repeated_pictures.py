@@ -41,7 +41,7 @@ def without_repeats(
     if not asked or (left is None and rate is None):
         return distinct, left, ()
     times = left or {
-        name: np.arange(reader.frame_count) / (fps or reader.fps or rate)
+        name: np.arange(reader.frame_count) / (fps or reader.fps or rate or 1.0)
         for name, reader in readers.items()
     }
     cameras = {name: _Camera(reader, times[name]) for name, reader in readers.items()}

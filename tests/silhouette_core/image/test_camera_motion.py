@@ -60,6 +60,28 @@ def test_a_camera_that_shakes_is_told_from_one_that_stands_still(to_px, shakes):
     assert motion.shakes == shakes and not motion.moves
 
 
+@pytest.mark.parametrize(
+    ("settings", "tones"),
+    [
+        (lambda grey: 0.5 * grey, False),
+        (lambda grey: 1.15 * grey, False),
+        (lambda grey: 255 * (grey / 255) ** 0.3, True),
+        (lambda grey: 255 - 0.9 * grey, None),
+    ],
+    ids=["dark", "bright", "curve", "negative"],
+)
+def test_an_empty_view_of_other_settings_does_not_shake_the_camera(settings, tones):
+    rng = np.random.default_rng(6)
+    scene = cv2.GaussianBlur(room(rng), (0, 0), 2)
+    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
+    motion = CameraMovement(frames, [np.uint8(settings(scene[10:250, 20:340]))])
+    if tones is None:  # nothing is recognised
+        assert motion.shakes and not motion.other_settings
+    else:
+        assert (motion.shakes, motion.other_tones) == (False, tones)
+        assert motion.other_settings >= tones
+
+
 def test_a_camera_that_was_touched_after_its_empty_view_is_told():
     rng = np.random.default_rng(6)
     scene = room(rng)

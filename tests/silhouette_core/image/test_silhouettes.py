@@ -164,6 +164,23 @@ class ShakenRoom(Room):
             yield {"cam_1": moved(frame, self.shaken_px * (int(step) % 3))}
 
 
+class CurvedRoom(ShakenRoom):
+    """The same room, whose empty view was filmed with another curve of tones."""
+
+    def backgrounds(self) -> dict:
+        empty = super().backgrounds()["cam_1"]
+        return {"cam_1": [(255 * (one / 255) ** 0.3).astype(np.uint8) for one in empty]}
+
+
+def test_an_empty_view_of_other_settings_is_named_and_set_aside():
+    silhouettes, reporter = Silhouettes(CurvedRoom(True, 0)), Notes()
+    silhouettes.note(reporter)
+    assert silhouettes.without_background == ("cam_1",)
+    (line,) = (words for words in reporter.texts if "other settings" in words)
+    assert line.startswith("the empty view of cam_1 was filmed with other settings")
+    assert not any("shakes" in words for words in reporter.texts)
+
+
 def moved(picture: np.ndarray, right_px: float) -> np.ndarray:
     """A picture moved to the right, its border continued."""
     matrix = np.array([[1, 0, right_px], [0, 1, 0]], np.float64)
