@@ -181,6 +181,8 @@ class _Columns:
     def _seconds(self, k: int, clock: bool) -> Iterator[tuple[Kind, list[float]]]:
         """Yields seconds of group k - 1 with their part in group k."""
         whole, decimal, kind = self.words[k - 1], self.before[k] in (".", ","), "time"
+        if max(map(len, whole)) > _MOST_DIGITS:
+            return
         since_1970 = all(len(word) == 10 and word[0] in "12" for word in whole)
         if not (clock or since_1970 or 1 < len({*whole}) < len(whole)):
             if len({*whole}) > 1 or not decimal:
