@@ -96,7 +96,7 @@ class _ImageNames:
         stems = [path.stem for path in paths]
         natural = np.array(sorted(range(len(paths)), key=lambda k: natural_order(paths[k])), int)
         if twice := [stem for stem, count in Counter(stems).items() if count > 1]:
-            names = " and ".join(sorted(path.name for path in paths if path.stem == twice[0]))
+            names = " and ".join(sorted(p.name for p in paths if p.stem == twice[0])[:2])
             return cls(natural, None, f"holds {names}: remove one")
         shapes = [_NUMBER.sub("#", stem) for stem in stems]
         counts = Counter(shapes)
