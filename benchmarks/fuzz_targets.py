@@ -378,7 +378,8 @@ def _use_image_names(folder: Path, thorough: bool) -> None:
     from voxelpose.recording.image_names import in_order, names_by_camera
 
     listed = (folder / "names.txt").read_text("utf-8", "replace").split("\n\n")
-    cameras = {str(k): names.splitlines() for k, names in enumerate(listed)}
+    # As long as file systems allow.
+    cameras = {str(k): [n[:200] for n in names.splitlines()] for k, names in enumerate(listed)}
     ordered = {
         name: in_order([folder / "names.txt" / f"{stem}.png" for stem in stems])
         for name, stems in cameras.items()

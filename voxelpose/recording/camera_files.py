@@ -78,7 +78,9 @@ def not_read(folder: Path, frame: str = "; {}") -> str:
         suffix = path.suffix.lower()
         if path.is_dir() and path.name not in SUBFOLDERS:
             if inside := [*map(str, pictures_by_camera(path))]:
-                unread.append(f"{path.name}/ holds {_first_ones(inside)}: move that up here")
+                joined = f", or join the parts of one film to {path.name}.mp4"
+                remedy = f"move that up here{joined if len(inside) > 1 else ''}"
+                unread.append(f"{path.name}/ holds {_first_ones(inside)}: {remedy}")
             elif path.name != "calibration" and not visible_entries(path):
                 unread.append(f"{path.name}/ is empty")
             elif not is_image_folder(path):

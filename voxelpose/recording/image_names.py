@@ -96,7 +96,7 @@ class _ImageNames:
         stems = [path.stem for path in paths]
         natural = np.array(sorted(range(len(paths)), key=lambda k: natural_order(paths[k])), int)
         if twice := [stem for stem, count in Counter(stems).items() if count > 1]:
-            names = " and ".join(sorted(path.name for path in paths if path.stem == twice[0]))
+            names = " and ".join(sorted(p.name for p in paths if p.stem == twice[0])[:2])
             return cls(natural, None, f"holds {names}: remove one")
         shapes = [_NUMBER.sub("#", stem) for stem in stems]
         counts = Counter(shapes)
@@ -181,6 +181,8 @@ class _Columns:
     def _seconds(self, k: int, clock: bool) -> Iterator[tuple[Kind, list[float]]]:
         """Yields seconds of group k - 1 with their part in group k."""
         whole, decimal, kind = self.words[k - 1], self.before[k] in (".", ","), "time"
+        if max(map(len, whole)) > _MOST_DIGITS:
+            return
         since_1970 = all(len(word) == 10 and word[0] in "12" for word in whole)
         if not (clock or since_1970 or 1 < len({*whole}) < len(whole)):
             if len({*whole}) > 1 or not decimal:
