@@ -30,8 +30,7 @@ class CameraMovement:
 
     Attributes:
         moves: Whether most frames show another place, or one that is too far away to be found.
-        shakes: Whether the rim is found, but a quarter of the frames or the empty view have it
-            elsewhere.
+        shakes: Whether the rim is found, elsewhere in a quarter of the frames or the empty view.
 
     Source: Lucas and Kanade (1981), coarse to fine.
     """
