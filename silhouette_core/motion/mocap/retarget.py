@@ -51,7 +51,7 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
 
     Args:
         recorded: the clip, with the roles of its joints.
-        reference: axes of the trunk by a clip of the skeleton that shows them better, if any.
+        reference: axes of the trunk, of a clip that shows them better; None: of this one.
     """
     reference = reference or find_joint_frames(recorded)
     if len(recorded) > 3 and _leaps(recorded):
