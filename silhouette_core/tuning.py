@@ -93,8 +93,7 @@ class EmptyScene:
     piece: float = 0.05
     """1. Of the largest piece that differs from the background in a frame: least of the others."""
     always: float = 4.0
-    """1. Power of the share of the frames in which somebody is before a pixel, by which it counts
-    that he is."""
+    """1. Power of the share of frames in which somebody is before a pixel, by which that counts."""
     least_sigma: float = 4.0  #: Grey levels. Least deviation: what is left of exposure, and lights.
     guess: float = 6.0  #: Grey levels. Standard deviation of a continued colour.
 

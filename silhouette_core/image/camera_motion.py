@@ -36,8 +36,7 @@ class CameraMovement:
 
     Attributes:
         moves: Whether most frames show another place, or one that is too far away to be found.
-        shakes: Whether the rim is found, but a quarter of the frames or the empty view have it
-            elsewhere.
+        shakes: Whether the rim is found, elsewhere in a quarter of the frames or the empty view.
         other_settings: Whether the empty view is found only with the exposure of the take.
         other_tones: Whether it is found only by the order of its grey levels: no exposure makes it
             what the take shows.

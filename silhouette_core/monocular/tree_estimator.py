@@ -182,8 +182,7 @@ def library_of(
     pitch_rad: float, settings: Settings, options: TreeOptions, reporter: Reporter
 ) -> PoseLibrary:
     """The library that the options name, else one of the body seen at an angle, rounded so that it
-    serves again. Its body is as tall as the person: the same silhouettes are seen of a larger one
-    farther away.
+    serves again. Its body is as tall as the person: a larger one farther away looks alike.
 
     Raises:
         InputError: there is no such body or library, or it is no person's.

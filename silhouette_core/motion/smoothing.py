@@ -23,8 +23,7 @@ class LowPass:
     """A low-pass filter without lag."""
 
     kind: str = "butterworth"
-    """Of `FILTERS`: `butterworth` forward and backward, `savgol` (Savitzky and Golay), `gaussian`,
-    or `none`."""
+    """Of `FILTERS`; `butterworth` acts forward and backward, `savgol` is Savitzky and Golay's."""
     cutoff_hz: float = DYNAMICS.cutoff_hz  #: Frequency at which half of the amplitude is left.
     order: int | None = None
     """Of the Butterworth filter, which is applied twice, or of Savitzky and Golay's polynomial;

@@ -193,8 +193,7 @@ def seen_codes(places: RealArray, visibility: RealArray) -> Float32Array:
     """Codes (..., 45) float32 of joints that are seen.
 
     Args:
-        places: (..., 15, 2) in the window from its middle, right and down, statures at the assumed
-            distance.
+        places: (..., 15, 2) from the window's middle, right and down, statures at its distance.
         visibility: (..., 15), 0 to 1.
     """
     flat = 3 * places.reshape(*places.shape[:-2], -1)

@@ -96,8 +96,7 @@ class TrackerSettings:
 
     costs: CostSettings = field(default_factory=CostSettings)
     carried: int = 1
-    """Number of hypotheses of the previous frame that are carried on; a worse one may turn out to
-    be right."""
+    """Number of hypotheses of the previous frame that are carried on: a worse one may be right."""
     kept: int = 8  #: number of hypotheses kept per frame.
     surface_points: int = 500  #: Number of the surface's points that are fitted to outlines.
     reduction: int = 2  #: how many times smaller than the window poses are drawn.

@@ -68,8 +68,7 @@ class PaperFilter:
         sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, constant
             from then on.
         interval_s: time between two frames.
-        in_place: the person stays where it is, as in the paper's experiments: one position, and one
-            distance.
+        in_place: the person stays in one place and at one distance, as in the paper.
 
     Source: Okada and Stenger, eq. (2), (14); the grid and the followed distance are ours.
     """

@@ -51,8 +51,7 @@ def retarget(recorded: MocapClip, model: BodyModel, reference: JointFrames | Non
 
     Args:
         recorded: the clip, with the roles of its joints.
-        reference: axes of the trunk, if another clip of the skeleton shows them better; None: from
-            this clip.
+        reference: axes of the trunk, of a clip that shows them better; None: of this one.
     """
     reference = reference or find_joint_frames(recorded)
     if len(recorded) > 3 and _leaps(recorded):

@@ -20,8 +20,7 @@ def _bucket(cell, mask):
 
 @kernel
 def thin_rows(rows, grid, tolerance, kept):
-    """Fills kept (N,): whether no earlier kept row of rows (N, K) is within the tolerance in every
-    column.
+    """Fills kept (N,): whether no earlier kept row of rows (N, K) is as near in every column.
 
     The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the
     neighbourhood of a row touches at most two cells a column, 2^G in all. Kept rows of a bucket
