@@ -20,7 +20,7 @@ _PIXELS = 8192  # those of the strongest edges
 # Grey levels: root of the summed squares of the strong slopes along a similarity, per side of the
 # picture, from which it is told to half a pixel. Of 22 cameras, real and rendered, the least is
 # 17,900; a single line on a plain floor has 8,800, and is found up to half a pixel off.
-_TOLD = 12_000
+_LEAST_SLOPE = 12_000
 _STEP = 3 / 8  # grey levels per pixel: slope of a step of one level, as shades are rounded
 _EVERY = 7  # of the rim's pixels, by which residuals are judged
 _ROUNDS = 20
@@ -103,16 +103,17 @@ class CameraMovement:
         """Similarity (3, 3) from the median picture to a frame, px; None unless that from there to
         here is its inverse.
         """
-        one, other = self._median, _Rim(_reduced(frame))
-        if one.bare or other.bare:
+        usual, rim = self._median, _Rim(_reduced(frame))
+        if usual.bare or rim.bare:
             return np.eye(3)  # nothing moves that can be seen
-        there, back = one.fitted(other, one.told), other.fitted(one, one.told)
-        off = np.abs(_matrix(there, 1.0) @ _matrix(back, 1.0) - np.eye(3))
+        forth = usual.fitted(rim, usual.observable)
+        back = rim.fitted(usual, usual.observable)
+        off = np.abs(_matrix(forth, 1.0) @ _matrix(back, 1.0) - np.eye(3))
         if not off.max() * _SIDE_PX < CAMERA_MOTION.still_px:
             return None
         about = np.eye(3)
         about[:2, 2] = (np.array(self._size) - 1) / 2
-        return about @ _matrix(there, max(self._size)) @ np.linalg.inv(about)
+        return about @ _matrix(forth, max(self._size)) @ np.linalg.inv(about)
 
 
 def _reduced(picture: ByteArray, side_px: int = _SIDES_PX[-1]) -> ByteArray:
@@ -148,14 +149,14 @@ class _Rim:
 
     def __init__(self, grey: ByteArray) -> None:
         self._levels = [_Level(_reduced(grey, side_px)) for side_px in _SIDES_PX]
-        self.told = self._levels[-1].told  # similarities (4, n) as columns
-        self.bare = not self.told.shape[1]
+        self.observable = self._levels[-1].observable  # similarities (4, n) as columns
+        self.bare = not self.observable.shape[1]
 
-    def fitted(self, other: _Rim, told: FloatArray) -> FloatArray:
-        """Similarity to another frame, of those that are told, (4, n) as columns."""
+    def fitted(self, other: _Rim, observable: FloatArray) -> FloatArray:
+        """Similarity to another frame, of those that can be observed, (4, n) as columns."""
         similarity = np.zeros(4)
-        for here, there in zip(self._levels, other._levels, strict=True):
-            similarity = here.fitted(there, similarity, told)
+        for level, theirs in zip(self._levels, other._levels, strict=True):
+            similarity = level.fitted(theirs, similarity, observable)
         return similarity
 
 
@@ -189,11 +190,11 @@ class _Level:
         self.slopes = right * along[0] + down * along[1]
         usual = max(float(np.median(edge)), self.side * _STEP)
         strong = edge[kept] > CAMERA_MOTION.over_noise * usual
-        self.told = _told(self.slopes[:, strong], along[:, :, strong], usual)
+        self.observable = _observable(self.slopes[:, strong], along[:, :, strong], usual)
 
-    def fitted(self, other: _Level, similarity: FloatArray, told: FloatArray) -> FloatArray:
-        """A similarity from this picture to another, fitted from a first one on, of those that are
-        told.
+    def fitted(self, other: _Level, similarity: FloatArray, observable: FloatArray) -> FloatArray:
+        """A similarity from this picture to another, fitted from a first one on, of those that can
+        be observed.
         """
         height, width = self.picture.shape
         middle = np.array([width - 1, height - 1]) / 2
@@ -211,15 +212,17 @@ class _Level:
             off = off[self.kept] - brighter
             weights = 1 / np.square(1 + np.square(off / max(2 * 1.4826 * spread, 1.0)))
             weighted = self.slopes * weights
-            normal = told.T @ weighted @ self.slopes.T @ told
-            step = told @ np.linalg.solve(normal + np.eye(len(normal)), -told.T @ weighted @ off)
+            normal = observable.T @ weighted @ self.slopes.T @ observable
+            step = observable @ np.linalg.solve(
+                normal + np.eye(len(normal)), -observable.T @ weighted @ off
+            )
             similarity = similarity + step
             if np.abs(step).max() * _SIDE_PX < 0.05:
                 break
         return similarity
 
 
-def _told(slopes: FloatArray, along: FloatArray, usual: float) -> FloatArray:
+def _observable(slopes: FloatArray, along: FloatArray, usual: float) -> FloatArray:
     """Similarities (4, n), as columns, that edges tell: along which they have enough slope beyond
     that of noise. A rim that tells none is bare.
 
@@ -234,4 +237,4 @@ def _told(slopes: FloatArray, along: FloatArray, usual: float) -> FloatArray:
     excess = slopes @ slopes.T - noise * np.einsum("ain,ajn->ij", along, along)
     scale = np.array([1, 1, 2, 2])  # a turn moves the rim by half a side or so
     level, axes = np.linalg.eigh(excess * np.outer(scale, scale))
-    return (axes * scale[:, None])[:, level > _TOLD**2]
+    return (axes * scale[:, None])[:, level > _LEAST_SLOPE**2]

@@ -2,7 +2,7 @@
 
 import re
 import subprocess
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -45,25 +45,30 @@ def coded_pictures(path: Path) -> CodedPictures:
         table, words = _packets(path, "-copyts", *_FIRST)
     except (InputError, OSError):
         return CodedPictures()
-    told = _FIELDS.search(words) is not None, _may_repeat(table, words)
+    coded = CodedPictures(
+        len(table),
+        interlaced=_FIELDS.search(words) is not None,
+        may_repeat=_may_repeat(table, words),
+    )
     times_s = np.sort(table[:, 1])
     if not len(table) or np.isnan(times_s).any():
-        return CodedPictures(len(table), None, *told)
+        return coded
     times_s = times_s[times_s >= 0]  # an edit list cuts off the others
     if not len(times_s) or (np.diff(times_s) <= 0).any():
-        return CodedPictures(len(table), None, *told)
+        return coded
     # Without an edit list, pictures come late by as much as some are coded ahead.
     counts_from_first = path.suffix.lower() in _STREAMS or table[0, 0] == 0
-    return CodedPictures(len(times_s), times_s - times_s[0] * counts_from_first, *told)
+    shown_s = times_s - times_s[0] * counts_from_first
+    return replace(coded, count=len(times_s), shown_s=shown_s)
 
 
 def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
     """Whether coded pictures, as of `_packets`, may be those before them."""
-    shown = table[np.argsort(table[:, 1], kind="stable"), 2:]
-    if len(shown) < 3:
+    coded = table[np.argsort(table[:, 1], kind="stable"), 2:]
+    if len(coded) < 3:
         return False
-    small = _SMALL * (shown[:, 0] - _HEADERS) < shown[:, 0].mean()
-    alike = (shown[1:] == shown[:-1]).all(axis=1)
+    small = _SMALL * (coded[:, 0] - _HEADERS) < coded[:, 0].mean()
+    alike = (coded[1:] == coded[:-1]).all(axis=1)
     return bool(small.any() or alike.any() or _AS_LONG.search(words))
 
 
