@@ -1,9 +1,9 @@
 """The live follower's accuracy without a clock: `python -m benchmarks.follower RECORDING ...
-[--people N] [--side 480] [--starts 0 4 8 12] [--every 1] [--late FACTOR | --first]`.
+[--people N] [--side 480] [--starts 0 4 8 12] [--every 1] [--late SECONDS | --first]`.
 
 Every frame is followed, or every so many-th, and searches end before the next one, as on a machine
 fast enough. With --late the recording is played forth and back for 18 s, and what a search finds is
-handed over as late as the search takes here, in processor time, times the factor: as on a slow one.
+handed over so much later, as on a slow one, what catches up a sixtieth of it later for each moment.
 Then the mean of the last 5 s is printed. Printed is the mean error of the joints relative to the
 pelvis, mm, begun at several frames. With --first nothing is followed, and each of these frames has
 its first pose. With --people nothing is told, and each number has a mean, from whoever is nearest,
@@ -32,10 +32,11 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from voxelpose.multiview.people.pose_followers import PoseFollowers
 from voxelpose.multiview.proposers.pose_search import FEW_PLACEMENTS
 from voxelpose.multiview.tracking.body_track import Moment
-from voxelpose.multiview.tracking.follower import PoseFollower, search
+from voxelpose.multiview.tracking.follower import PoseFollower, catch_up, search
 from voxelpose.recording.folder import Recording
 
 _PLAYED_S, _COUNTED_S = 18.0, 5.0
+_CAUGHT_UP = 60  # moments, in the time of a search
 
 
 class AtOnce(Executor):
@@ -51,22 +52,22 @@ class AtOnce(Executor):
 
 
 class Late(Executor):
-    """Does what is submitted at once, and hands it over as late as it took, times a factor.
+    """Does what is submitted at once, and hands it over as late as a slow machine would.
 
     Attributes:
         now_s: the present, to be set.
         worked_s: processor time of all that was submitted.
     """
 
-    def __init__(self, factor: float):
+    def __init__(self, search_s: float):
         self.now_s, self.worked_s = 0.0, 0.0
-        self._factor = factor
+        self._search_s = search_s
         self._waiting: list[tuple[float, Future, object]] = []
 
     def submit(self, fn, /, *args, **kwargs):
         begun_s, future = time.process_time(), Future()
         result = fn(*args, **kwargs)
-        took_s = self._factor * (time.process_time() - begun_s)
+        took_s = self._search_s * (len(args[2]) / _CAUGHT_UP if fn is catch_up else 1)
         self.worked_s += time.process_time() - begun_s
         self._waiting.append((self.now_s + took_s, future, result))
         return future
