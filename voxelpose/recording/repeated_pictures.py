@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.errors import InputError
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import Times
 
@@ -46,7 +47,8 @@ def without_repeats(
     }
     cameras = {name: _Camera(reader, times[name]) for name, reader in readers.items()}
     with ThreadPoolExecutor() as pool:
-        list(pool.map(lambda name: cameras[name].changes, asked))
+        readable = pool.map(lambda name: cameras[name].is_readable, asked)
+        asked = [name for name, good in zip(asked, readable, strict=True) if good]
     named = dict[str, list[str]]()
     for name in asked:
         others = [camera for other, camera in cameras.items() if other != name]
@@ -99,6 +101,14 @@ class _Camera:
         strongest, middle = np.array(rows, np.float32).T
         return _Changes(strongest, middle, np.stack(blocks))
 
+    @property
+    def is_readable(self) -> bool:
+        """Whether all pictures can be read; else who needs them says which cannot."""
+        try:
+            return len(self.changes.blocks) > 0
+        except InputError:
+            return False
+
     def repeated(self, others: list["_Camera"]) -> NDArray[np.bool_]:
         """Which pictures (frames,) bool are those before them.
 
@@ -133,6 +143,8 @@ class _Camera:
 
     def moves(self, begin_s: float, end_s: float, change: float) -> bool:
         """Whether something moves here from one time to another, beyond a change."""
+        if not self.is_readable:
+            return False
         during = (self.times > begin_s) & (self.times <= end_s)
         return bool((self.changes.strongest[during] > _TIMES * change).any())
 

@@ -42,7 +42,7 @@ def test_all_is_well(tmp_path):
     [
         (
             [4, 5, 6],
-            "have a pose. Away in frames 4–6. That who came back is who left is a guess by",
+            "have a pose. Away in frames 4–6. That who came back is who left is a guess",
         ),
         ([0, 1, 19], "have a pose. Away in frames 0–1, 19."),
     ],
