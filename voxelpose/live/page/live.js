@@ -171,7 +171,7 @@ class Live {
     part("lines").replaceChildren(
       make("p", {}, make("span", { class: `phase ${kind}` }, session.phase),
         session.recording && make("span", { class: "bad" }, " ", make("b", {}, "● recording"))),
-      make("p", {}, session.message), pace && make("p", {}, pace), note && make("p", { class: "warning" }, `⚠ ${note}`));
+      session.message !== session.phase && make("p", {}, session.message), pace && make("p", {}, pace), note && make("p", { class: "warning" }, `⚠ ${note}`));
     const sure = confidence.map((share) => (share === null ? "–" : `${(100 * share).toFixed(0)} %`));
     const facts = [
       ["frames per second", `${session.fps.toFixed(1)} of ${session.arriving_fps.toFixed(1)}`],
