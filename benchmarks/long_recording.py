@@ -61,6 +61,13 @@ def resident_mib() -> float:
     return size / 2**20
 
 
+def scratch_mib() -> float:
+    """Size of the files without a name that this process holds, MiB; 0 where it cannot be told."""
+    places = [*Path("/proc/self/fd").glob("*")]
+    files = [place.stat() for place in places if place.exists()]
+    return sum(file.st_size for file in files if not file.st_nlink) / 2**20
+
+
 def processor_seconds() -> float:
     """Processor time of this process and of those it waited for, s."""
     times = psutil.Process().cpu_times()
@@ -74,10 +81,12 @@ class Watch:
     Attributes:
         stages: name, and (steps so far, s, MiB) every fiftieth step.
         peak_mib: largest resident memory.
+        scratch_mib: most that was kept in scratch files.
     """
 
     stages: list[tuple[str, list[tuple[int, float, float]]]] = field(default_factory=list)
     peak_mib: float = 0.0
+    scratch_mib: float = 0.0
     _done: int = 0
 
     def stage(self, name: str, total: int | None = None) -> None:
@@ -97,6 +106,7 @@ class Watch:
     def _look(self) -> None:
         mib = resident_mib()
         self.peak_mib = max(self.peak_mib, mib)
+        self.scratch_mib = max(self.scratch_mib, scratch_mib())
         self.stages[-1][1].append((self._done, time.perf_counter(), mib))
 
     def table(self) -> list[str]:
@@ -180,7 +190,8 @@ def main() -> None:
         print(
             f"{given.command}, {given.minutes:g} minutes, {frames} frames: {spent_s / 60:.1f} min,"
             f" {1000 * spent_s / frames:.0f} ms a frame ({1000 * worked_s / frames:.0f} of the"
-            f" processors), at most {watch.peak_mib:.0f} MiB;"
+            f" processors), at most {watch.peak_mib:.0f} MiB"
+            f" of memory, {watch.scratch_mib:.1f} of scratch files;"
             f" {poses} poses, {rows} rows of joints.csv"
         )
         print("\n".join([*watch.table(), *score_rows(folder, out, recording.fps)]))
