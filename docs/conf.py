@@ -61,13 +61,14 @@ _PACKAGES = ("voxelpose", "silhouette_core", "calib")
 # Document each name in its own module only. (Sphinx 9 applies the setting of that name to modules,
 # not to packages.)
 os.environ["SPHINX_APIDOC_OPTIONS"] = "members,show-inheritance,ignore-module-all"
+_COMMANDS = "batch/batch_command.py", "setup_page/setup_command.py", "studio/studio_command.py"
 apidoc_modules = [
     {
         "path": str(_ROOT / package),
         "destination": f"docs/reference/{package}",
         "exclude_patterns": [
             str(_ROOT / package / name)
-            for name in ("**/kernels", "**/kernels/*", "cli", "cli/*", "__main__.py")
+            for name in ("**/kernels", "**/kernels/*", "cli", "cli/*", *_COMMANDS, "__main__.py")
         ],
         "separate_modules": False,  # few pages: each carries the list of all pages
         "module_first": True,
