@@ -192,8 +192,7 @@ def _continued(folder: Path, chapters: Sequence[FrameReader]) -> list[FrameReade
 
 def _facts(chapter: FrameReader) -> _Facts:
     """When a file says that it began."""
-    words = ("-hide_banner", "-nostdin", "-i", video_address(chapter.path))
-    said = finished(*words).stderr
+    said = finished("-hide_banner", "-nostdin", "-i", video_address(chapter.path)).stderr
     timecode = start = created = None
     if (match := _TIMECODE.search(said)) and chapter.fps and round(chapter.fps):
         hours, minutes, seconds, mark, frames = match.groups()

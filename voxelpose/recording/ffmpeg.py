@@ -106,9 +106,10 @@ def has_fields(path: Path, changed_ns: int) -> bool:
     """Whether any picture of a video, which was changed last at a time, is flagged as two fields;
     all are decoded.
     """
-    words = ("-i", str(path.absolute()), "-map", "0:v:0", "-vf", "showinfo", "-f", "null", "-")
+    source, filtered = ("-i", str(path.absolute()), "-map", "0:v:0"), ("-vf", "showinfo")
     try:
-        return _FIELDS.search(finished("-nostdin", *words).stderr) is not None
+        words = finished("-nostdin", *source, *filtered, "-f", "null", "-").stderr
+        return _FIELDS.search(words) is not None
     except (InputError, OSError):
         return False
 

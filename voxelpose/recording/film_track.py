@@ -38,17 +38,23 @@ def _copy(path: Path, changed_ns: int) -> Path | None:
         return None
     folder = Path(tempfile.mkdtemp(prefix="voxelpose-film-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    words = ("-i", str(path), "-map", f"0:{film}", "-map", "0:a?", "-c", "copy")
-    if finished(*QUIET, *words, str(folder / path.name)).returncode:
+    copy = folder / path.name
+    copied = finished(*_source(path, film), "-map", "0:a?", "-c", "copy", str(copy))
+    if copied.returncode:
         raise InputError(
             f"{path}: its film, which is not its first video track, cannot be copied to {folder}:"
             " is there room? Else leave the film alone in the file (ffmpeg -map)"
         )
-    return folder / path.name
+    return copy
+
+
+def _source(path: Path, track: int) -> tuple[str, ...]:
+    """Words by which FFmpeg takes a track of a file."""
+    return *QUIET, "-i", str(path), "-map", f"0:{track}"
 
 
 def _pictures(path: Path, track: int) -> int:
     """Number of the pictures of a track."""
-    words = ("-i", str(path), "-map", f"0:{track}", "-c", "copy", "-f", "framecrc", "-")
-    lines = finished(*QUIET, *words).stdout.splitlines()
+    listed = finished(*_source(path, track), "-c", "copy", "-f", "framecrc", "-")
+    lines = listed.stdout.splitlines()
     return sum(not line.startswith("#") for line in lines)

@@ -103,7 +103,8 @@ class Recording:
     ) -> "Recording":
         """Opens a recording folder and checks that its files fit each other.
 
-        Only the first frame of every video is decoded, and some of masks.
+        The first frame of every video is decoded, some of masks, and all where a file tells that
+        pictures may be repeated.
 
         Args:
             frames: first frame and one past the last, either None as in a Python slice; None
@@ -133,17 +134,7 @@ class Recording:
             notes = rig.notes
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes += mask_notes + tuple(
-            f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
-            + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
-            for reader in readers.values()
-            if reader.promised > reader.frame_count
-        )
-        if fields := [name for name, reader in readers.items() if reader.interlaced]:
-            notes += (
-                f"{', '.join(fields)}: flagged as interlaced: where a picture's lines are of two"
-                " moments, those of the first are taken",
-            )
+        notes += mask_notes + _notes_on_files(readers)
         whole = frames is None or frames[1] is None
         timed, time_notes = recorded_times(folder, readers, fps, together=whole)
         if not silhouettes_given:
@@ -359,6 +350,21 @@ def is_recording(folder: Path) -> bool:
         path.is_file() and path.suffix.lower() in VIDEOS for path in visible_entries(folder)
     )
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
+
+
+def _notes_on_files(readers: Mapping[str, FrameReader]) -> tuple[str, ...]:
+    """What files promise and do not hold, and which are interlaced."""
+    notes = tuple(
+        f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
+        + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
+        for reader in readers.values()
+        if reader.promised > reader.frame_count
+    )
+    fields = ", ".join(name for name, reader in readers.items() if reader.interlaced)
+    if not fields:
+        return notes
+    words = "flagged as interlaced: where a picture's lines are of two moments, those of the first"
+    return *notes, f"{fields}: {words} are taken"
 
 
 def open_readers(

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Literal
@@ -28,9 +28,10 @@ _CLOCKS = (r"(\d\d)(\d\d)(\d\d)", r"(\d\d?)\D(\d\d?)\D(\d\d?)")
 _PART = r"(?:([^\dA-Za-z+]?|s)(\d{1,9}))?(Z|[+-]\d\d:?\d\d)?(?!\d)"
 _DATED = [re.compile(rf"(?<!\d){date}{clock}{_PART}") for date, clock in product(_DATES, _CLOCKS)]
 _CLOCK = [re.compile(rf"(?<!\d)()()(){clock}{_PART}") for clock in _CLOCKS]
-_DAY_S = 86400
+_DAY_S = timedelta(days=1).total_seconds()
 _HEX = re.compile(r"(?<![^\W_])[0-9a-f]{1,15}(?![^\W_])", re.IGNORECASE)
-_SINCE_1970 = {13: 10**3, 16: 10**6, 19: 10**9}  # digits of a time by the counts of its second
+_PER_SECOND = 1_000, 1_000_000, 1_000_000_000  # counts of a clock
+_SINCE_1970 = {9 + len(str(count)): count for count in _PER_SECOND}  # by the digits of the time
 _MOST_DIGITS = 18  # of a counter
 _RENAME = "rename them by their numbers alone (0001.png ...)"
 
@@ -263,7 +264,7 @@ def _parts(words: Sequence[str], whole: Sequence[object], decimal: bool) -> Iter
         return
     if decimal and all(word[-1] != "0" or not int(word) for word in words):
         yield [float(f"0.{word}") for word in words]
-    count = next((count for count in (10**3, 10**6, 10**9) if count > max(numbers)), 0)
+    count = next((count for count in _PER_SECOND if count > max(numbers)), 0)
     plain = all(str(number) == word for number, word in zip(numbers, words, strict=True))
     if count and plain and not counted:
         yield [number / count for number in numbers]
