@@ -134,7 +134,7 @@ class _Camera:
                 or any(camera.moves(begin_s, end_s, float(change)) for camera in others)
             ):
                 repeated[first:end] = False
-        for count in range(2, _SLOWEST + 1):
+        for count in range(2, min(_SLOWEST, len(repeated)) + 1):
             every = np.arange(len(repeated)) % count
             new = [k for k in range(count) if not np.mean(repeated[every == k]) > 1 / 2]
             if len(new) == 1:
