@@ -10,7 +10,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
@@ -63,6 +64,20 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
         for context in browser.contexts:
             context.close()
         asyncio._set_running_loop(None)
+
+
+def until(page, condition: str | Callable[[], bool], seconds: float = 30.0) -> None:
+    """Waits until an expression of JavaScript, or a function, is true.
+
+    Playwright's own wait_for_function evaluates text within the page, which our pages forbid
+    (Content-Security-Policy), unless it is true at once.
+    """
+    end = time.monotonic() + seconds
+    while not (
+        page.evaluate(f"Boolean({condition})") if isinstance(condition, str) else condition()
+    ):
+        assert time.monotonic() < end, f"it did not become true: {condition}"
+        page.wait_for_timeout(20)
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.kinematics import rotation_matrices, skin
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import waving, waving_couple
 from tests.other_bodies import write_example_result
 from tests.sources import ring
@@ -44,14 +44,14 @@ def test_it_opens_from_a_file_and_plays(tmp_path):
         page.goto((tmp_path / "a.html").as_uri())
         page.get_by_text("Frame 10,").wait_for()
         assert page.title() == "walk – voxelpose"
-        page.wait_for_function("player.drawn > 0")
+        until(page, "player.drawn > 0")
         with_body = page.locator("canvas.space").screenshot()
         page.get_by_label("Body", exact=True).uncheck()
         page.wait_for_timeout(400)
         assert page.locator("canvas.space").screenshot() != with_body
         page.keyboard.press("Home")
         page.keyboard.press("Space")
-        page.wait_for_function("player.timeline.playing && player.timeline.index > 3")
+        until(page, "player.timeline.playing && player.timeline.index > 3")
         page.keyboard.press("Space")
         page.keyboard.press("End")
         page.get_by_text("Frame 19,").wait_for()
@@ -60,7 +60,7 @@ def test_it_opens_from_a_file_and_plays(tmp_path):
         found = np.array(page.evaluate("player.bodies[0].skeleton().map((p) => Array.from(p))"))
         np.testing.assert_allclose(found, _points(motion, 7), atol=2e-3)
         page.get_by_role("button", name="cam_1").click()
-        page.wait_for_function("player.viewpoint.pinhole && !player.viewpoint.flight")
+        until(page, "player.viewpoint.pinhole && !player.viewpoint.flight")
         page.wait_for_timeout(300)
         pixel, camera = page.evaluate(_PIXEL, found[0].tolist()), RIG["cam_1"]
         expected, _ = camera.project(found[:1])
@@ -180,7 +180,7 @@ def test_a_body_that_is_no_persons(desk):
     assert run(["export", "quadruped_fit", "--to", "html"]) == 0
     with new_page(900, 600) as (page, faults):
         page.goto((desk / "quadruped_fit" / "motion.html").as_uri())
-        page.wait_for_function("player.drawn > 0")
+        until(page, "player.drawn > 0")
         assert page.title() == "quadruped_fit – voxelpose" and faults == []
         count = page.evaluate("player.bodies[0].bones.length / 2")
         assert count == len(motion.model.tree.landmark_bones)

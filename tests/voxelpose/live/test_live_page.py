@@ -18,7 +18,7 @@ import pytest
 
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion import kinematics
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.sources import ring
 from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
@@ -219,7 +219,7 @@ def look(browser, page: Page, controls: FakeControls) -> None:
     browser.goto(page.url)
     assert "sesame" not in browser.url  # the address bar does not keep the token
     browser.get_by_text("Leave the view and press Background.").wait_for(timeout=20_000)
-    browser.wait_for_function("window.live?.people[0].body && live.player.drawn > 3")
+    until(browser, "window.live?.people[0].body && live.player.drawn > 3")
     places = set()
 
     def moves() -> bool:
@@ -231,7 +231,7 @@ def look(browser, page: Page, controls: FakeControls) -> None:
     first = canvas_picture(browser)
     assert (first[..., 0] - first[..., 2] > 50).sum() > 1000  # the figure is there
     wait_until(lambda: np.abs(canvas_picture(browser) - first).max() > 40)  # and moves
-    browser.wait_for_function("live.player.cameras.every(({ texture }) => texture)")
+    until(browser, "live.player.cameras.every(({ texture }) => texture)")
     for name in ("vmc://10.0.0.7:39539", "cam_3", "17 dropped", "silhouettes"):
         browser.get_by_text(name).first.wait_for()
     for button, call, text in (

@@ -12,7 +12,7 @@ from calib.camera import Rig
 from calib.files import write_rig
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.motion_file import write_motion
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import walking, waving
 from tests.other_bodies import write_example_result
 from tests.sources import open_desk, ring, write_staged
@@ -207,9 +207,7 @@ def test_the_page_plays(made):
             and cursor.get_attribute("transform") != before
         )
         page.click("#play")
-        page.wait_for_function(
-            "() => document.getElementById('when').textContent.startsWith('frame 1')"
-        )
+        until(page, "document.getElementById('when').textContent.startsWith('frame 1')")
         assert page.evaluate("document.documentElement.scrollWidth") == 900
         assert faults == []
 

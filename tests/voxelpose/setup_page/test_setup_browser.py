@@ -1,12 +1,10 @@
 """The setup page in a browser: what is clicked is what the files then hold."""
 
-import time
-
 import numpy as np
 import pytest
 
 from calib.points import read_points
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.sources import figure_masks, ring, turned, write_figure
 from tests.voxelpose.setup_page.setup_scenes import SIZE, served, staged
 from voxelpose.cli.options import folder_settings
@@ -62,14 +60,7 @@ class Hand:
 
 
 def doc(page) -> dict:
-    return page.evaluate("() => window.app.store.doc")
-
-
-def until(page, true, seconds: float = 20.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "it did not happen"
-        page.wait_for_timeout(60)
+    return page.evaluate("window.app.store.doc")
 
 
 @pytest.mark.slow
@@ -107,7 +98,7 @@ def test_what_is_drawn_and_clicked_is_saved(recorded):
         page.reload()  # no question: nothing is unsaved
         faults.clear()  # it may have cut a request off
         page.locator(".tile").nth(2).wait_for()
-        until(page, lambda: page.evaluate("() => Boolean(window.app)"))
+        until(page, "window.app")
         assert doc(page) == drawn
         assert faults == []
     compare(recorded, drawn)
@@ -201,9 +192,7 @@ def compare(folder, drawn: dict) -> None:
 
 def asks(page) -> bool:
     """Whether the browser would ask before it leaves the page."""
-    return page.evaluate(
-        "() => !window.dispatchEvent(new Event('beforeunload', {cancelable: true}))"
-    )
+    return page.evaluate("!window.dispatchEvent(new Event('beforeunload', {cancelable: true}))")
 
 
 @pytest.mark.slow
@@ -312,8 +301,8 @@ def test_the_stages_of_a_silhouette_are_shown_and_a_pixel_explained(tmp_path):
         for stage in ("background", "odds", "first"):
             page.locator(f'[data-stage="{stage}"]').click()
             page.locator(f'[data-stage="{stage}"][aria-pressed="true"]').wait_for()
-            shown = f"() => window.app.views.get('cam_1').staged?.stage === '{stage}'"
-            page.wait_for_function(shown)
+            shown = f"window.app.views.get('cam_1').staged?.stage === '{stage}'"
+            until(page, shown)
         places = {"person": SIZE[1] / 2, "background": 5}
         for result, y in places.items():
             page.mouse.move(*hand.at(SIZE[0] / 2, y))

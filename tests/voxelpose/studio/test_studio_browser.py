@@ -14,7 +14,7 @@ from calib.board import Board
 from calib.camera import Rig
 from calib.extrinsics import pose_difference
 from calib.files import read_rig
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from tests.voxelpose.board_films import film_boards
@@ -175,10 +175,10 @@ def film(page) -> None:
     page.locator("#record_empty").fill("0.5")
     fits(page)
     page.locator("#open_cameras").click()
-    shown = "() => [...document.querySelectorAll('.cameras img')].filter((i) => i.naturalWidth)"
-    page.wait_for_function(f"{shown}.length === 3")
+    shown = "[...document.querySelectorAll('.cameras img')].filter((i) => i.naturalWidth)"
+    until(page, f"{shown}.length === 3")
     page.reload()  # it finds its cameras again
-    page.wait_for_function(f"{shown}.length === 3")
+    until(page, f"{shown}.length === 3")
     fits(page)
     page.locator("#record").click()
     page.locator("#phase").get_by_text(re.compile(r"Recording: \d\d")).wait_for(timeout=20_000)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import waving
 from tests.other_bodies import write_example_result
 from tests.sources import ring, write_staged
@@ -47,7 +47,7 @@ def carved(page) -> None:
 
 def shown(page) -> np.ndarray:
     """The scene as it is drawn, (h, w, 3) int BGR."""
-    page.wait_for_function("() => !viewer.player.wanted && !viewer.player.viewpoint.flight")
+    until(page, "!viewer.player.wanted && !viewer.player.viewpoint.flight")
     page.wait_for_timeout(150)
     data = page.locator("canvas.space").screenshot()
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
@@ -145,7 +145,7 @@ def test_layers_hull_and_cameras(served):
         assert min(differing(a, b) for a, b in combinations(ways, 2)) > 200
         page.get_by_label("Cameras", exact=True).check()
         page.get_by_role("button", name="cam_2").click()
-        page.wait_for_function("() => viewer.large?.frame === 2")
+        until(page, "viewer.large?.frame === 2")
         assert differing(shown(page), views[0]) > 20_000  # its picture fills the view
         assert page.get_by_role("button", name="✕ cam_2").is_visible()
         page.keyboard.press("Escape")

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import waving_couple
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.cli import run
@@ -87,7 +87,7 @@ def test_people_are_switched_on_and_off(scenes):
 
 def _coloured(page) -> list[int]:
     """How many pixels of the scene have about the hue of each of two people."""
-    page.wait_for_function("() => !viewer.player.wanted")
+    until(page, "!viewer.player.wanted")
     page.wait_for_timeout(150)
     data = page.locator("canvas.space").screenshot()
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)

@@ -11,7 +11,7 @@ import pytest
 
 from silhouette_core.image.foreground import SoftSilhouette
 from silhouette_core.image.silhouettes import UndistortedView, as_recorded
-from tests.browsing import new_page
+from tests.browsing import new_page, until
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
@@ -213,7 +213,7 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
         for stage in ("background", "odds", "first", "silhouette", "body"):
             page.locator(f'[data-stage="{stage}"]').click()
             shown = f"[...app.views.values()].every((view) => view.staged?.stage === '{stage}')"
-            page.wait_for_function(f"() => {shown}", timeout=60_000)
+            until(page, shown, 60.0)
         page.get_by_text("silhouette and body have").wait_for()
         box = page.locator(".tile.large canvas").bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
