@@ -1,6 +1,7 @@
 """voxelpose network install, list and remove."""
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,8 @@ class Install:
         print(f"installed from {WHEEL} {VERSION}, Apache License 2.0, into {folder}:")
         for file in FILES:
             print(f"  {file.name}  {file.size / 1e6:.1f} MB  SHA-256 {file.sha256}")
+        if find_spec("ai_edge_litert") is None:
+            print("it runs in a third of the time with LiteRT: pip install ai-edge-litert")
 
 
 @dataclass(frozen=True)

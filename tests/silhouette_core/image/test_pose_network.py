@@ -1,3 +1,5 @@
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -50,6 +52,19 @@ def test_the_network_sees_nobody_in_an_even_picture(pose_network):
     assert seen.presence < 0.5
     assert seen.points_px.shape == (POINTS, 2)
     assert seen.logits.shape == (256, 256) and np.isfinite(seen.points_px).all()
+
+
+def test_both_libraries_see_the_same(pose_network, monkeypatch, capfd):
+    pytest.importorskip("ai_edge_litert", reason="LiteRT is not installed (make install)")
+    picture = np.random.default_rng(1).integers(0, 256, (90, 80, 3)).astype(np.uint8)
+    seen = [PoseNetwork(pose_network).look(picture, Crop(40, 45, 90))]
+    monkeypatch.setitem(sys.modules, "ai_edge_litert.interpreter", None)
+    seen += [PoseNetwork(pose_network).look(picture, Crop(40, 45, 90))]
+    for name in ("presence", "points_px", "visibility"):
+        first, second = (getattr(person, name) for person in seen)
+        np.testing.assert_allclose(first, second, atol=0.01)
+    assert np.abs(seen[0].logits.astype(int) - seen[1].logits).max() <= 1
+    assert capfd.readouterr() == ("", "")  # XNNPACK says that it is there
 
 
 def test_a_woman_who_walks_is_followed_and_cut_out(pose_network, shared, beside):
