@@ -145,7 +145,8 @@ class PoseNetwork:
         """What is seen of a person in a square of a picture (H, W, 3) uint8, BGR; where others are,
         (256, 256), there is the mean colour instead.
         """
-        square = cropped(picture, crop)[..., ::-1] / np.float32(255)
+        square = cropped(picture, crop)[..., ::-1].astype(np.float32)
+        square /= 255
         if others is not None and others.any() and not others.all():
             square[others] = square[~others].mean(axis=0)
         points, presence, mask = self._outputs(square)
