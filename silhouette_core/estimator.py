@@ -167,7 +167,7 @@ class Estimate:
     """Alternative poses of each frame: frame number, probabilities (n,) and joints (n, 15, 3) in
     the world, m, likeliest first."""
     rig: Rig | None = None  #: the cameras as they were found to stand; None: as the source says.
-    away: frozenset[int] = frozenset()  #: frames in which the person is not there.
+    absent_frames: frozenset[int] = frozenset()  #: frames in which the person is not there.
 
 
 @runtime_checkable

@@ -93,7 +93,7 @@ def _checked(content: dict[str, Any], path: Path) -> _BodyFile:
             f" wanted {BODY_FORMAT!r}): write one with voxelpose body make"
         )
     try:
-        found = msgspec.convert(content, _BodyFile)
+        body_file = msgspec.convert(content, _BodyFile)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {error}; correct it") from None
     measures = tuple(field.name for field in fields(BodyMeasurements))
@@ -102,16 +102,16 @@ def _checked(content: dict[str, Any], path: Path) -> _BodyFile:
         ("template", _CHANGES, *TEMPLATE_CHANGES),
         ("shape", _AXES, -0.9, 10.0),
     ):
-        for name, value in getattr(found, table).items():
+        for name, value in getattr(body_file, table).items():
             if name not in names:
                 raise InputError(
                     f"{path}: [{table}] has no {name[:60]!r}: there are {', '.join(names)}"
                 )
             if not low <= value <= high:
                 raise InputError(f"{path}: {name} is {value:g}: give {low:g} to {high:g}")
-    if "stature_m" not in found.measurements:
+    if "stature_m" not in body_file.measurements:
         raise InputError(f"{path}: [measurements] lacks stature_m: add it, in metres")
-    return found
+    return body_file
 
 
 def _made(file: _BodyFile, path: Path) -> BodyModel:

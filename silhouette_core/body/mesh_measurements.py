@@ -60,12 +60,12 @@ class TapeMeasure:
         vertices, joints = body.vertices_m, body.joints_m
         stature = float(np.ptp(vertices[:, 2]))
         seam = np.flatnonzero(np.abs(vertices[:, 0]) < 1e-6 * stature)
-        found = []
+        highest_points = []
         for side, sign in (("left", 1.0), ("right", -1.0)):
             x, y, _ = joints[PART_NAMES.index(f"{side}_upper_arm")]
             # So far outward, the man's template has the mean biacromial breadth of ANSUR II.
-            found.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
-        corners, weights = (np.stack(part) for part in zip(*found, strict=True))
+            highest_points.append(_highest(vertices, body.faces, x + sign * 0.012 * stature, y))
+        corners, weights = (np.stack(part) for part in zip(*highest_points, strict=True))
         trunk = body.faces[~np.isin(body.face_part, ARM_PARTS)]
         return cls(body.faces, trunk, seam, corners, weights)
 

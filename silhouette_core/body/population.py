@@ -64,7 +64,7 @@ def sex_probability(sex: str, stature_m: float) -> float:
     """Probability that somebody of a stature is "male" or "female", of whom there are as many."""
     men, women = (
         0.5 * ((stature_m - mean) / deviation) ** 2 + np.log(deviation)
-        for mean, deviation in (np.array(_ADULTS[own]) / 10_000 for own in ("male", "female"))
+        for mean, deviation in (np.array(_ADULTS[label]) / 10_000 for label in ("male", "female"))
     )
     women_odds = float(np.clip(men - women, -MEASURING.most_odds, MEASURING.most_odds))
     return 1 / (1 + np.exp(-women_odds if sex == "female" else women_odds))

@@ -41,7 +41,7 @@ class BodyPreset:
 def body_presets() -> tuple[BodyPreset, ...]:
     """All 24, men first, in the order of presets.toml."""
     text = (Path(__file__).parent / "presets.toml").read_text(encoding="utf-8")
-    found = []
+    presets = []
     for group, entries in tomllib.loads(text).items():
         sex, standard = _STANDARDS[group]
         for name, (*centimetres, letters) in entries.items():
@@ -49,8 +49,8 @@ def body_presets() -> tuple[BodyPreset, ...]:
             sources = {
                 measure: SOURCES[letter] for measure, letter in zip(_MEASURES, letters, strict=True)
             }
-            found.append(BodyPreset(name, sex, standard, BodyMeasurements(**metres), sources))
-    return tuple(found)
+            presets.append(BodyPreset(name, sex, standard, BodyMeasurements(**metres), sources))
+    return tuple(presets)
 
 
 def body_preset(name: str) -> BodyPreset | None:

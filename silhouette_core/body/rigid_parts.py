@@ -161,16 +161,16 @@ def _extent(shapes: Sequence[Sequence[RigidShape]]) -> float:
     corners = []
     for piece in (piece for pieces in shapes for piece in pieces):
         if isinstance(piece, Capsule):
-            own = np.array([piece.start_m, piece.end_m], float)
+            ends = np.array([piece.start_m, piece.end_m], float)
             least, most = min(piece.radii_m), max(piece.radii_m)
             if not least > 0:
                 raise InputError(f"a capsule of the body has the radius {least:g} m")
-            corners += [own - most, own + most]
+            corners += [ends - most, ends + most]
         elif isinstance(piece, Box):
-            own = np.array([piece.low_m, piece.high_m], float)
-            if not (own[1] > own[0]).all():
+            ends = np.array([piece.low_m, piece.high_m], float)
+            if not (ends[1] > ends[0]).all():
                 raise InputError(f"a box of the body is empty: {piece.low_m} to {piece.high_m}")
-            corners.append(own)
+            corners.append(ends)
         else:
             corners.append(np.asarray(piece.vertices_m, float))
     if not corners:
@@ -216,14 +216,14 @@ def _capsule(capsule: Capsule, edge_m: float) -> tuple[np.ndarray, np.ndarray]:
         [(start - first * axis)[None], rings.reshape(-1, 3), [start + (length + last) * axis]]
     )
     here = np.arange(around)
-    there, faces = (here + 1) % around, []
+    beside, faces = (here + 1) % around, []
     for ring in range(len(height) - 1):
         a, b = 1 + ring * around, 1 + (ring + 1) * around
-        faces += [np.stack([a + here, a + there, b + here], 1)]
-        faces += [np.stack([a + there, b + there, b + here], 1)]
+        faces += [np.stack([a + here, a + beside, b + here], 1)]
+        faces += [np.stack([a + beside, b + beside, b + here], 1)]
     top, low = len(vertices) - 1, 1 + (len(height) - 1) * around
-    faces += [np.stack([np.zeros_like(here), 1 + there, 1 + here], 1)]
-    faces += [np.stack([np.full_like(here, top), low + here, low + there], 1)]
+    faces += [np.stack([np.zeros_like(here), 1 + beside, 1 + here], 1)]
+    faces += [np.stack([np.full_like(here, top), low + here, low + beside], 1)]
     return vertices, np.concatenate(faces)
 
 

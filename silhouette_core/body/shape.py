@@ -109,12 +109,12 @@ def bone_directions(joints: np.ndarray) -> np.ndarray:
     """
     children = [np.flatnonzero(p == PARENTS) for p in range(len(PARENTS))]
     direction = np.zeros_like(joints)
-    for p, own in enumerate(children):
+    for p, descendants in enumerate(children):
         name = PART_NAMES[p]
-        if name in ("pelvis", "hand", "head") or not len(own):
+        if name in ("pelvis", "hand", "head") or not len(descendants):
             direction[p] = joints[p] - joints[PARENTS[p]] if PARENTS[p] >= 0 else (0, 0, 1)
         else:
-            direction[p] = joints[own[0]] - joints[p]
+            direction[p] = joints[descendants[0]] - joints[p]
         if name.endswith(("foot", "toes")):
             direction[p] = (0, -1, 0)
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)

@@ -65,8 +65,10 @@ def warp_template(
         np.abs(x) / bone_x, 1
     )
     depth = depth + growth * (y - bone_y)
-    own = 1 - np.where(np.isin(skin_parts, ARM_PARTS), skin_weights, 0.0).sum(1)
-    return vertices_m + stature * np.column_stack([own * breadth, own * depth, np.zeros_like(z)])
+    share = 1 - np.where(np.isin(skin_parts, ARM_PARTS), skin_weights, 0.0).sum(1)
+    return vertices_m + stature * np.column_stack(
+        [share * breadth, share * depth, np.zeros_like(z)]
+    )
 
 
 def _plateau(z: FloatArray, band: tuple[int, int, int, int]) -> FloatArray:

@@ -31,10 +31,10 @@ def sample_volume(
     for piece in _pieces(faces, len(vertices_m)):
         winding = np.zeros(inside.shape, np.int8)
         _wind(vertices_m, faces[piece].astype(np.int64), origin, spacing_m, winding)
-        own = winding > 0
+        within = winding > 0
         parts = np.unique(face_part[piece])
-        owner[own & ~inside] = parts[0] if len(parts) == 1 else -1
-        inside |= own
+        owner[within & ~inside] = parts[0] if len(parts) == 1 else -1
+        inside |= within
     points = origin + spacing_m * np.argwhere(inside)
     part = owner[inside]
     mixed = part < 0

@@ -102,14 +102,14 @@ def _fields(median: Float32Array, rim: BoolArray, inside: BoolArray) -> list[Flo
     fields: list[Float32Array] = []
     while len(fields) < _LAYERS:
         starts = [left & side for side in sides if (left & rim & side).any()]
-        found = [_field(median, powers, start, left) for start in starts]
-        explained = [_explained(median, field) for field in found]
-        if not found:
+        candidates = [_field(median, powers, start, left) for start in starts]
+        explained = [_explained(median, field) for field in candidates]
+        if not candidates:
             break
         best = int(np.argmax([one[left].sum() for one in explained]))
         if explained[best][left & rim].sum() < BACKDROP.layer * rim.sum():
             break
-        fields.append(found[best])
+        fields.append(candidates[best])
         left &= explained[best] == 0
     return fields
 
@@ -120,35 +120,35 @@ def _field(
     """Field (h, w, 3) of most of a side, then of what else it explains (Geman-McClure weights)."""
     solution = np.zeros((powers.shape[-1], 3))
     solution[0] = np.median(median[start], axis=0)
-    at, colours = powers[start], median[start]
+    basis, colours = powers[start], median[start]
     for number in range(3 * _ROUNDS):
         if number == _ROUNDS:
-            at, colours = powers[left], median[left]
-        off = _apart(colours, at @ solution)
+            basis, colours = powers[left], median[left]
+        off = _apart(colours, basis @ solution)
         scale = max(float(np.median(off)) if number < _ROUNDS else 0, BACKDROP.tolerance)
         weight = 1 / (1 + (off / scale) ** 2) ** 2
-        weighted = at * weight[:, None]
-        held = EXPOSURE.stiffness * weight.sum() * np.diag(np.arange(at.shape[1]) > 0)
-        solution = np.linalg.solve(weighted.T @ at + held, weighted.T @ colours)
+        weighted = basis * weight[:, None]
+        held = EXPOSURE.stiffness * weight.sum() * np.diag(np.arange(basis.shape[1]) > 0)
+        solution = np.linalg.solve(weighted.T @ basis + held, weighted.T @ colours)
     return np.asarray((powers @ solution).clip(0, 255), np.float32)
 
 
 def _seen(samples: Float32Array, field: Float32Array, limit: float, rim: BoolArray) -> IntArray:
     """Number of frames (h, w) that show a field, where it reaches the rim, unbroken."""
     count = np.sum([_apart(sample, field) < limit for sample in samples], axis=0)
-    shown = count > 0.5 * len(samples)
-    return count * _containing(shown, shown & rim)
+    unhidden = count > 0.5 * len(samples)
+    return count * _containing(unhidden, unhidden & rim)
 
 
 def _nearest(seen: list[IntArray], fields: list[Float32Array]) -> Float32Array:
     """The field that is seen most, (h, w, 3); where none is, the one nearest to the place."""
-    away = [
+    distances = [
         cv2.distanceTransform((count == 0).astype(np.uint8), cv2.DIST_L2, 5)
         if count.any()
         else np.full(count.shape, np.inf)
         for count in seen
     ]
-    label = np.argmin(np.stack(away) - 1e-3 * np.stack(seen), axis=0)
+    label = np.argmin(np.stack(distances) - 1e-3 * np.stack(seen), axis=0)
     return np.take_along_axis(np.stack(fields), label[None, ..., None], axis=0)[0]
 
 
@@ -158,9 +158,9 @@ def _opened(mask: BoolArray) -> BoolArray:
     return np.asarray(opened, np.uint8).view(np.bool_)
 
 
-def _containing(mask: BoolArray, places: BoolArray) -> BoolArray:
+def _containing(mask: BoolArray, points: BoolArray) -> BoolArray:
     """Pieces of a mask (h, w) that contain one of some places (h, w)."""
     parts = label_components(mask)
     wanted = np.zeros(len(parts.sizes), np.bool_)
-    wanted[parts.labels[mask & places]] = True
+    wanted[parts.labels[mask & points]] = True
     return wanted[parts.labels]

@@ -49,9 +49,9 @@ class CameraMovement:
         self._size = frames[0].shape[1::-1]
         self._usual = np.median([_reduced(one) for one in frames], axis=0).astype(np.uint8)
         self._median = _Rim(self._usual)
-        found = [self._moved_to(frame) for frame in frames]
-        known = [moved for moved in found if moved is not None]
-        self.moves, self.shakes = 2 * len(known) < len(found), False
+        motions = [self._moved_to(frame) for frame in frames]
+        known = [moved for moved in motions if moved is not None]
+        self.moves, self.shakes = 2 * len(known) < len(motions), False
         self.other_settings = self.other_tones = False
         if self.moves:
             return
@@ -96,8 +96,8 @@ class CameraMovement:
         if moved is None:
             return np.inf
         corners = np.array([(x, y, 1) for x in (0, self._size[0]) for y in (0, self._size[1])])
-        away = corners @ (moved @ self._to_median - np.eye(3)).T
-        return float(np.linalg.norm(away, axis=1).mean() * _SIDE_PX / max(self._size))
+        shifts = corners @ (moved @ self._to_median - np.eye(3)).T
+        return float(np.linalg.norm(shifts, axis=1).mean() * _SIDE_PX / max(self._size))
 
     def _moved_to(self, frame: ByteArray) -> FloatArray | None:
         """Similarity (3, 3) from the median picture to a frame, px; None unless that from there to
@@ -132,8 +132,8 @@ def _with_tones(grey: ByteArray, like: ByteArray) -> ByteArray:
     levels.
     """
     shares = [np.cumsum(np.bincount(one[_rim(one.shape)], minlength=256)) for one in (grey, like)]
-    own, wanted = (share / share[-1] for share in shares)
-    return np.interp(own, wanted, np.arange(256)).round().astype(np.uint8)[grey]
+    quantiles, wanted = (share / share[-1] for share in shares)
+    return np.interp(quantiles, wanted, np.arange(256)).round().astype(np.uint8)[grey]
 
 
 def _rim(shape: tuple[int, ...]) -> BoolArray:
@@ -155,8 +155,8 @@ class _Rim:
     def fitted(self, other: _Rim, observable: FloatArray) -> FloatArray:
         """Similarity to another frame, of those that can be observed, (4, n) as columns."""
         similarity = np.zeros(4)
-        for level, theirs in zip(self._levels, other._levels, strict=True):
-            similarity = level.fitted(theirs, similarity, observable)
+        for level, other_level in zip(self._levels, other._levels, strict=True):
+            similarity = level.fitted(other_level, similarity, observable)
         return similarity
 
 
@@ -175,21 +175,21 @@ class _Level:
         self.picture = cv2.GaussianBlur(grey.astype(np.float32), (3, 3), 0)
         height, width = grey.shape
         self.side = max(height, width)
-        places = np.flatnonzero(_rim(grey.shape))
-        self.judged = places[::_EVERY]
+        pixels = np.flatnonzero(_rim(grey.shape))
+        self.judged = pixels[::_EVERY]
         right, down = (
-            self.side * cv2.Sobel(self.picture, cv2.CV_32F, *order, scale=1 / 8).ravel()[places]
+            self.side * cv2.Sobel(self.picture, cv2.CV_32F, *order, scale=1 / 8).ravel()[pixels]
             for order in ((1, 0), (0, 1))
         )
         edge = np.hypot(right, down)
-        kept = np.argpartition(-edge, min(_PIXELS, len(places) - 1))[:_PIXELS]
-        self.kept, right, down = places[kept], right[kept], down[kept]
-        rows, columns = np.divmod(self.kept, width)
+        strongest = np.argpartition(-edge, min(_PIXELS, len(pixels) - 1))[:_PIXELS]
+        self.strongest, right, down = pixels[strongest], right[strongest], down[strongest]
+        rows, columns = np.divmod(self.strongest, width)
         x, y = (columns - (width - 1) / 2) / self.side, (rows - (height - 1) / 2) / self.side
         along = np.array([[x * 0 + 1, x * 0, -y, x], [x * 0, x * 0 + 1, x, y]])
         self.slopes = right * along[0] + down * along[1]
         usual = max(float(np.median(edge)), self.side * _STEP)
-        strong = edge[kept] > CAMERA_MOTION.over_noise * usual
+        strong = edge[strongest] > CAMERA_MOTION.over_noise * usual
         self.observable = _observable(self.slopes[:, strong], along[:, :, strong], usual)
 
     def fitted(self, other: _Level, similarity: FloatArray, observable: FloatArray) -> FloatArray:
@@ -209,7 +209,7 @@ class _Level:
             off = seen.ravel() - here
             brighter = float(np.median(off[self.judged]))  # exposure
             spread = float(np.median(np.abs(off[self.judged] - brighter)))
-            off = off[self.kept] - brighter
+            off = off[self.strongest] - brighter
             weights = 1 / np.square(1 + np.square(off / max(2 * 1.4826 * spread, 1.0)))
             weighted = self.slopes * weights
             normal = observable.T @ weighted @ self.slopes.T @ observable

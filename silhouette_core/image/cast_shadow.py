@@ -63,8 +63,8 @@ def rising_shades(darkest: float) -> Float32Array:
     """Density (50,) of the background's brightness in a shadow, relative to its own: the darker,
     the rarer; its integral is how often there is a shadow.
     """
-    at = (np.arange(_SHADES) + 0.5) / _SHADES
-    depth = np.clip(at - darkest, 0, None) / (1 - darkest)
+    shades = (np.arange(_SHADES) + 0.5) / _SHADES
+    depth = np.clip(shades - darkest, 0, None) / (1 - darkest)
     return (CUT.shaded * 2 * depth / (1 - darkest)).astype(np.float32)
 
 

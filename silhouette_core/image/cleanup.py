@@ -37,12 +37,12 @@ def clean(
     check_array("mask", mask, ("H", "W"), np.bool_)
     if region is not None:
         check_array("region", region, mask.shape, np.bool_)
-    kept = mask.copy() if region is None else mask & region
+    cleaned = mask.copy() if region is None else mask & region
     if min_area_px > 1 or min_share > 0:
-        kept = _large_components(kept, min_area_px, min_share)
+        cleaned = _large_components(cleaned, min_area_px, min_share)
     if max_hole_px > 0:
-        _fill_holes(kept, max_hole_px)
-    return kept
+        _fill_holes(cleaned, max_hole_px)
+    return cleaned
 
 
 def _large_components(mask: np.ndarray, min_area_px: int, min_share: float) -> np.ndarray:

@@ -61,17 +61,17 @@ class PeopleWindows:
         self._leave()
         changed = self._changed(picture)
         if len(self._people) < self._most:
-            there = any(not person.absent for person in self._people)
-            self._look_for_others(picture, changed, whole=first or (skipped and not there))
+            present = any(not person.absent for person in self._people)
+            self._look_for_others(picture, changed, whole=first or (skipped and not present))
         return {person.number: person.seen for person in self._people if not person.absent}
 
-    def _look(self, picture: Frame, crop: Crop, own: FollowedWindow | None = None) -> PersonSeen:
+    def _look(self, picture: Frame, crop: Crop, of: FollowedWindow | None = None) -> PersonSeen:
         """What is seen in a square, of somebody who is known or of anybody, beside the others."""
         others = np.zeros((256, 256), np.bool_)
         for person in self._people:
-            if person is not own and not person.absent:
+            if person is not of and not person.absent:
                 odds = person.seen.odds_in(crop)
-                others |= odds > (0 if own is None else np.maximum(own.seen.odds_in(crop), 0))
+                others |= odds > (0 if of is None else np.maximum(of.seen.odds_in(crop), 0))
         return self._network.look(picture, crop, others)
 
     def _seen(self, picture: Frame, person: FollowedWindow) -> PersonSeen | None:
@@ -93,26 +93,26 @@ class PeopleWindows:
         """Forgets who is away for long, and who has the mask of somebody else."""
         self._gone += [one for one in self._people if one.absent > _EVERY]
         self._people = [one for one in self._people if one.absent <= _EVERY]
-        kept: list[FollowedWindow] = []
+        apart: list[FollowedWindow] = []
         for person in sorted(self._people, key=lambda one: (one.absent, one.number)):
-            if not any(same_person(person.seen, other.seen) for other in kept):
-                kept.append(person)
-        self._people = sorted(kept, key=lambda one: one.number)
+            if not any(same_person(person.seen, other.seen) for other in apart):
+                apart.append(person)
+        self._people = sorted(apart, key=lambda one: one.number)
 
     def _look_for_others(self, picture: Frame, changed: list[Crop], whole: bool) -> None:
         """Looks for more people: they are sure to be some, or the picture changes there."""
-        found: list[PersonSeen] = []
+        new: list[PersonSeen] = []
         for crop, moves in self._unseen(changed, picture.shape[1::-1], whole):
             seen = self._look(picture, crop)
             for _ in range(2):  # a thing is sure from one square, and not from the next
                 near = next_crop(seen)
                 if near is not None and seen.is_there:
                     seen = self._look(picture, near)
-            known = [*(person.seen for person in self._people), *found]
+            known = [*(person.seen for person in self._people), *new]
             if seen.is_sure or (moves and seen.is_there):
-                found += [] if any(same_person(seen, one) for one in known) else [seen]
-        found.sort(key=lambda seen: -seen.presence * float(seen.visibility.mean()))
-        for seen in found[: self._most - len(self._people)]:
+                new += [] if any(same_person(seen, one) for one in known) else [seen]
+        new.sort(key=lambda seen: -seen.presence * float(seen.visibility.mean()))
+        for seen in new[: self._most - len(self._people)]:
             self._people.append(self._known_or_new(seen))
 
     def _known_or_new(self, seen: PersonSeen) -> FollowedWindow:
@@ -181,8 +181,8 @@ def next_crop(seen: PersonSeen) -> Crop | None:
     turn = float(np.arctan2(up[0], -up[1]))
     cos, sin = np.cos(turn), np.sin(turn)
     upright = np.array([[cos, -sin], [sin, cos]])  # picture from upright
-    places = np.concatenate([outline, seen.points_px[seen.visibility > 0.5]]) @ upright
-    low, high = places.min(axis=0), places.max(axis=0)
+    points = np.concatenate([outline, seen.points_px[seen.visibility > 0.5]]) @ upright
+    low, high = points.min(axis=0), points.max(axis=0)
     x, y = (upright @ ((low + high) / 2)).tolist()
     return Crop.about(x, y, float((high - low).max()), turn)
 

@@ -79,8 +79,8 @@ def check_plausible(
         ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are
             noise, are straight like a wall, or jump.
     """
-    found = {name: _fault(kept, person) for name, kept in masks.items()}
-    faults = {name: fault for name, fault in found.items() if fault}
+    checked = {name: _fault(camera_masks, person) for name, camera_masks in masks.items()}
+    faults = {name: fault for name, fault in checked.items() if fault}
     if len(masks) - len(faults) < least and faults:
         refused = {name: masks[name] for name in faults}
         raise ImplausibleSilhouettesError(refused, faults, lenses or {}, given)

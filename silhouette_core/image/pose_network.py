@@ -199,13 +199,13 @@ def _opencv(path: Path) -> Outputs:
 @contextmanager
 def _silent_errors() -> Iterator[None]:
     """Nothing that native code writes to standard error meanwhile is seen."""
-    kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(null, 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(saved, 2)
+        os.close(saved)
         os.close(null)
 
 

@@ -192,4 +192,4 @@ def people_masks(
         return []
     odds = np.stack([person.odds(size, scale) for person in people.values()])
     likeliest = odds.argmax(axis=0)
-    return [(own > 0) & (likeliest == k) for k, own in enumerate(odds)]
+    return [(person_odds > 0) & (likeliest == k) for k, person_odds in enumerate(odds)]

@@ -260,8 +260,8 @@ class Silhouettes:
             if self._given:
                 return SoftSilhouette.of(self._known(name, self._silhouette(name, frames[name])))
             frame = self._registered(name, frames[name])
-            told = self._evidence(name, step)
-            soft = self._models[name].soft_silhouette(frame, self._regions.get(name), told)
+            evidence = self._evidence(name, step)
+            soft = self._models[name].soft_silhouette(frame, self._regions.get(name), evidence)
             return SoftSilhouette(*(self._known(name, mask) for mask in soft))
 
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
@@ -281,8 +281,8 @@ class Silhouettes:
             raise InputError("masks/ holds silhouettes: they are used as they are")
         self._look(step, {name: frame})
         frame = self._registered(name, frame)
-        told = self._evidence(name, step)
-        stages = self._models[name].stages(frame, self._regions.get(name), told)
+        evidence = self._evidence(name, step)
+        stages = self._models[name].stages(frame, self._regions.get(name), evidence)
         return replace(stages, silhouette=self._known(name, stages.silhouette))
 
     def _known(self, name: str, mask: BoolArray) -> BoolArray:
@@ -312,10 +312,10 @@ class Silhouettes:
     def _silhouette(self, name: str, frame: Frame, step: int | None = None) -> BoolArray:
         region, frame = self._regions.get(name), self._registered(name, frame)
         if not self._given:
-            told, model = self._evidence(name, step), self._models[name]
+            evidence, model = self._evidence(name, step), self._models[name]
             if name not in self._learning:
-                return model.silhouette(frame, region, told)
-            mask, self._exposures[name] = model.look(frame, region, told)
+                return model.silhouette(frame, region, evidence)
+            mask, self._exposures[name] = model.look(frame, region, evidence)
             return mask
         mask = frame.max(axis=2) > 127
         return mask if region is None else mask & region
@@ -369,7 +369,7 @@ class Silhouettes:
         cameras move, and which shake.
         """
         samples: dict[str, list[Frame]] = {name: [] for name in names}
-        told: dict[str, list[Float32Array]] = {}
+        evidence: dict[str, list[Float32Array]] = {}
         steps = even_moments(source.frame_count, count, margin=0).tolist() if names else []
         for step, frames in zip(steps, source.at(steps), strict=False):
             self._look(step, {name: frames[name] for name in names})
@@ -384,8 +384,8 @@ class Silhouettes:
             self._other_tones += (name,) if motion.other_tones else ()
             samples[name] = [self._registered(name, frame) for frame in seen]
             odds = [self._evidence(name, step) for step in steps[: len(seen)]]
-            told[name] = [one for one in odds if one is not None]
-        return {name: (samples[name], told[name] or None) for name in told}
+            evidence[name] = [one for one in odds if one is not None]
+        return {name: (samples[name], evidence[name] or None) for name in evidence}
 
     def _measure_shadow(self, samples: Mapping[str, Sequence[Frame]]) -> None:
         """Measures the darkest cast shadow of cameras together: they see the same light."""
@@ -393,8 +393,8 @@ class Silhouettes:
         def counts(name: str) -> IntArray:
             return np.sum([self._models[name].shadow_counts(one) for one in samples[name]], axis=0)
 
-        found = side_by_side(counts, list(samples))
-        darkest = darkest_shadow(np.sum(found, axis=0)) if found else None
+        histograms = side_by_side(counts, list(samples))
+        darkest = darkest_shadow(np.sum(histograms, axis=0)) if histograms else None
         if darkest is not None:
             self._models |= {name: self._models[name].with_shadow(darkest) for name in samples}
 
@@ -428,8 +428,8 @@ def as_recorded(image: Float32Array, camera: Camera) -> Float32Array:
     if camera.is_pinhole:
         return image
     maps = _recorded_maps(camera, image.shape[1::-1])
-    found = cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float32)
+    remapped = cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(remapped, np.float32)
 
 
 @lru_cache(64)  # cameras of a recording, at two sizes

@@ -181,8 +181,8 @@ class _Tracking:
         tracked, root = self.tracked
         clock, hypotheses, absent = StageClock(), HypothesisStore(self.frame), list[int]()
         stages = PoseStages(tracked, self.camera, settings, options, clock, root)
-        away: set[int] = set()
-        people = read_ahead(_people(source, self.silhouettes, finder, clock, away))
+        absent_frames: set[int] = set()
+        people = read_ahead(_people(source, self.silhouettes, finder, clock, absent_frames))
         frames = (
             (number, None if person is None else stages.noted(number, seconds, person))
             for number, seconds, person in people
@@ -210,7 +210,7 @@ class _Tracking:
             {stage: np.array(seconds) for stage, seconds in clock.seconds.items()},
             facts,
             hypotheses,
-            away=frozenset(away),
+            absent_frames=frozenset(absent_frames),
         )
 
 
@@ -298,10 +298,10 @@ def _people(
     silhouettes: Silhouettes,
     finder: PersonFinder,
     clock: StageClock,
-    away: set[int],
+    absent: set[int],
 ) -> Iterator[tuple[int, float, Person | None]]:
     """Number and time of every frame, and the person in it; the numbers of those in which nobody is
-    seen are added to `away`.
+    seen are added to `absent`.
     """
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
@@ -311,7 +311,7 @@ def _people(
             if person is not None:
                 person = replace(person, joints=silhouettes.joints(name, step, person.mask))
             elif silhouettes.shows_nobody(name, step) and find_person(mask) is None:
-                away.add(number)
+                absent.add(number)
         yield number, seconds, person
 
 

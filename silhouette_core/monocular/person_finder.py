@@ -267,16 +267,16 @@ class OneOfPeople(PersonFinder):
         self, camera: Camera, coloured: bool, people: Sequence[FollowedPerson], number: int
     ):
         super().__init__(camera, coloured)
-        own = [replace(person) for person in people]
+        copies = [replace(person) for person in people]
         known = any(person.looks is not None for person in people)
-        self._follower = PeopleFollower(camera, own, known)
+        self._follower = PeopleFollower(camera, copies, known)
         self._number, self.merged = number, 0
 
     def among(self, picture: Frame, mask: Mask, people: Sequence[Mask]) -> Person | None:
         """See `PersonFinder.among`."""
-        own = self._follower.find(picture, mask, people)[self._number]
+        person = self._follower.find(picture, mask, people)[self._number]
         self.merged += self._number in self._follower.merged
-        return None if own is None else super().among(picture, own, ())
+        return None if person is None else super().among(picture, person, ())
 
 
 def _parted(components: MaskComponents, people: Sequence[Mask]) -> tuple[MaskComponents, int]:

@@ -96,7 +96,7 @@ class TreeEstimator:
         reporter.stage("motion model")
         backend = load_backend(settings.backend)
         follower = TreeFollower(library, pinhole, options.start, 1 / source.fps, backend)
-        finder, poses, noted, away = PersonFinder(camera, False), [], [], set[int]()
+        finder, poses, noted, absent = PersonFinder(camera, False), [], [], set[int]()
         reporter.stage("tracking", source.frame_count)
         for step, (number, time_s, frames) in enumerate(source):
             with clock("total"):
@@ -105,7 +105,7 @@ class TreeEstimator:
                     person = finder.find(frames[name], mask)
                     nobody = person is None and silhouettes.shows_nobody(name, step)
                     if nobody and find_person(mask) is None:
-                        away.add(number)
+                        absent.add(number)
                 if person is not None:
                     with clock("estimation"):
                         pose, error, probability, joints = follower.step(time_s, person.mask)
@@ -134,7 +134,7 @@ class TreeEstimator:
         stages = {stage: np.array(seconds) for stage, seconds in clock.seconds.items()}
         # A filter without lag would use later frames.
         motion = conditioned(motion, settings.applied_conditioning.chosen("none")).in_world(frame)
-        return Estimate(motion, stages, facts, hypotheses, away=frozenset(away))
+        return Estimate(motion, stages, facts, hypotheses, absent_frames=frozenset(absent))
 
 
 class TreeFollower:

@@ -140,7 +140,7 @@ class Head:
 
     from_neck: float = 0.35  #: 1. Of the way from the neck to the top: above it is the head.
     radius: float = 0.15  #: 1. Of the head, relative to that way.
-    kept: float = 0.9
+    memory: float = 0.9
     """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
 
 
@@ -255,7 +255,7 @@ class VirtualDefects:
     alike: float = 0.15
     """1. Chance that one of the colours is like the background's in places, which are at the same
     places of the body in all frames."""
-    places: tuple[int, int] = (2, 9)  #: Places of that kind, the last excluded.
+    place_count: tuple[int, int] = (2, 9)  #: Places of that kind, the last excluded.
     place_px: Range = (2.5, 8.0)  #: Pixels. Their radii.
     often: Range = (0.4, 1.0)  #: 1. Share of the frames in which they are missing.
     shadowed: float = 0.15  #: 1. Chance of a shadow on the floor.

@@ -61,12 +61,12 @@ def expected_angle_errors(motion: Motion) -> Mapping[str, FloatArray]:
     for side in SIDES:
         joints[f"{side}_toes"] = origin[:, motion.model.names.index(f"{side}_toes")]
         errors_m[f"{side}_toes"] = errors_m[f"{side}_ankle"]
-    found = {}
+    errors_deg = {}
     for name, segments in _SEGMENTS.items():
         for side in SIDES:
             near, far = (text.format(side, side).split() for text in segments)
-            found[name.format(side)] = _propagated(near, far, joints, errors_m)
-    return found
+            errors_deg[name.format(side)] = _propagated(near, far, joints, errors_m)
+    return errors_deg
 
 
 def _propagated(

@@ -92,8 +92,8 @@ def _as_estimated(motion: Motion) -> Motion:
     """The motion before its conditioning, with its quality."""
     if motion.conditioning is None or motion.unfiltered is None:
         return replace(motion, conditioning=None)
-    found = ~motion.filled
-    quality = {name: array[found] for name, array in motion.quality.items()}
+    estimated = ~motion.filled
+    quality = {name: array[estimated] for name, array in motion.quality.items()}
     return replace(motion.unfiltered, quality=quality)
 
 
@@ -153,16 +153,16 @@ def describe_conditioning(motion: Motion) -> dict[str, object]:
     if done is None:
         return {}
     low_pass, missing = done.low_pass, np.diff(motion.frames) - 1
-    own: dict[str, object] = {}
+    settings: dict[str, object] = {}
     if done.filter != "none":
-        own = {"cutoff_hz": low_pass.cutoff_hz, "order": low_pass.usual_order}
+        settings = {"cutoff_hz": low_pass.cutoff_hz, "order": low_pass.usual_order}
     if done.filter == "savgol":
-        own["window_frames"] = low_pass.window(motion.fps)
+        settings["window_frames"] = low_pass.window(motion.fps)
     if done.filter == "gaussian":
-        own["sigma_frames"] = round(low_pass.sigma(motion.fps), 3)
+        settings["sigma_frames"] = round(low_pass.sigma(motion.fps), 3)
     return {
         "filter": done.filter,
-        **own,
+        **settings,
         "frames_unfiltered": unfiltered_frames(motion),
         "gap_limit_frames": done.longest_gap(motion.fps),
         "gap_method": done.gap_method,
@@ -233,14 +233,14 @@ def gap_limit_frames(limit: int | str, fps: float) -> int:
     Raises:
         InputError: it is neither.
     """
-    found = _LIMIT.fullmatch(str(limit).strip())
-    if found is None:
+    parsed = _LIMIT.fullmatch(str(limit).strip())
+    if parsed is None:
         raise InputError(
             f"gap limit {str(limit)[:40]!r} is not understood: give frames, as in 12, or seconds,"
             " as in 0.2s"
         )
     # The least excess keeps rounding from costing a frame: 0.1 s of 30 frames a second are 3.
-    return int(found[1]) if found[1] else math.floor(float(found[2]) * fps + 1e-6)
+    return int(parsed[1]) if parsed[1] else math.floor(float(parsed[2]) * fps + 1e-6)
 
 
 def frames_in_gaps(frames: np.ndarray, longest: int) -> np.ndarray:

@@ -98,8 +98,8 @@ def walker_points(motion: Motion) -> WalkerPoints:
 
 def _heel(model: BodyModel, foot: int) -> FloatArray:
     """The rearmost vertex (3,) of a foot's part at rest, below the ankle, m."""
-    own = np.unique(model.faces[model.face_part == foot])
-    vertices = model.vertices_m[own]
+    sole = np.unique(model.faces[model.face_part == foot])
+    vertices = model.vertices_m[sole]
     below = vertices[vertices[:, 2] < model.joints_m[foot, 2]]
     return below[np.argmax(below[:, 1])]
 
@@ -123,8 +123,8 @@ def foot_events(points: WalkerPoints, least_m: float) -> tuple[list[FloatArray],
     direction = _directions(points)[:, None]
 
     def turns(feet_m: FloatArray, sign: int) -> list[FloatArray]:
-        away = sign * ((feet_m - points.pelvis_m[:, None])[..., :2] * direction).sum(axis=2)
-        return [_peak_times(curve, points.time_s, least_m) for curve in away.T]
+        distances = sign * ((feet_m - points.pelvis_m[:, None])[..., :2] * direction).sum(axis=2)
+        return [_peak_times(curve, points.time_s, least_m) for curve in distances.T]
 
     return turns(points.heels_m, 1), turns(points.toes_m, -1)
 
@@ -166,8 +166,8 @@ def _bouts(points: WalkerPoints) -> list[_Bout]:
     for group in _chains(events):
         bout = _Bout(points, group, _placements(points, group))
         for first, last in _walked(bout, foot_m):
-            own = [one for one in group if first.time_s <= one.time_s <= last.time_s]
-            bouts.append(_Bout(points, own, _placements(points, own)))
+            steps = [one for one in group if first.time_s <= one.time_s <= last.time_s]
+            bouts.append(_Bout(points, steps, _placements(points, steps)))
     return bouts
 
 
@@ -263,10 +263,10 @@ def _way_m(bout: _Bout) -> float:
     """How far the pelvis goes from the first contact to the last one, along its way."""
     times = np.array([event.time_s for event in bout.contacts])
     path = bout.points.pelvis_m[:, :2]
-    at = np.column_stack([np.interp(times, bout.points.time_s, axis) for axis in path.T])
+    points = np.column_stack([np.interp(times, bout.points.time_s, axis) for axis in path.T])
     # Chords of strides, since the pelvis sways from step to step.
-    chords = np.linalg.norm(at[2:] - at[:-2], axis=1) / 2
-    ends = np.linalg.norm(at[[1, -1]] - at[[0, -2]], axis=1) / 2
+    chords = np.linalg.norm(points[2:] - points[:-2], axis=1) / 2
+    ends = np.linalg.norm(points[[1, -1]] - points[[0, -2]], axis=1) / 2
     return float(chords.sum() + ends.sum())
 
 

@@ -120,5 +120,5 @@ def normalised_cycles(
 ) -> FloatArray:
     """Values (n, 101) at 0 to 100 % of n strides, of values (T,) at times (T,), s."""
     share = np.linspace(0, 1, CYCLE)
-    at = [one.contact_s + share * one.time_s for one in strides]
-    return np.array([np.interp(moments, time_s, values) for moments in at]).reshape(-1, CYCLE)
+    times = [one.contact_s + share * one.time_s for one in strides]
+    return np.array([np.interp(moments, time_s, values) for moments in times]).reshape(-1, CYCLE)

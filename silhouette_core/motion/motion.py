@@ -189,4 +189,4 @@ class Motion:
 def posed_times(motions: Sequence[Motion]) -> dict[int, float]:
     """Time, s, of every frame in which somebody has a pose, in their order."""
     times = [zip(one.frames.tolist(), one.time_s.tolist(), strict=True) for one in motions]
-    return dict(sorted({frame: at for own in times for frame, at in own}.items()))
+    return dict(sorted({frame: time for pairs in times for frame, time in pairs}.items()))

@@ -204,9 +204,9 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
     )
     if _UNFILTERED + "root_m" not in arrays:
         return motion
-    found = motion.select(np.flatnonzero(~motion.filled))
+    posed = motion.select(np.flatnonzero(~motion.filled))
     poses = {name: arrays[_UNFILTERED + name] for name in _POSES}
-    unfiltered = replace(found, **poses, quality={}, conditioning=None)
+    unfiltered = replace(posed, **poses, quality={}, conditioning=None)
     return replace(motion, unfiltered=unfiltered)
 
 

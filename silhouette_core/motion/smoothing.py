@@ -83,13 +83,13 @@ class LowPass:
 
     def shortest(self, fps: float) -> int:
         """Length of the shortest signal that is filtered, frames."""
-        own = {
+        lengths = {
             "butterworth": lambda: 3 * (self.usual_order or 0) + 4,
             "savgol": lambda: self.window(fps),
             "gaussian": lambda: math.ceil(4 * self.sigma(fps)),
             "none": lambda: 0,
         }
-        return max(_SHORTEST, own[self.kind]())
+        return max(_SHORTEST, lengths[self.kind]())
 
     def too_slow(self, fps: float) -> bool:
         """Whether a frame rate is too low for the cut-off."""

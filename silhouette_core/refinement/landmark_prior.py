@@ -50,8 +50,8 @@ def landmark_arrays(
     arrays = tuple(np.zeros((len(priors), *shape)) for shape in shapes)
     for k, prior in enumerate(priors):
         if prior is not None:
-            own = prior.relative_m, prior.precision, prior.pelvis_m, prior.pelvis_precision
-            for array, value in zip(arrays, own, strict=True):
+            values = prior.relative_m, prior.precision, prior.pelvis_m, prior.pelvis_precision
+            for array, value in zip(arrays, values, strict=True):
                 array[k] = value
     return np.array([prior is not None for prior in priors]), *arrays
 

@@ -201,8 +201,8 @@ def _tangent_planes(
     fx, fy, cx, cy = views.intrinsics[c]
     ray = np.stack([(pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy, np.ones(len(pixels))], 1)
     tangent = np.stack([-outward[:, 1] / fx, outward[:, 0] / fy, np.zeros(len(pixels))], 1)
-    away = np.stack([outward[:, 0] / fx, outward[:, 1] / fy, np.zeros(len(pixels))], 1)
+    outward_px = np.stack([outward[:, 0] / fx, outward[:, 1] / fy, np.zeros(len(pixels))], 1)
     normal = np.cross(ray, tangent)
-    normal *= np.sign((normal * away).sum(1, keepdims=True))
+    normal *= np.sign((normal * outward_px).sum(1, keepdims=True))
     unit = lambda v: v / np.linalg.norm(v, axis=1, keepdims=True)  # noqa: E731
     return unit(ray) @ views.rotation[c], unit(normal) @ views.rotation[c]

@@ -68,9 +68,9 @@ def still_root(
     refined = side_by_side(
         lambda k: refine(surface, observations[k], poses[k], None, settings), range(len(poses))
     )
-    places = np.array([one.pose.root_m for one in refined])
-    near = np.linalg.norm(places - np.median(places, axis=0), axis=1) < REFINEMENT.same_root_m
-    refined = [one for one, kept in zip(refined, near, strict=True) if kept] or refined
+    roots = np.array([one.pose.root_m for one in refined])
+    near = np.linalg.norm(roots - np.median(roots, axis=0), axis=1) < REFINEMENT.same_root_m
+    refined = [one for one, is_near in zip(refined, near, strict=True) if is_near] or refined
     middle = refined[0].pose
     steps = np.array([one.pose.minus(middle)[:6] for one in refined])
     weights = np.array([_root_information(one, surface.model) for one in refined])

@@ -234,10 +234,10 @@ def contour_weights(settings: Sequence[RefineSettings], reach_m: np.ndarray) -> 
     reach (K,) is 0.
     """
     weights = np.zeros((len(settings), 3))
-    for row, own, reach in zip(weights, settings, reach_m, strict=True):
+    for row, setting, reach in zip(weights, settings, reach_m, strict=True):
         if reach:
-            largest = own.independence / own.contour_m**2
-            scale = max(0.5 * reach, 2 * own.contour_m)
+            largest = setting.independence / setting.contour_m**2
+            scale = max(0.5 * reach, 2 * setting.contour_m)
             row[:] = scale, largest, REFINEMENT.outside * largest
     return weights
 
@@ -267,10 +267,10 @@ def add_silhouettes(
         matrix: (K, 6 + D, 6 + D) float64.
         gradient: (K, 6 + D) float64.
     """
-    matched, gap, away, toward = _correspondences(posed, observation, reach_m)
+    matched, gap, distance, toward = _correspondences(posed, observation, reach_m)
     add_silhouette_terms(
         (matched, gap, observation.normal),
-        (away, toward),
+        (distance, toward),
         weights,
         REFINEMENT.outside_m,
         surface.arrays,
@@ -300,9 +300,9 @@ def _correspondences(
         matched,
         gap,
     )
-    away, toward = [], []
+    distance, toward = [], []
     for c, outside in enumerate(observation.outside_px):
-        away.append(np.empty((count, points)))
+        distance.append(np.empty((count, points)))
         toward.append(np.empty((count, points, 3)))
         measure_outside(
             posed.points,
@@ -310,10 +310,10 @@ def _correspondences(
             views.rotation[c],
             views.translation_m[c],
             outside,
-            away[c],
+            distance[c],
             toward[c],
         )
-    return matched, gap, np.stack(away, axis=1), np.stack(toward, axis=1)
+    return matched, gap, np.stack(distance, axis=1), np.stack(toward, axis=1)
 
 
 def residuals(
@@ -341,12 +341,12 @@ def residuals(
     """
     reach = np.array([reach_m])
     scale, base, base_outside = contour_weights([settings], reach)[0]
-    found = _correspondences(posed[None], observation, reach)
-    matched, gap, away, toward = (one[0] for one in found)
+    correspondences = _correspondences(posed[None], observation, reach)
+    matched, gap, distance, toward = (one[0] for one in correspondences)
     hits = np.flatnonzero(matched >= 0)
     index, direction, gaps = [matched[hits]], [observation.normal[hits]], [gap[hits]]
     weight = [base / (1 + (gap[hits] / scale) ** 2) ** 2]
-    for far, along in zip(away, toward, strict=True):
+    for far, along in zip(distance, toward, strict=True):
         out = np.flatnonzero(far > 0)
         index.append(out)
         direction.append(along[out])

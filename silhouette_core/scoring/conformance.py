@@ -159,9 +159,9 @@ class BackendConformance:
         """Halves up, half a pixel beyond the image, and from 0.05 m on."""
         views = _views(np.array([[1.0, 1, 0, 0]]), np.eye(3)[None], np.zeros((1, 3)))
         images = np.array([[[1, 10], [100, 50]]], np.int8)
-        places = np.array([(-0.5, -0.5), (0.5, 0.4), (1.4, 1.4), (1.5, 0), (0, -0.6), (-0.1, 0.5)])
+        points = np.array([(-0.5, -0.5), (0.5, 0.4), (1.4, 1.4), (1.5, 0), (0, -0.6), (-0.1, 0.5)])
         for depth_m, expected in ((1.0, [1, 10, 50, 0, 0, 100]), (0.049, [0] * 6)):
-            translations_m = np.column_stack([depth_m * places, np.full(6, depth_m)])
+            translations_m = np.column_stack([depth_m * points, np.full(6, depth_m)])
             turns = np.repeat(np.eye(3)[None], 6, axis=0)
             point = np.zeros((1, 3))
             scores = self._same("pixel_scores", views, images, point, turns, translations_m)
@@ -217,9 +217,9 @@ class BackendConformance:
         expected = getattr(CpuBackend(), method)(*given)
         result = getattr(self.backend, method)(*given)
         assert_equal(given, strided)
-        again = getattr(self.backend, method)(*strided)
+        twice = getattr(self.backend, method)(*strided)
         assert_equal(strided, given)
-        for array, other, reference in zip(*map(_listed, (result, again, expected)), strict=True):
+        for array, other, reference in zip(*map(_listed, (result, twice, expected)), strict=True):
             assert_equal((array.dtype, array.shape), (reference.dtype, reference.shape))
             assert_array_equal(array, other)
             within = 1e-12 if method == "silhouette_errors" else 0  # a mean over the cameras

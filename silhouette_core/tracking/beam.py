@@ -23,7 +23,7 @@ class Beam:
         cost: (K,) float64, nats, of the cheapest past through each.
         back: (K,) int64, hypothesis of the previous frame in that past; -1 at a start.
         restarted: (K,) bool, whether the step from that hypothesis is a restart and no movement.
-        own: (K,) float64, nats, of the frame alone, without the past.
+        alone: (K,) float64, nats, of the frame alone, without the past.
         occluded: (K, 27) bool, occlusion flags of the parts, eq. (3).
         priors: K priors of the joints' positions that the poses were refined with, or None.
     """
@@ -35,7 +35,7 @@ class Beam:
     back: NDArray[np.int64]
     restarted: NDArray[np.bool_]
     time_s: float
-    own: NDArray[np.float64]
+    alone: NDArray[np.float64]
     occluded: NDArray[np.bool_]
     priors: list[LandmarkPrior | None]
 
@@ -45,15 +45,15 @@ class Beam:
         poses: list[Pose],
         joints: NDArray[np.float64],
         distance: NDArray[np.float64],
-        own: NDArray[np.float64],
+        cost: NDArray[np.float64],
         time_s: float,
         occluded: NDArray[np.bool_],
         priors: list[LandmarkPrior | None],
     ) -> Beam:
         """Hypotheses with the costs of their frame alone; arguments as the attributes."""
-        own, count = rounded(own), len(poses)
+        cost, count = rounded(cost), len(poses)
         back, restarted = np.full(count, -1), np.ones(count, np.bool_)
-        return cls(poses, joints, distance, own, back, restarted, time_s, own, occluded, priors)
+        return cls(poses, joints, distance, cost, back, restarted, time_s, cost, occluded, priors)
 
     def only(self, k: int) -> Beam:
         """This beam with hypothesis k alone, as the certain past of what follows.
@@ -72,7 +72,7 @@ class Beam:
             priors=[self.priors[k] for k in rows],
             **{
                 name: getattr(self, name)[rows]
-                for name in ("joints", "distance", "cost", "back", "restarted", "own", "occluded")
+                for name in ("joints", "distance", "cost", "back", "restarted", "alone", "occluded")
             },
         )
 
@@ -97,7 +97,7 @@ def backtrack(beams: list[Beam]) -> list[int]:
     chosen = [beams[-1].best]
     for before, beam in zip(beams[-2::-1], beams[:0:-1], strict=True):
         back = int(beam.back[chosen[-1]])
-        # Where a track begins anew, what came before ends with its own cheapest hypothesis.
+        # Where a track begins anew, what came before ends with its alone cheapest hypothesis.
         chosen.append(back if back >= 0 else before.best)
     return chosen[::-1]
 

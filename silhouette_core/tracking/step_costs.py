@@ -79,14 +79,14 @@ class StepCosts:
         """Hypotheses with the cheapest past of each."""
         # Costs of a frame are those of 1 / FPS; a longer one counts for as much more.
         longer = float(np.clip((beam.time_s - previous.time_s) * FPS, 0.0, STEPS.longest_frame))
-        own = beam.own * longer
+        alone = beam.alone * longer
         moving, restarted = self.between(previous, expected, beam)
         total = rounded(previous.cost[:, None] + moving)
         back = total.argmin(0)
         return replace(
             beam,
-            own=own,
-            cost=rounded(own + total.min(0)),
+            alone=alone,
+            cost=rounded(alone + total.min(0)),
             back=back,
             restarted=restarted[back, np.arange(len(back))],
         )

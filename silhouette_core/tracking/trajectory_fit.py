@@ -175,10 +175,10 @@ def _own_terms(
 
     def add(t: int) -> None:
         rows = slice(t, t + 1)
-        own = weights * [1, frames[t].scale ** -2, frames[t].scale ** -2]
+        scaled = weights * [1, frames[t].scale ** -2, frames[t].scale ** -2]
         with one_thread():
             observation, one = frames[t].observation, posed[rows]
-            add_silhouettes(surface, one, observation, reach, own, matrix[rows], gradient[rows])
+            add_silhouettes(surface, one, observation, reach, scaled, matrix[rows], gradient[rows])
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed[t])
 
@@ -266,9 +266,9 @@ def _add_standing(
                 continue
             speed = float(moved[foot] @ moved[foot]) / TRAJECTORY.foot_m**2
             weight = 1.0 / ((TRAJECTORY.still * TRAJECTORY.foot_m) ** 2 * (1 + speed) ** 2)
-            here, there = -jacobians[t][foot], jacobians[t + 1][foot]
-            banded.add(t, t, weight * here.T @ here)
-            banded.add(t + 1, t, weight * there.T @ here)
-            banded.add(t + 1, t + 1, weight * there.T @ there)
-            banded.gradient[t] += weight * here.T @ moved[foot]
-            banded.gradient[t + 1] += weight * there.T @ moved[foot]
+            first, second = -jacobians[t][foot], jacobians[t + 1][foot]
+            banded.add(t, t, weight * first.T @ first)
+            banded.add(t + 1, t, weight * second.T @ first)
+            banded.add(t + 1, t + 1, weight * second.T @ second)
+            banded.gradient[t] += weight * first.T @ moved[foot]
+            banded.gradient[t + 1] += weight * second.T @ moved[foot]

@@ -51,7 +51,7 @@ def test_moments_that_a_camera_lost_are_told_apart_from_those_without_a_pose(rec
 
 def test_moments_in_which_somebody_is_away_are_not_lost(recording):
     found = load_estimator("standing").estimate(recording, Settings(), SilentReporter())
-    away = replace(found, away=frozenset({0, 3}))  # 1 to 5 have a pose
+    away = replace(found, absent_frames=frozenset({0, 3}))  # 1 to 5 have a pose
     frames: Any = summary_document(recording, away, "standing", {})["frames"]
     assert frames["lost"] == [] and frames["away"] == [0]
 

@@ -146,8 +146,8 @@ class FollowedPeople:
         if hull is None or time_s - hull[0] > 0.15:  # it is only shown
             hull = self._hulls[number] = time_s, self._carved(person.moment, pose)
         confidence = float(np.clip(1 - person.fit.error, 0, 1))
-        body = posed_body(person.model, pose, confidence, person.shown, hull_m=hull[1])
-        return replace(body, confidence=confidence * float(person.shown.mean()))
+        body = posed_body(person.model, pose, confidence, person.visibility, hull_m=hull[1])
+        return replace(body, confidence=confidence * float(person.visibility.mean()))
 
     def close(self) -> None:
         """Ends the searching process."""

@@ -124,7 +124,7 @@ class MultiViewEstimator:
         )
         with (
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
-            ExitStack() as kept,
+            ExitStack() as resources,
         ):
             work = TrackWork(
                 settings, source.fps, matching, known, clock, reporter, prepared.numbers
@@ -133,12 +133,12 @@ class MultiViewEstimator:
             if people != 1:
                 places_m, things_m = people_places(prepared, people, clock, reporter)
             if len(places_m) < 2:
-                tracked = [OnePerson(work, prepared, kept).track()]
+                tracked = [OnePerson(work, prepared, resources).track()]
             else:
                 if known is not None or settings != settings.of_anybody:
                     reporter.note(ONE_PERSONS)
                 anybody = work.of_anybody()
-                tracked = PeopleTrack(anybody, prepared, places_m, things_m, kept).track()
+                tracked = PeopleTrack(anybody, prepared, places_m, things_m, resources).track()
             absent_frames = [frames_of_nobody(prepared)]
             motions = [
                 _motion(tracker, settings, prepared.numbers, prepared.times_s, clock, reporter)
@@ -150,10 +150,12 @@ class MultiViewEstimator:
             absent = np.isnan(places_m[:, :, 0])
             absent_frames = [frozenset(prepared.numbers[rows].tolist()) for rows in absent]
         floor_m = floor_height(*(motion for motion, _ in motions))  # on which everybody stands
-        for (motion, ratio), (_, facts), away in zip(motions, tracked, absent_frames, strict=True):
+        for (motion, ratio), (_, facts), absent_steps in zip(
+            motions, tracked, absent_frames, strict=True
+        ):
             motion = replace(motion, floor_m=floor_m).in_world(prepared.upright)
             facts |= {"half_turn_ratio": round(ratio, 3)} | prepared.facts
-            estimates.append(Estimate(motion, stage_s, facts, rig=rig, away=away))
+            estimates.append(Estimate(motion, stage_s, facts, rig=rig, absent_frames=absent_steps))
         return estimates
 
 
@@ -206,6 +208,6 @@ def _motion(
     motion = Motion(fps, tracker.body.model, root, rotation, angles, numbers[posed], times[posed])
     motion = conditioned(motion, settings.applied_conditioning)
     reporter.stage("quality", len(posed))
-    own = motion.select(np.flatnonzero(~motion.filled))
-    arrays, ratio = motion_quality(tracker, own, posed, clock, reporter)
+    estimated = motion.select(np.flatnonzero(~motion.filled))
+    arrays, ratio = motion_quality(tracker, estimated, posed, clock, reporter)
     return replace(motion, quality=quality_with_filled(motion.filled, arrays)), ratio

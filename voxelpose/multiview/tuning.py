@@ -109,7 +109,7 @@ class Matching:
     """m. Distance from which placements of the torso are different. Chosen by eye."""
     apart_deg: float = 40.0
     """Degrees. The same of turns, also of a limb whose turn is to show. Chosen by eye."""
-    shown: float = 0.2
+    visible: float = 0.2
     """1. Of a limb's points, which leave its volume in a turn that shows. Chosen by eye."""
 
 

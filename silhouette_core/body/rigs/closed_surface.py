@@ -24,7 +24,7 @@ def close_surface(
         faces: (F, 3).
 
     Returns:
-        `kept` (W,), the numbers of the vertices that the surface has, of which one at the end per
+        `used` (W,), the numbers of the vertices that the surface has, of which one at the end per
         hole is the vertex next to its middle; faces (G, 3) of these; positions (W, 3); number of
         holes.
     """
@@ -36,18 +36,18 @@ def close_surface(
         faces = first[joined.reshape(-1)][faces]
         ends = faces, np.roll(faces, 1, axis=1)
         faces = faces[(ends[0] != ends[1]).all(1)]
-    kept, faces = np.unique(faces, return_inverse=True)
-    faces, points = faces.reshape(-1, 3), vertices[kept]
+    used, faces = np.unique(faces, return_inverse=True)
+    faces, points = faces.reshape(-1, 3), vertices[used]
     edges = _open_edges(faces)
     holes = _connected(edges, len(points))
     for number in np.unique(holes):
-        own = edges[holes == number]
-        middle = points[np.unique(own)].mean(0)
-        near = np.unique(own)[((points[np.unique(own)] - middle) ** 2).sum(1).argmin()]
-        tip = np.full(len(own), len(points))
-        faces = np.concatenate([faces, np.stack([own[:, 1], own[:, 0], tip], axis=1)])
-        kept, points = np.append(kept, kept[near]), np.append(points, middle[None], axis=0)
-    return kept, _outward(points, faces), points, len(np.unique(holes))
+        rim = edges[holes == number]
+        middle = points[np.unique(rim)].mean(0)
+        near = np.unique(rim)[((points[np.unique(rim)] - middle) ** 2).sum(1).argmin()]
+        tip = np.full(len(rim), len(points))
+        faces = np.concatenate([faces, np.stack([rim[:, 1], rim[:, 0], tip], axis=1)])
+        used, points = np.append(used, used[near]), np.append(points, middle[None], axis=0)
+    return used, _outward(points, faces), points, len(np.unique(holes))
 
 
 def _open_edges(faces: IntArray) -> IntArray:

@@ -150,14 +150,14 @@ class GltfDocument:
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
     """JSON and binary chunk of a GLB."""
-    found: dict[int, bytes] = {}
-    at = 12
-    while at + 8 <= len(data):
-        length, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + length > len(data):
+    chunks: dict[int, bytes] = {}
+    offset = 12
+    while offset + 8 <= len(data):
+        length, kind = struct.unpack_from("<II", data, offset)
+        if offset + 8 + length > len(data):
             raise InputError(f"{path} is cut off: export it again")
-        found.setdefault(kind, data[at + 8 : at + 8 + length])
-        at += 8 + length
-    if len(data) < 12 or struct.unpack_from("<I", data, 4)[0] != 2 or _JSON not in found:
+        chunks.setdefault(kind, data[offset + 8 : offset + 8 + length])
+        offset += 8 + length
+    if len(data) < 12 or struct.unpack_from("<I", data, 4)[0] != 2 or _JSON not in chunks:
         raise InputError(f"{path} is no GLB of version 2: export it again")
-    return found[_JSON], found.get(_BIN)
+    return chunks[_JSON], chunks.get(_BIN)

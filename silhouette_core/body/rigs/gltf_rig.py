@@ -101,7 +101,7 @@ def _body(
     vertices = z_up(np.concatenate([surface.vertices for surface in surfaces]))
     faces = np.concatenate([s.faces + n for s, n in zip(surfaces, first, strict=False)])
     check_rest(path, joints, vertices)
-    kept, faces, vertices, _ = close_surface(vertices, faces)
+    used, faces, vertices, _ = close_surface(vertices, faces)
     if not 0 < len(faces) <= MOST_VERTICES:
         raise InputError(f"{path} has a skinned mesh without an area, or too many holes: mend it")
     widest = max(surface.parts.shape[1] for surface in surfaces)
@@ -110,7 +110,7 @@ def _body(
     shares = np.concatenate(
         [np.pad(s.weights, more) for s, more in zip(surfaces, room, strict=True)]
     )
-    return skinned_body(tree, joints, vertices, faces, every[kept], shares[kept], joints)
+    return skinned_body(tree, joints, vertices, faces, every[used], shares[used], joints)
 
 
 def _node_transforms(document: GltfDocument) -> tuple[dict[int, FloatArray], list[int]]:
@@ -222,17 +222,17 @@ def _surface_of(
     points = document.array(attributes.get("POSITION"), ("VEC3",)).astype(float)
     if len(points) > MOST_VERTICES:
         raise InputError(f"{document.path} has more than {MOST_VERTICES} vertices: simplify it")
-    own, shares = [], []
+    joint_sets, shares = [], []
     for k in range(_MOST_SETS):
         if f"JOINTS_{k}" not in attributes:
             break
-        own.append(document.array(attributes[f"JOINTS_{k}"], ("VEC4",)).astype(np.int64))
+        joint_sets.append(document.array(attributes[f"JOINTS_{k}"], ("VEC4",)).astype(np.int64))
         shares.append(document.array(attributes.get(f"WEIGHTS_{k}"), ("VEC4",)).astype(float))
-    if not own:
+    if not joint_sets:
         raise InputError(f"{document.path} has a mesh without skin weights: bind it to the rig")
-    if any(len(array) != len(points) for array in (*own, *shares)):
+    if any(len(array) != len(points) for array in (*joint_sets, *shares)):
         raise document.damaged("its skin weights are not as many as its vertices")
-    joints = np.concatenate(own, axis=1)
+    joints = np.concatenate(joint_sets, axis=1)
     weights = normalised_weights(document.path, joints, np.concatenate(shares, axis=1), len(parts))
     if "indices" in primitive:
         corners = document.array(primitive["indices"], ("SCALAR",)).astype(np.int64)

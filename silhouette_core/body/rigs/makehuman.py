@@ -264,11 +264,11 @@ def native_dofs(bone: str, parent: str, turns: Mapping[str, FloatArray]) -> tupl
     part = PART_OF_BONE.get(bone)
     if part is None or part == PART_OF_BONE.get(parent):
         return ()
-    own = [dof for number, dof in HUMAN.dofs if HUMAN.names[number] == part]
+    dofs = [dof for number, dof in HUMAN.dofs if HUMAN.names[number] == part]
     # A rotation R from the human rest pose is turns[parent]ᵀ R turns[bone] from MakeHuman's.
     offset = Rotation.from_matrix(turns[parent].T @ turns[bone]).as_rotvec(degrees=True)
     result = []
-    for dof in own:
+    for dof in dofs:
         axis = turns[bone].T @ np.array(dof.axis)
         shift = float(axis @ offset)
         low, high = dof.limits_deg

@@ -63,7 +63,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
                 raise ValueError(f"it has more than {MOST_VERTICES} vertices or faces")
         vertices = np.array(positions, float).reshape(len(positions), 3)
         faces = np.array(triangles, np.int64).reshape(-1, 3)
-        used = np.array([corner for own in members.values() for corner in own], np.int64)
+        used = np.array([corner for indices in members.values() for corner in indices], np.int64)
     except (ValueError, IndexError, OverflowError) as error:
         raise InputError(f"{path} is damaged ({str(error)[:150]}): copy it again") from None
     if not len(faces):
@@ -71,7 +71,7 @@ def read_base_mesh(folder: Path) -> BaseMesh:
     if not (used.min() >= 0 and used.max() < len(vertices)):
         raise InputError(f"{path} has a face with a vertex that does not exist: copy it again")
     _check_positions(path, vertices)
-    cubes = {name: np.array(sorted(own)) for name, own in members.items()}
+    cubes = {name: np.array(sorted(indices)) for name, indices in members.items()}
     return BaseMesh(0.1 * z_up(vertices), faces, cubes)
 
 
@@ -123,8 +123,8 @@ def read_bones(folder: Path, rig: str) -> dict[str, tuple[str, Mapping[str, Any]
         raise InputError(f"{path} has no bones: give MakeHuman's own rig")
     result = {}
     for name, bone in bones.items():
-        own = bone if isinstance(bone, dict) else {}
-        parent, head = own.get("parent") or "", own.get("head")
+        fields = bone if isinstance(bone, dict) else {}
+        parent, head = fields.get("parent") or "", fields.get("head")
         if not isinstance(parent, str) or not isinstance(head, dict):
             raise InputError(f"{path}: the bone {short(name)} lacks its parent or head: mend it")
         result[name] = parent, head
@@ -151,15 +151,15 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> F
         if name not in names:
             raise InputError(f"{path} has weights of {short(name)}, which the rig does not have")
         try:
-            own = np.array(pairs, float).reshape(len(pairs), 2)
-            numbers = own[:, 0].astype(np.int64)
-            if not ((own[:, 0] >= 0) & (own[:, 0] < count)).all():
+            entries = np.array(pairs, float).reshape(len(pairs), 2)
+            numbers = entries[:, 0].astype(np.int64)
+            if not ((entries[:, 0] >= 0) & (entries[:, 0] < count)).all():
                 raise ValueError("a vertex does not exist")
         except (ValueError, TypeError, OverflowError) as error:
             raise InputError(
                 f"{path} has damaged weights of {short(name)} ({str(error)[:100]}): copy it again"
             ) from None
-        np.add.at(weights[:, names.index(name)], numbers, own[:, 1])
+        np.add.at(weights[:, names.index(name)], numbers, entries[:, 1])
     return weights
 
 
@@ -197,10 +197,9 @@ def _rig_file(folder: Path, kind: str, rig: str) -> Path:
     standard = folder / "rigs" / "standard"
     path = standard / f"{kind}.{rig}.json"
     if not rig.replace("_", "").isalnum() or not path.is_file():
-        there = [file.name[len(kind) + 1 : -5] for file in sorted(standard.glob(f"{kind}.*.json"))]
+        rigs = [file.name[len(kind) + 1 : -5] for file in sorted(standard.glob(f"{kind}.*.json"))]
         raise InputError(
-            f"{standard} has no {kind} of a rig {short(rig)}: there are"
-            f" {', '.join(there) or 'none'}"
+            f"{standard} has no {kind} of a rig {short(rig)}: there are {', '.join(rigs) or 'none'}"
         )
     return path
 

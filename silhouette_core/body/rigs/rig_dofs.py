@@ -78,8 +78,8 @@ def read_rig_table(path: Path) -> RigTable:
         raise InputError(f"{file}: {error}; correct it") from None
     if table.unit is not None and table.unit not in UNITS_M:
         raise InputError(f"{file}: no unit {short(table.unit)}: give one of {', '.join(UNITS_M)}")
-    for name, own in table.limits.items():
-        for axis, (low, high) in own.items():
+    for name, limits in table.limits.items():
+        for axis, (low, high) in limits.items():
             if not low < high:
                 raise InputError(
                     f"{file}: the limits {low:g} and {high:g} of {short(name)} about {axis} are not"

@@ -96,7 +96,9 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
                 raise InputError(
                     f"{path}: its meshes have more than {MOST_VERTICES} triangles: simplify them"
                 )
-    surface = [s.vertices_m for own in shapes.values() for s in own if isinstance(s, ClosedMesh)]
+    surface = [
+        s.vertices_m for solids in shapes.values() for s in solids if isinstance(s, ClosedMesh)
+    ]
     if not surface:
         raise InputError(f"{path} has no visual or collision shape: a silhouette needs some")
     joints = np.array([robot.world[link][:3, 3] for link in parts])

@@ -25,19 +25,19 @@ def contrast(frame, mean, known, out):
                 y, x = row + side, column + 1 - side
                 difference = np.float32(0.0)
                 if y < height and x < width:
-                    own = known[row, column] and known[y, x]
+                    both_known = known[row, column] and known[y, x]
                     for channel in range(3):
                         difference += abs(
                             np.float32(frame[row, column, channel])
                             - np.float32(frame[y, x, channel])
                         )
-                        if own:
+                        if both_known:
                             difference -= abs(mean[row, column, channel] - mean[y, x, channel])
                 out[side, row, column] = max(difference, np.float32(0.0))
 
 
 @kernel
-def pass_on(odds, links, told):
+def pass_on(odds, links, messages):
     """Updates told (2, H, W) float32: odds that a pixel is told from above and from below.
 
     Each passes on its own odds (H, W) float32, nats, and what it was told from the same side, as
@@ -46,9 +46,9 @@ def pass_on(odds, links, told):
     height, width = odds.shape
     for row in range(height - 1):
         for column in range(width):
-            said, most = odds[row, column] + told[0, row, column], links[row, column]
-            told[0, row + 1, column] = min(max(said, -most), most)
+            said, most = odds[row, column] + messages[0, row, column], links[row, column]
+            messages[0, row + 1, column] = min(max(said, -most), most)
     for row in range(height - 1, 0, -1):
         for column in range(width):
-            said, most = odds[row, column] + told[1, row, column], links[row - 1, column]
-            told[1, row - 1, column] = min(max(said, -most), most)
+            said, most = odds[row, column] + messages[1, row, column], links[row - 1, column]
+            messages[1, row - 1, column] = min(max(said, -most), most)

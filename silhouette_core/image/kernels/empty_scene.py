@@ -10,7 +10,7 @@ from silhouette_core.jit import kernel
 
 
 @kernel
-def colour_modes(samples, radius, mean, share, shown):
+def colour_modes(samples, radius, mean, share, members_of):
     """Fills the modes of each pixel's colour over time: the sample with most others closer than the
     radius and the mean of these, again of what they leave, and so on.
 
@@ -49,7 +49,7 @@ def colour_modes(samples, radius, mean, share, shown):
                     members |= np.uint64(1) << np.uint64(b)
                     for channel in range(3):
                         mean[pixel, mode, channel] += samples[b, pixel, channel] / np.float32(most)
-            shown[pixel, mode] = members
+            members_of[pixel, mode] = members
 
 
 @kernel
@@ -84,9 +84,9 @@ def step_costs(mean, share, radius, still, border, right, down):
                             continue
                         beyond = apart / radius - np.float32(1.0)
                         cost = min(beyond * np.float32(0.5), np.float32(1.0))
-                        here, there = mean[row, column], mean[y, x]
-                        moving = _shows(here, share[row, column], a, there[b], radius)
-                        moving = moving or _shows(there, share[y, x], b, here[a], radius)
+                        first, second = mean[row, column], mean[y, x]
+                        moving = _shows(first, share[row, column], a, second[b], radius)
+                        moving = moving or _shows(second, share[y, x], b, first[a], radius)
                         costs[a, b] = cost if moving else still * cost
 
 
@@ -106,31 +106,31 @@ def _shows(mean, share, label, colour, radius):
 
 
 @kernel
-def least_cost_labels(own, right, down, rounds, labels):
+def least_cost_labels(unary, right, down, rounds, labels):
     """Fills labels (h, w) int64, of least cost together, nearly: belief propagation in sweeps.
 
     Own costs (h, w, L) float32; right and down (h, w, L, L) as of `step_costs`.
     """
-    height, width, count = own.shape
+    height, width, count = unary.shape
     # Messages from the left, the right, above and below.
     messages = np.zeros((4, height, width, count), np.float32)
     for _ in range(rounds):
         for row in range(height):
             for column in range(width - 1):
-                _send(own, messages, right[row, column], 0, row, column, row, column + 1)
+                _send(unary, messages, right[row, column], 0, row, column, row, column + 1)
             for column in range(width - 1, 0, -1):
-                _send(own, messages, right[row, column - 1].T, 1, row, column, row, column - 1)
+                _send(unary, messages, right[row, column - 1].T, 1, row, column, row, column - 1)
         for row in range(height - 1):
             for column in range(width):
-                _send(own, messages, down[row, column], 2, row, column, row + 1, column)
+                _send(unary, messages, down[row, column], 2, row, column, row + 1, column)
         for row in range(height - 1, 0, -1):
             for column in range(width):
-                _send(own, messages, down[row - 1, column].T, 3, row, column, row - 1, column)
+                _send(unary, messages, down[row - 1, column].T, 3, row, column, row - 1, column)
     for row in range(height):
         for column in range(width):
             least = np.float32(np.inf)
             for label in range(count):
-                cost = own[row, column, label]
+                cost = unary[row, column, label]
                 for source in range(4):
                     cost += messages[source, row, column, label]
                 if cost < least:
@@ -139,18 +139,18 @@ def least_cost_labels(own, right, down, rounds, labels):
 
 
 @kernel
-def _send(own, messages, costs, source, row, column, y, x):
+def _send(unary, messages, costs, source, row, column, y, x):
     """Sets the message from (row, column) to (y, x), which arrives there from a source."""
-    count = own.shape[2]
+    count = unary.shape[2]
     back = source ^ 1
     least = np.float32(np.inf)
     for label in range(count):
         lowest = np.float32(np.inf)
-        for mine in range(count):
-            cost = own[row, column, mine] + costs[mine, label]
+        for source_label in range(count):
+            cost = unary[row, column, source_label] + costs[source_label, label]
             for other in range(4):
                 if other != back:
-                    cost += messages[other, row, column, mine]
+                    cost += messages[other, row, column, source_label]
             lowest = min(lowest, cost)
         messages[source, y, x, label] = lowest
         least = min(least, lowest)

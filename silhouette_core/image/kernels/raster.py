@@ -163,5 +163,5 @@ def draw_many(vertices, faces, face_part, matrix, near, cull, parts):
     """
     for n in prange(len(vertices)):
         depth = np.full(parts.shape[1:], np.inf, np.float32)
-        own = 0 if len(face_part) == 1 else np.int64(n)
-        draw(vertices[n], faces, face_part[own], matrix, near, cull, parts[n], depth)
+        colouring = 0 if len(face_part) == 1 else np.int64(n)
+        draw(vertices[n], faces, face_part[colouring], matrix, near, cull, parts[n], depth)

@@ -73,8 +73,8 @@ def spoil_silhouettes(masks: ByteArray, edges: NDArray[np.int8], discs: Float32A
             mask[1:, 1:][spreading[:-1, 1:] | spreading[1:, :-1]] = edge > 0
         for u, v, radius in of_frame[of_frame[:, 2] != 0]:
             rows, columns = (
-                slice(max(int(at - abs(radius)), 0), max(int(at + abs(radius)) + 2, 0))
-                for at in (v, u)
+                slice(max(int(centre - abs(radius)), 0), max(int(centre + abs(radius)) + 2, 0))
+                for centre in (v, u)
             )
             near = (x[:, columns] - u) ** 2 + (y[rows] - v) ** 2 <= radius**2
             mask[rows, columns][near] = radius < 0
@@ -93,11 +93,11 @@ def wall_coloured_places(
         Discs (T, D, 3), px, for `spoil_silhouettes`.
     """
     alike = np.flatnonzero(colour == rng.choice(np.unique(colour)))
-    number = int(rng.integers(*DEFECTS.places)) * (rng.random() < DEFECTS.alike)
+    number = int(rng.integers(*DEFECTS.place_count)) * (rng.random() < DEFECTS.alike)
     seen = rng.random((len(places_px), number)) < rng.uniform(*DEFECTS.often)
     radii = seen * rng.uniform(*DEFECTS.place_px, number)
-    places = places_px[:, rng.choice(alike, number)]
-    return np.concatenate([places, radii[..., None]], axis=2).astype(np.float32)
+    centres = places_px[:, rng.choice(alike, number)]
+    return np.concatenate([centres, radii[..., None]], axis=2).astype(np.float32)
 
 
 def cast_shadow(surface: Float32Array, rng: np.random.Generator) -> Float32Array | None:
@@ -122,14 +122,14 @@ def cast_shadow(surface: Float32Array, rng: np.random.Generator) -> Float32Array
     return shadow
 
 
-def virtual_seen_joints(places: RealArray, rng: np.random.Generator) -> Float32Array:
+def virtual_seen_joints(joints_px: RealArray, rng: np.random.Generator) -> Float32Array:
     """Codes (T, 45) float32, see `seen_codes`, of joints at places (T, 15, 2) in the window as a
     pose network sees them: off by what it errs, unsure where they are hidden, at times not at all.
 
     How far they are off is measured (`image.seen_joints`): a share of it stays for a whole take,
     since people and clothes do, another wanders, and the rest is new in every frame.
     """
-    count, joints = places.shape[:2]
+    count, joints = joints_px.shape[:2]
     *shares, steady, uneven, together_mm, hidden, spread, lost, often_lost = seen_errors()
     steadily, slow, new = np.sqrt(shares)
 
@@ -149,7 +149,7 @@ def virtual_seen_joints(places: RealArray, rng: np.random.Generator) -> Float32A
     sigma_mm = 1000 * deviations_m(visibility)[..., None]
     sigma_mm = sigma_mm * np.exp(rng.normal(0, uneven, (joints, 1)))
     errors_mm = sigma_mm * errors(joints) + together_mm * errors(1)
-    codes = seen_codes(places + errors_mm / _STATURE_MM, visibility)
+    codes = seen_codes(joints_px + errors_mm / _STATURE_MM, visibility)
     if rng.random() < often_lost:
         codes[wandering(1)[:, 0] > lost] = 0
     return codes

@@ -163,15 +163,15 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
     # The window's middle, relative to the canvas's.
     middle = corners + (np.array(GRID[::-1]) * 2 - 1) / 2 - (_CANVAS_PX - 1) / 2
     ray = np.column_stack([middle / focal[:, None], np.ones(count)])
-    places = placed[..., :2] / placed[..., 2:] * focal[:, None, None] - middle[:, None]
-    places /= _STATURE_PX
+    joints_px = placed[..., :2] / placed[..., 2:] * focal[:, None, None] - middle[:, None]
+    joints_px /= _STATURE_PX
     relative = np.matmul(joints[:, 1:] - joints[:, :1], level.transpose(0, 2, 1))
     return VirtualTake(
         window_coverage(masks, corners),
         feet_grid(masks.astype(bool)),
         _skin_grids(bare & masks, masks, corners, rng),
         _shading_grids(relative_brightness(images, rng) * masks, masks, corners, rng),
-        virtual_seen_joints(places, rng),
+        virtual_seen_joints(joints_px, rng),
         pitch.astype(np.float32),
         heading.astype(np.float32),
         (centre + assumed[:, None] * np.einsum("tji,tj->ti", camera_from_world, ray)).astype(
@@ -179,7 +179,7 @@ def film_take(motion: Motion, bodies: VirtualBodies, rng: np.random.Generator) -
         ),
         motion.time_s,
         relative.astype(np.float32),
-        np.column_stack([places[:, 0], np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
+        np.column_stack([joints_px[:, 0], np.log(pelvis[:, 2] / assumed)]).astype(np.float32),
     )
 
 
@@ -358,11 +358,11 @@ def _spoil(
     """Gives silhouettes and bare parts (T, H, W), in place, the defects of real ones, each its own,
     at the places of vertices (T, V, 3) that have colours (V,).
     """
-    places = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
-    edges, discs = passing_defects(places, rng)
-    alike = wall_coloured_places(places, colour, rng)
+    points_px = viewed[..., :2] / viewed[..., 2:] + np.float32((_CANVAS_PX - 1) / 2)
+    edges, discs = passing_defects(points_px, rng)
+    alike = wall_coloured_places(points_px, colour, rng)
     spoil_silhouettes(masks, edges, np.concatenate([alike, discs], axis=1))
-    edges, discs = passing_defects(places, rng, strange=False)
+    edges, discs = passing_defects(points_px, rng, strange=False)
     spoil_silhouettes(bare, np.zeros_like(edges), discs)
 
 

@@ -189,26 +189,26 @@ def feet_grid(masks: BoolArray) -> ByteArray:
     return grids
 
 
-def seen_codes(places: RealArray, visibility: RealArray) -> Float32Array:
+def seen_codes(joints: RealArray, visibility: RealArray) -> Float32Array:
     """Codes (..., 45) float32 of joints that are seen.
 
     Args:
-        places: (..., 15, 2) from the window's middle, right and down, statures at its distance.
+        joints: (..., 15, 2) from the window's middle, right and down, statures at its distance.
         visibility: (..., 15), 0 to 1.
     """
-    flat = 3 * places.reshape(*places.shape[:-2], -1)
+    flat = 3 * joints.reshape(*joints.shape[:-2], -1)
     return np.concatenate([flat, visibility], axis=-1, dtype=np.float32)
 
 
 def mirrored_seen_codes(codes: RealArray) -> RealArray:
     """Codes (..., 45) of the same joints in a mirror."""
     count = len(LANDMARK_NAMES)
-    places, visibility = codes[..., : 2 * count], codes[..., 2 * count :]
+    joints, visibility = codes[..., : 2 * count], codes[..., 2 * count :]
     exchanged = np.array(EXCHANGED_LANDMARKS)
-    pairs = places.reshape(*places.shape[:-1], count, 2)[..., exchanged, :] * np.array(
+    pairs = joints.reshape(*joints.shape[:-1], count, 2)[..., exchanged, :] * np.array(
         [-1, 1], codes.dtype
     )
-    return np.concatenate([pairs.reshape(places.shape), visibility[..., exchanged]], axis=-1)
+    return np.concatenate([pairs.reshape(joints.shape), visibility[..., exchanged]], axis=-1)
 
 
 def level_axes(heading_rad: RealArray) -> FloatArray:

@@ -97,7 +97,7 @@ class TrackerSettings:
     costs: CostSettings = field(default_factory=CostSettings)
     carried: int = 1
     """Number of hypotheses of the previous frame that are carried on: a worse one may be right."""
-    kept: int = 8  #: number of hypotheses kept per frame.
+    most: int = 8  #: number of hypotheses kept per frame.
     surface_points: int = 500  #: Number of the surface's points that are fitted to outlines.
     reduction: int = 2  #: how many times smaller than the window poses are drawn.
     different_m: float = 0.07
@@ -119,7 +119,7 @@ class TrackerSettings:
         return cls(
             CostSettings(silhouette=0.015),
             carried=12,
-            kept=24,
+            most=24,
             reduction=1,
             different_m=0.025 * length_m,
             same_m=0.011 * length_m,

@@ -164,4 +164,4 @@ class HypothesisTracker:
         """Cheapest hypotheses, only one of those that are the same pose."""
         order = np.argsort(beam.cost, kind="stable")
         settings = self.settings
-        return beam.chosen(select_different(beam.joints, order, settings.kept, settings.same_m))
+        return beam.chosen(select_different(beam.joints, order, settings.most, settings.same_m))

@@ -96,7 +96,7 @@ class ModeProposer:
     def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], HEAD.kept)
+            self._colours.learn([person], [joints_m], HEAD.memory)
 
     def _over_time(
         self, views: list[ModeView], people: Sequence[Person], first: bool
@@ -105,7 +105,7 @@ class ModeProposer:
         facing = self._facing and first
         views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], HEAD.kept):
+        if not self._colours.learn(people, [one.likeliest for one in modes], HEAD.memory):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)

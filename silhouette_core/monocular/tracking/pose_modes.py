@@ -118,8 +118,8 @@ class ModeFinder:
     def _seen_codes(self, window: Window, joints: SeenJoints) -> Float32Array:
         """Codes (45,) of joints in a window, see `seen_codes`."""
         rays = joints.rays @ self.camera.rotation @ window.world_from_virtual
-        places = rays[:, :2] / np.maximum(rays[:, 2:], 1e-3)
-        return seen_codes(places * window.focal_px / STATURE_PX, joints.visibility)
+        joints_px = rays[:, :2] / np.maximum(rays[:, 2:], 1e-3)
+        return seen_codes(joints_px * window.focal_px / STATURE_PX, joints.visibility)
 
     def with_inside(self, view: ModeView, inside: InsideGrids | None) -> ModeView:
         """View of a frame with what lies inside the silhouette, grids (60, 80); None: not known."""
@@ -257,16 +257,16 @@ def _features(views: Sequence[ModeView], stature_m: float) -> FrameFeatures:
         window.center_m + window.distance_m * axis
         for window, axis in zip(windows, axes, strict=True)
     ]
-    places = np.stack(anchors) / stature_m
-    middle = float(np.median(places[:, 2]))
+    roots = np.stack(anchors) / stature_m
+    middle = float(np.median(roots[:, 2]))
     if not MODES.heights[0] < middle < MODES.heights[1]:
         # The world's z = 0 is not the floor, which the proposal takes for granted.
-        places[:, 2] += MODES.usual_height - middle
+        roots[:, 2] += MODES.usual_height - middle
     return FrameFeatures(
         SilhouetteCodes.joined([view.codes[:1] for view in views]),
         np.array([window.pitch_rad for window in windows]),
         np.arctan2(axes[:, 1], axes[:, 0]),
-        places,
+        roots,
         np.array([view.time_s for view in views]),
     )
 

@@ -91,7 +91,7 @@ def transitions(
 def find_neighbours(
     library: PoseLibrary,
     occlusion_aware: bool = True,
-    kept: int = KEPT,
+    count: int = KEPT,
     reporter: Reporter | None = None,
 ) -> dict[str, NDArray]:
     """Nearest samples of every sample, for one motion model.
@@ -101,7 +101,7 @@ def find_neighbours(
 
     Args:
         occlusion_aware: DM2; else DM1.
-        kept: number of neighbours, including the sample itself.
+        count: number of neighbours, including the sample itself.
 
     Returns:
         dm2.index (N, K) int32 and dm2.square (N, K) float32, or those of dm1: squared distance in
@@ -113,8 +113,8 @@ def find_neighbours(
         library.bases.quaternion[library.sample_base], library.views[library.sample_view]
     )
     occluded = library.occluded if occlusion_aware else np.zeros_like(library.occluded)
-    index = np.empty((len(library), kept), np.int32)
-    square = np.empty((len(library), kept), np.float32)
+    index = np.empty((len(library), count), np.int32)
+    square = np.empty((len(library), count), np.float32)
     for start in range(0, len(library), _AT_ONCE):
         sources = np.arange(start, min(start + _AT_ONCE, len(library)))
         part = slice(start, start + _AT_ONCE)

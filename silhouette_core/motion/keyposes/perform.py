@@ -92,17 +92,19 @@ def _targets(
         targets.add("thorax", axis, chest.apply(axis), 1.0)
         targets.add("neck", axis, head.apply(axis), 0.5)
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        own = {name: curves[f"{side[0]}.{name}"] for name in LIMBS}
-        shoulder = chest * _turns(y=-sign * own["lift"])
+        curve = {name: curves[f"{side[0]}.{name}"] for name in LIMBS}
+        shoulder = chest * _turns(y=-sign * curve["lift"])
         collar = joint(f"{side}_upper_arm") - joint(f"{side}_clavicle")
         targets.add(
             f"{side}_clavicle", collar, shoulder.apply(collar / np.linalg.norm(collar)), 0.2
         )
-        arm = chest * _swing(own["arm"], sign * own["out"]) * _turns(z=-sign * own["turn"])
-        thigh = root * _swing(own["hip"], sign * own["straddle"]) * _turns(z=sign * own["toe"])
+        arm = chest * _swing(curve["arm"], sign * curve["out"]) * _turns(z=-sign * curve["turn"])
+        thigh = (
+            root * _swing(curve["hip"], sign * curve["straddle"]) * _turns(z=sign * curve["toe"])
+        )
         limbs = (
-            ("upper_arm", "forearm", "hand", arm, arm * _turns(-own["elbow"]), -_X),
-            ("thigh", "shin", "foot", thigh, thigh * _turns(own["knee"]), _X),
+            ("upper_arm", "forearm", "hand", arm, arm * _turns(-curve["elbow"]), -_X),
+            ("thigh", "shin", "foot", thigh, thigh * _turns(curve["knee"]), _X),
         )
         for near, middle, far, upper, lower, axis in limbs:
             first, second, third = (f"{side}_{name}" for name in (near, middle, far))
@@ -112,10 +114,10 @@ def _targets(
         targets.add(
             f"{side}_hand",
             joint(f"{side}_fingers") - joint(f"{side}_hand"),
-            (arm * _turns(-own["elbow"])).apply(_DOWN),
+            (arm * _turns(-curve["elbow"])).apply(_DOWN),
             0.1,
         )
-        sole = facing * _turns(z=sign * own["toe"]) * _turns(own["heel"])
+        sole = facing * _turns(z=sign * curve["toe"]) * _turns(curve["heel"])
         targets.add(
             f"{side}_foot",
             (joint(f"{side}_toes") - joint(f"{side}_foot")) * (1, 1, 0),

@@ -72,12 +72,12 @@ def local_transforms(
     offsets = np.tile(np.array([joints[j].offset for j in selected]), (len(numbers), 1, 1))
     first = np.cumsum([0] + [len(joint.channels) for joint in joints])
     for w, j in enumerate(selected):
-        joint, own = joints[j], numbers[:, first[j] : first[j + 1]]
+        joint, values = joints[j], numbers[:, first[j] : first[j + 1]]
         turns = [k for k, (_, kind) in enumerate(joint.channels) if kind == "rotation"]
         if turns:
             order = "".join(joint.channels[k][0] for k in turns)
             try:
-                local[:, w] = Rotation.from_euler(order, own[:, turns], degrees=True).as_matrix()
+                local[:, w] = Rotation.from_euler(order, values[:, turns], degrees=True).as_matrix()
             except ValueError as error:
                 raise InputError(
                     f"{path}: joint {joint.name[:60]} turns in the order {order}, which cannot be:"
@@ -85,7 +85,7 @@ def local_transforms(
                 ) from error
         for k, (axis, kind) in enumerate(joint.channels):
             if kind == "position":
-                offsets[:, w, "XYZ".index(axis)] = own[:, k] + (
+                offsets[:, w, "XYZ".index(axis)] = values[:, k] + (
                     joint.offset["XYZ".index(axis)] if joint.parent < 0 else 0.0
                 )
     return local, offsets

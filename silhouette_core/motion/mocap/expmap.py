@@ -63,8 +63,8 @@ def read_expmap(path: Path) -> tuple[tuple[str, ...], IntArray, FloatArray, Floa
         raise InputError(
             f"{beside} is no skeleton with parent, offset and fps: {repr(error)[:200]}"
         ) from error
-    places = np.arange(len(parents))
-    if len(names) != len(parents) or (parents >= places).any() or (parents < -1).any():
+    indices = np.arange(len(parents))
+    if len(names) != len(parents) or (parents >= indices).any() or (parents < -1).any():
         raise InputError(
             f"{beside} has {len(parents)} joints: it must name as many, parents before children"
         )

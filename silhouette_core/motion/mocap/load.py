@@ -113,9 +113,9 @@ def read_clip(path: Path, names: Path | None = None) -> MocapClip:
     new = {-1: -1} | {int(joint): index for index, joint in enumerate(selected)}
     parents = np.array([new[parent] for parent in parents[selected].tolist()], np.int64)
     rotations, positions = place_joints(parents, positions_in_parent, local)
-    kept = tuple(joints[joint] for joint in selected)
+    joint_names = tuple(joints[joint] for joint in selected)
     roles = {role: new[joint] for role, joint in roles.items()}
-    return MocapClip(path.name, rate, kept, parents, offsets, rotations, positions, roles)
+    return MocapClip(path.name, rate, joint_names, parents, offsets, rotations, positions, roles)
 
 
 def _with_ancestors(roles: dict[str, int], parents: IntArray) -> IntArray:

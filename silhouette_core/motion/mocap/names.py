@@ -112,11 +112,11 @@ def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[st
         InputError: a required joint has no name.
     """
     maps = NameMap.shipped() if path is None else [NameMap.read(path)]
-    found = [name_map.find(joints) for name_map in maps]
-    missing = [[role for role in NEEDED if role not in roles] for roles in found]
-    best = min(range(len(maps)), key=lambda k: (len(missing[k]), -len(found[k])))
+    mapped = [name_map.find(joints) for name_map in maps]
+    missing = [[role for role in NEEDED if role not in roles] for roles in mapped]
+    best = min(range(len(maps)), key=lambda k: (len(missing[k]), -len(mapped[k])))
     if not missing[best]:
-        return found[best]
+        return mapped[best]
     lacking = ", ".join(missing[best][:6]) + (", …" if len(missing[best]) > 6 else "")
     seen = ", ".join(joint[:40] for joint in joints[:8]) + (", …" if len(joints) > 8 else "")
     if path is not None:

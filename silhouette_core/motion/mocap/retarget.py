@@ -96,15 +96,19 @@ def _targets(
         collar = unit(joint(f"{side}_upper_arm") - joint(clavicle))
         turn(clavicle, clavicle, collar, RETARGETING.trunk)
         for near, far in _BONES.items():
-            own, far = f"{side}_{near}", f"{side}_{far}"
-            targets.add(own, joint(far) - joint(own), direction(recorded, own, far) @ world.T, 1.0)
+            part, far = f"{side}_{near}", f"{side}_{far}"
+            targets.add(
+                part, joint(far) - joint(part), direction(recorded, part, far) @ world.T, 1.0
+            )
         for bones in _HINGES:
-            own, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
+            part, hinge = f"{side}_{bones[0]}", hinge_axis(recorded, side, bones)
             if hinge is not None:
                 flexion = model.tree.dof_axis[
                     model.tree.dof_names.index(f"{side}_{bones[1]}.flexion")
                 ]
-                targets.add(own, flexion, _in_world(recorded, own, hinge, world), RETARGETING.foot)
+                targets.add(
+                    part, flexion, _in_world(recorded, part, hinge, world), RETARGETING.foot
+                )
         along = mean_axis(recorded, hand, direction(recorded, f"{side}_forearm", hand))
         targets.add(
             hand,
@@ -129,14 +133,14 @@ def _leaps(recorded: MocapClip) -> bool:
 def _scale(recorded: MocapClip, model: BodyModel) -> float:
     """Metres of the body model per unit of the file: the ratio of the legs' lengths."""
     joint, first = lambda role: model.joints_m[model.names.index(role)], recorded.positions[0]
-    own = theirs = 0.0
+    model_length = recorded_length = 0.0
     for side in SIDES:
         for near, far in (("thigh", "shin"), ("shin", "foot")):
-            own += np.linalg.norm(joint(f"{side}_{far}") - joint(f"{side}_{near}"))
-            theirs += np.linalg.norm(
+            model_length += np.linalg.norm(joint(f"{side}_{far}") - joint(f"{side}_{near}"))
+            recorded_length += np.linalg.norm(
                 first[recorded.roles[f"{side}_{far}"]] - first[recorded.roles[f"{side}_{near}"]]
             )
-    return float(own / theirs)
+    return float(model_length / recorded_length)
 
 
 def _heights(

@@ -34,7 +34,7 @@ def _spread_axis(points, o):
 
 
 @kernel
-def _sort_points(points, point_normals, o, axis, low, per_bin, found, order, begin):
+def _sort_points(points, point_normals, o, axis, low, per_bin, binned, order, begin):
     """Fills found (7, V): points from o, their squared distances and their normals, in bins of
     their direction's component along the axis; order (V,), and begin (_BINS + 1,) of the bins.
     """
@@ -56,8 +56,8 @@ def _sort_points(points, point_normals, o, axis, low, per_bin, found, order, beg
         order[k] = v
         p, m = points[v], point_normals[v]
         x, y, z = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-        found[0, k], found[1, k], found[2, k], found[3, k] = x, y, z, x * x + y * y + z * z
-        found[4, k], found[5, k], found[6, k] = m[0], m[1], m[2]
+        binned[0, k], binned[1, k], binned[2, k], binned[3, k] = x, y, z, x * x + y * y + z * z
+        binned[4, k], binned[5, k], binned[6, k] = m[0], m[1], m[2]
 
 
 @kernel
@@ -70,10 +70,10 @@ def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matc
     them are out of reach.
     """
     count = points.shape[0]
-    found, distance2 = np.empty((7, count)), np.empty(count)
+    binned, distance2 = np.empty((7, count)), np.empty(count)
     order, begin = np.empty(count, np.int64), np.empty(_BINS + 1, np.int64)
     seen_by, axis, low, per_bin, nearest = -1, 0, 0.0, 0.0, 0.0
-    x, y, z, square = found[0], found[1], found[2], found[3]
+    x, y, z, square = binned[0], binned[1], binned[2], binned[3]
     for i in range(camera.shape[0]):
         d, n = ray[i], normal[i]
         if camera[i] != seen_by:
@@ -81,7 +81,7 @@ def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matc
             o = center[seen_by]
             axis, low, spread, nearest = _spread_axis(points, o)
             per_bin = _BINS / spread
-            _sort_points(points, point_normals, o, axis, low, per_bin, found, order, begin)
+            _sort_points(points, point_normals, o, axis, low, per_bin, binned, order, begin)
         radius, best, index = min(_FIRST_M, reach), np.inf, -1
         while True:
             apart = np.arcsin(radius / nearest) + 1e-6 if radius < nearest else 2.0
@@ -94,7 +94,7 @@ def _match_chunk(camera, center, ray, normal, points, point_normals, reach, matc
             for k in range(begin[first], begin[last + 1]):
                 if distance2[k] >= limit:
                     continue
-                facing = found[4, k] * n[0] + found[5, k] * n[1] + found[6, k] * n[2]
+                facing = binned[4, k] * n[0] + binned[5, k] * n[1] + binned[6, k] * n[2]
                 cost = distance2[k] + 0.01 * (1.0 - facing)
                 if facing >= 0.5 and cost < best:
                     best, limit, index = cost, min(cost, limit), k

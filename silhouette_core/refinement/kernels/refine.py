@@ -278,15 +278,15 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
         for m in range(parts):
             if not met[s, m]:
                 continue
-            own = moved[m]
-            own[:] = 0.0
+            moment = moved[m]
+            moment[:] = 0.0
             for a in range(6):
                 for b in range(6):
-                    own[b] += t[a] * composite[s, m, a, b]
+                    moment[b] += t[a] * composite[s, m, a, b]
             for q in range(parts + 1):
                 if q == parts or descends[q, m]:
                     for b in range(6):
-                        response[q, b] += own[b]
+                        response[q, b] += moment[b]
         for e in range(d + 1):
             other = response[dof_part[e - 6] if e >= 6 else parts]
             total = 0.0
@@ -299,7 +299,7 @@ def _add_moments(moments, forces, body, part_origin, world_axis, matrix, gradien
 def _add_terms(contour, outside, weights, outside_m, body, placed, matrix, gradient):
     """`add_silhouette_terms` of one pose."""
     matched, gap, normal = contour
-    away, toward = outside
+    distance, toward = outside
     rotation, origin, axis = placed
     parts, wrench = rotation.shape[0], np.empty((4, 6))
     moments, forces = np.zeros((parts, parts, 6, 6)), np.zeros((parts, 6))
@@ -310,9 +310,9 @@ def _add_terms(contour, outside, weights, outside_m, body, placed, matrix, gradi
         r = gap[i]
         w = weights[1] / (1 + (r / weights[0]) ** 2) ** 2
         _add_residual(v, normal[i], w, r, body, rotation, origin, wrench, moments, forces)
-    for c in range(away.shape[0]):
-        for v in range(away.shape[1]):
-            r = away[c, v]
+    for c in range(distance.shape[0]):
+        for v in range(distance.shape[1]):
+            r = distance[c, v]
             if r <= 0.0:
                 continue
             w = weights[2] / (1 + (r / outside_m) ** 2) ** 2
@@ -338,13 +338,15 @@ def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, mat
     of which they depend on many more.
     """
     matched, gap, normal = contour
-    away, toward = outside
+    distance, toward = outside
     rotations, origins, axes = placed
     for k in range(matched.shape[0]):
         if weights[k, 1] != 0.0:
-            own, beyond = (matched[k], gap[k], normal), (away[k], toward[k])
-            at = rotations[k], origins[k], axes[k]
-            _add_terms(own, beyond, weights[k], outside_m, body, at, matrix[k], gradient[k])
+            matches, beyond = (matched[k], gap[k], normal), (distance[k], toward[k])
+            body_at = rotations[k], origins[k], axes[k]
+            _add_terms(
+                matches, beyond, weights[k], outside_m, body, body_at, matrix[k], gradient[k]
+            )
 
 
 @kernel

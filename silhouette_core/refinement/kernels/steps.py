@@ -72,15 +72,15 @@ def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matr
     turn, vector = np.empty((3, 3)), np.empty(3)
     for k in range(angles.shape[0]):
         for d in range(angles.shape[1]):
-            angle, own = angles[k, d], stance_precision[k, d]
-            gradient[k, 6 + d] += own * (angle - stance[d])
+            angle, curvature = angles[k, d], stance_precision[k, d]
+            gradient[k, 6 + d] += curvature * (angle - stance[d])
             beyond = min(angle - limits[d, 0], 0.0) + max(angle - limits[d, 1], 0.0)
             if beyond != 0.0:
-                own += limit_precision
+                curvature += limit_precision
                 gradient[k, 6 + d] += limit_precision * beyond
             off = angle - means[2][k, d]
             gradient[k, 6 + d] += precision[k, 6 + d] * off
-            matrix[k, 6 + d, 6 + d] += own + precision[k, 6 + d]
+            matrix[k, 6 + d, 6 + d] += curvature + precision[k, 6 + d]
         turn[:] = 0.0
         for i in range(3):
             for j in range(3):
@@ -188,9 +188,9 @@ def add_landmark_terms(body, placed, prior, freedom, matrix, gradient):
     given, relative, precision, pelvis, pelvis_precision = prior
     for k in range(given.shape[0]):
         if given[k]:
-            at, own = (rotations[k], origins[k], axes[k]), (relative[k], precision[k])
+            placement, precisions = (rotations[k], origins[k], axes[k]), (relative[k], precision[k])
             mean = pelvis[k], pelvis_precision[k]
-            _add_landmarks(body, at, own, mean, freedom, matrix[k], gradient[k])
+            _add_landmarks(body, placement, precisions, mean, freedom, matrix[k], gradient[k])
 
 
 @kernel

@@ -130,7 +130,7 @@ def test_who_is_not_there_is_not_invented(quick, filmed):
     estimate = quick(masks, smooth=False)
     assert estimate.motion.frames.tolist() == [0, 1, 2, 6, 7, 8, 9]
     assert estimate.facts["frames_absent"] == [3, 4, 5]
-    assert estimate.away == {3, 4, 5}
+    assert estimate.absent_frames == {3, 4, 5}
 
 
 def test_who_is_seen_and_not_found_is_not_away(quick, filmed):
@@ -141,7 +141,7 @@ def test_who_is_seen_and_not_found_is_not_away(quick, filmed):
     masks[4], masks[5] = part, EMPTY
     estimate = quick(masks, smooth=False)
     assert estimate.facts["frames_absent"] == [4, 5]
-    assert estimate.away == {5}
+    assert estimate.absent_frames == {5}
 
 
 def test_nobody_at_all_is_one_clear_line(quick):

@@ -208,11 +208,13 @@ def _pyramid_box(
     """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
     of them; of those of the moments that bound one, if that is infinite or its voxels too many.
     """
-    found = _intersection(rig, masks, rule, unknown)
-    if found is None:
+    corners_m = _intersection(rig, masks, rule, unknown)
+    if corners_m is None:
         raise _nothing_common(rig)
-    finite = bool(np.isfinite(found).all())
-    if not finite or (voxel_size_m is not None and not _fits(found[1] - found[0], voxel_size_m)):
+    finite = bool(np.isfinite(corners_m).all())
+    if not finite or (
+        voxel_size_m is not None and not _fits(corners_m[1] - corners_m[0], voxel_size_m)
+    ):
         seen = (one for one in moments if all(mask.any() for mask in one))
         boxes = [_intersection(rig, one, rule, unknown) for one in seen]
         bounded = [box for box in boxes if box is not None and np.isfinite(box).all()]
@@ -220,14 +222,14 @@ def _pyramid_box(
         usual = np.median(lengths or [0.0])
         bounded = [box for box, long in zip(bounded, lengths, strict=True) if long <= _LONG * usual]
         if not bounded and finite:
-            return found
+            return corners_m
         if not bounded:
             raise InputError(
                 f"the silhouettes of {', '.join(rig.names)} do not bound a volume (all look the"
                 " same way): add a camera that looks from another side"
             )
-        found = np.min(bounded, axis=0)[0], np.max(bounded, axis=0)[1]
-    return found
+        corners_m = np.min(bounded, axis=0)[0], np.max(bounded, axis=0)[1]
+    return corners_m
 
 
 def _intersection(

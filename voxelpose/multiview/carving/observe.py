@@ -171,11 +171,11 @@ class HullObserver:
             return None
         grid = self.window(components, *bodies)
         carved = self.carve(masks, grid)
-        found = [self.select(*carved, grid, near_m) for near_m in places_m]
-        found = [one for one in found if one is not None]
-        if len(found) < 2:
-            return found[0] if found else None
-        return replace(found[0], occupancy=np.any([one.occupancy for one in found], axis=0))
+        parts = [self.select(*carved, grid, near_m) for near_m in places_m]
+        parts = [one for one in parts if one is not None]
+        if len(parts) < 2:
+            return parts[0] if parts else None
+        return replace(parts[0], occupancy=np.any([one.occupancy for one in parts], axis=0))
 
     def components(self, masks: list[np.ndarray]) -> np.ndarray:
         """Rows (n,) of dtype `COMPONENT` of the coarse hull of the whole volume."""

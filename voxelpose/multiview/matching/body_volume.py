@@ -80,9 +80,9 @@ class BodyVolume:
         parts = model.part_points(spacing_m)
         points, limbs = {}, limbs_of(model, parts, spacing_m)
         for limb in limbs:
-            own = [model.names.index(name) for name in limb.parts]
-            at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in own])
-            points[limb.name] = at_rest - model.joints_m[own[0]]
+            parts_of_limb = [model.names.index(name) for name in limb.parts]
+            at_rest = np.concatenate([parts[p] + model.joints_m[p] for p in parts_of_limb])
+            points[limb.name] = at_rest - model.joints_m[parts_of_limb[0]]
         return cls(model, points, parts, backend_name, limbs)
 
     @property

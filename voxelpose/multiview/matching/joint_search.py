@@ -78,9 +78,9 @@ class _Part:
         count_new(self.bits, taken, new)
         return self.gain + new
 
-    def only(self, kept: np.ndarray) -> _Part:
+    def only(self, rows: np.ndarray) -> _Part:
         """The part with a subset of its placements, by mask or index."""
-        return _Part(self.number, self.rows[kept], self.bits[kept], self.gain[kept])
+        return _Part(self.number, self.rows[rows], self.bits[rows], self.gain[rows])
 
 
 def best_together(
@@ -188,7 +188,7 @@ def interference_groups(areas: Sequence[np.ndarray]) -> list[list[int]]:
         for j in range(i):
             if count_common(areas[i], areas[j]):  # step (3)
                 label = [label[j] if other == label[i] else other for other in label]
-    return [[i for i, own in enumerate(label) if own == group] for group in sorted(set(label))]
+    return [[i for i, root in enumerate(label) if root == group] for group in sorted(set(label))]
 
 
 def _parts(bits: list[np.ndarray], costs: list[np.ndarray]) -> list[_Part]:
@@ -207,10 +207,10 @@ def _solve(parts: list[_Part], memory: _Memory) -> dict[int, int]:
         return {parts[0].number: int(parts[0].rows[known[0]])}
     # Discards placements that, even with the best of all other parts and no voxel shared, are no
     # better than the known choice.
-    kept = [gain > gain.max() - spare for gain in alone]
-    for mask, k in zip(kept, known, strict=True):
+    usable = [gain > gain.max() - spare for gain in alone]
+    for mask, k in zip(usable, known, strict=True):
         mask[k] = True
-    fewer = [part.only(mask) for part, mask in zip(parts, kept, strict=True)]
+    fewer = [part.only(mask) for part, mask in zip(parts, usable, strict=True)]
     groups = interference_groups([np.bitwise_or.reduce(part.bits, axis=0) for part in fewer])
     if len(groups) > 1:
         solved = [_solve([fewer[i] for i in group], memory) for group in groups]
@@ -266,8 +266,8 @@ def _contested(parts: list[_Part]) -> list[_Part]:
             part.bits.view(np.uint8), axis=1, bitorder="little"
         )[:, columns]
         packed = np.packbits(sets, axis=1, bitorder="little").view(np.uint64)
-        own = np.bitwise_count(part.bits & ~several).sum(1)
-        reduced.append(_Part(part.number, part.rows, packed, part.gain + own))
+        uncontested = np.bitwise_count(part.bits & ~several).sum(1)
+        reduced.append(_Part(part.number, part.rows, packed, part.gain + uncontested))
     return reduced
 
 

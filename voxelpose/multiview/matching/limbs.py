@@ -156,8 +156,8 @@ def sample_grid(
     for k, column in enumerate(columns):
         joint = np.flatnonzero(tree.dof_part == tree.dof_part[column])
         axes_of = tree.dof_axis[joint]
-        own = tree.names[tree.dof_part[column]] == limb.name
-        if own or len(joint) != 3 or not np.allclose(axes_of @ axes_of.T, np.eye(3), atol=1e-6):
+        of_limb = tree.names[tree.dof_part[column]] == limb.name
+        if of_limb or len(joint) != 3 or not np.allclose(axes_of @ axes_of.T, np.eye(3), atol=1e-6):
             continue
         # A twist of the bone above, which stays where it points: turned about itself first.
         swings = Rotation.from_rotvec(np.repeat(angles_rad[:, joint] @ axes_of, len(mesh), axis=0))
@@ -255,7 +255,7 @@ def chains_of(limbs: tuple[Limb, ...]) -> tuple[tuple[Limb, ...], ...]:
 
 def _with_added_parts(model: BodyModel) -> tuple[Limb, ...]:
     parts = {limb.name: list(limb.parts) for limb in LIMBS}
-    home = {part: name for name, own in parts.items() for part in own}
+    home = {part: name for name, members in parts.items() for part in members}
     for part, parent in zip(model.names, model.tree.parents, strict=True):
         if part not in home:
             home[part] = home[model.names[parent]]
@@ -281,10 +281,10 @@ class _Builder:
 
     def groups(self) -> list[list[int]]:
         """Parts by limb: a joint whose angles do not show in what it carries starts none."""
-        shown = {part: self._shown(part) for part in range(1, len(self.model.names))}
+        visible = {part: self._shown(part) for part in range(1, len(self.model.names))}
         groups, home = [[0]], {0: 0}
         for part in range(1, len(self.model.names)):
-            if shown[part]:
+            if visible[part]:
                 home[part] = len(groups)
                 groups.append([part])
             else:
@@ -306,24 +306,24 @@ class _Builder:
         if not len(points):
             return []
         offsets, tree = points - self.model.joints_m[part], KDTree(points)
-        shown = []
+        visible = []
         for k in self.dofs(part):
             turn = Rotation.from_rotvec(
                 np.radians(MATCHING.apart_deg) * self.model.tree.dof_axis[k]
             ).as_matrix()
             distance = tree.query(offsets @ turn.T + self.model.joints_m[part])[0]
-            if (distance > self.spacing_m).mean() > MATCHING.shown:
-                shown.append(k)
-        return shown
+            if (distance > self.spacing_m).mean() > MATCHING.visible:
+                visible.append(k)
+        return visible
 
     def limbs(self, groups: list[list[int]]) -> tuple[Limb, ...]:
         """Limbs of the groups, with the angles that are sampled for each."""
         model, names = self.model, self.model.names
         home = {part: g for g, group in enumerate(groups) for part in group}
         above = [-1] + [home[int(model.tree.parents[group[0]])] for group in groups[1:]]
-        own = [self._shown(group[0]) if g else [] for g, group in enumerate(groups)]
+        visible = [self._shown(group[0]) if g else [] for g, group in enumerate(groups)]
         hidden = [
-            [k for part in group for k in self.dofs(part) if k not in own[g]]
+            [k for part in group for k in self.dofs(part) if k not in visible[g]]
             for g, group in enumerate(groups)
         ]
         before = list(above)
@@ -337,7 +337,7 @@ class _Builder:
                 if not moved:
                     continue
                 first = max(moved, key=lambda c: self._volume(groups, above, c))
-                own[first] = [*own[first], k]
+                visible[first] = [*visible[first], k]
                 for other in moved:
                     if other != first and before[other] == g:
                         before[other] = first
@@ -346,7 +346,7 @@ class _Builder:
                 names[group[0]],
                 tuple(names[part] for part in group),
                 names[groups[before[g]][0]] if g else None,
-                angles=tuple(model.tree.dof_names[k] for k in sorted(own[g])),
+                angles=tuple(model.tree.dof_names[k] for k in sorted(visible[g])),
                 carrier=names[groups[above[g]][0]] if g else None,
             )
             for g, group in enumerate(groups)
@@ -354,6 +354,6 @@ class _Builder:
 
     def _volume(self, groups: list[list[int]], above: list[int], limb: int) -> int:
         """Points of a limb and of all that it carries."""
-        own = sum(len(self._points[part]) for part in groups[limb])
+        volume = sum(len(self._points[part]) for part in groups[limb])
         carried = [c for c, parent in enumerate(above) if parent == limb]
-        return own + sum(self._volume(groups, above, c) for c in carried)
+        return volume + sum(self._volume(groups, above, c) for c in carried)

@@ -178,8 +178,8 @@ def match_together(
             best_together([c.bits for c in group], [c.cost for c in group]) for group in groups
         ]
         before = [pose.angles_rad for pose in search.poses]
-        for group, found in zip(groups, choices, strict=True):
-            search.decide(group, found.choice, before, found.exact)
+        for group, best in zip(groups, choices, strict=True):
+            search.decide(group, best.choice, before, best.exact)
     explained = int(np.bitwise_count(search.taken).sum()) / max(len(search.voxel_set), 1)
     return [
         Match(pose, search.score, explained, tuple(groups), tuple(stopped))
@@ -205,11 +205,14 @@ def movable_areas(
         for group in _interfering(candidates):
             names = tuple(candidate.limb.name for candidate in group)
             for candidate in group:
-                own, others = candidate.movable_area, np.zeros_like(search.taken)
+                area, others = candidate.movable_area, np.zeros_like(search.taken)
                 for other in group:
                     if other is not candidate:
                         others |= other.movable_area
-                voxels, shared = search.voxel_set.voxels(own), search.voxel_set.voxels(own & others)
+                voxels, shared = (
+                    search.voxel_set.voxels(area),
+                    search.voxel_set.voxels(area & others),
+                )
                 areas.append(LimbArea(candidate.limb, voxels, names, shared))
         for candidate in candidates:  # the first placement is the given pose's
             search.decide([candidate], (0,), [pose.angles_rad])
@@ -241,22 +244,22 @@ class _Search:
         """Places every body's root part as it is given."""
         for k, (volume, pose) in enumerate(zip(self.volumes, self.poses, strict=True)):
             angles = [other.angles_rad for other in self.poses]
-            own = self.placements(k, volume.root_limb, pose.angles_rad[None])
-            self.decide([own], (0,), angles)
+            roots = self.placements(k, volume.root_limb, pose.angles_rad[None])
+            self.decide([roots], (0,), angles)
 
     def selectable(self) -> list[LimbPlacements]:
         """Placements of each limb that is not decided yet, but whose parent is."""
-        found = []
+        parts = []
         for k, (volume, pose) in enumerate(zip(self.volumes, self.poses, strict=True)):
             decided, tree = self._decided[k], volume.model.tree
             for limb in volume.limbs:
                 if limb.name not in decided and limb.parent in decided:
                     angles = sample_angles(limb, pose.angles_rad, self.settings.step_rad, tree)
-                    found.append(self.placements(k, limb, angles))
-        if not found or not self.settings.interference:
-            return found
-        spare = spare_score([one.bits for one in found], [one.cost for one in found])
-        return [replace(one, spare=spare) for one in found]
+                    parts.append(self.placements(k, limb, angles))
+        if not parts or not self.settings.interference:
+            return parts
+        spare = spare_score([one.bits for one in parts], [one.cost for one in parts])
+        return [replace(one, spare=spare) for one in parts]
 
     def placements(self, body: int, limb: Limb, angles_rad: np.ndarray) -> LimbPlacements:
         """Placements of a limb at angles (K, D), with the voxels they cover and what they cost."""

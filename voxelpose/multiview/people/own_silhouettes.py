@@ -37,16 +37,16 @@ def hull_pieces(
         axes_m: (N, 2) float64, where they stand; NaN: not there, which gives None.
     """
     pieces: list[Masks | None] = [None] * len(axes_m)
-    there = np.flatnonzero(np.isfinite(axes_m).all(axis=1))
-    if not len(there):
+    present = np.flatnonzero(np.isfinite(axes_m).all(axis=1))
+    if not len(present):
         return pieces
     hull, grid = observer.coarse_hull(masks), observer.coarse
     x, y, _ = grid.axes()
-    away = [np.hypot(x[:, None] - east, y - north) for east, north in axes_m[there]]
-    nearest = np.argmin(away, axis=0)
-    for k, person in enumerate(there.tolist()):
-        own = hull & ((nearest == k) & (away[k] <= CARVING.limb_m))[:, :, None]
-        pieces[person] = [footprint(own, grid, camera) for camera in observer.views.rig]
+    distances = [np.hypot(x[:, None] - east, y - north) for east, north in axes_m[present]]
+    nearest = np.argmin(distances, axis=0)
+    for k, person in enumerate(present.tolist()):
+        piece = hull & ((nearest == k) & (distances[k] <= CARVING.limb_m))[:, :, None]
+        pieces[person] = [footprint(piece, grid, camera) for camera in observer.views.rig]
     return pieces
 
 
@@ -62,14 +62,14 @@ def seen_pieces(
     """
     people = {k: list(piece) for k, piece in enumerate(pieces) if piece is not None}
     for c, masks in enumerate(seen):
-        overlap = [[_overlap(own[c], mask) for mask in masks] for own in people.values()]
+        overlap = [[_overlap(parts[c], mask) for mask in masks] for parts in people.values()]
         costs = -np.array(overlap).reshape(len(people), len(masks))
         taken = zip(*linear_sum_assignment(costs), strict=True)
         by_person = {[*people][row]: masks[k] for row, k in taken if costs[row, k] < 0}
-        for person, own in people.items():
+        for person, parts in people.items():
             others = [mask for k, mask in by_person.items() if k != person]
-            beside = np.logical_or.reduce([np.zeros_like(own[c]), *others])
-            own[c] = by_person.get(person, own[c] & ~beside)
+            beside = np.logical_or.reduce([np.zeros_like(parts[c]), *others])
+            parts[c] = by_person.get(person, parts[c] & ~beside)
     return [people.get(k) for k in range(len(pieces))]
 
 
@@ -90,29 +90,29 @@ def own_and_unknown(
         bodies: whether pieces are bodies: where two are, one is enough to explain the pixel. Pieces
             of hull are larger than bodies, and where two are, the pixel may be either's.
     """
-    own, unknown = [], []
+    silhouettes, unknown = [], []
     for c, mask in enumerate(masks):
         others = np.zeros_like(mask)
         for k, piece in enumerate(pieces):
             if k != person and piece is not None:
                 others |= piece[c]
-        mine = pieces[person]
+        footprints = pieces[person]
         near = mask & ~others
-        if mine is not None and others.any():
-            near &= _distance_px(mine[c]) <= _distance_px(others)
+        if footprints is not None and others.any():
+            near &= _distance_px(footprints[c]) <= _distance_px(others)
             if not bodies:
-                near |= mask & mine[c]
-        own.append(near)
+                near |= mask & footprints[c]
+        silhouettes.append(near)
         unknown.append((mask | others) & ~near)
-    return own, unknown
+    return silhouettes, unknown
 
 
 def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Distance (h, w) of every pixel from a mask; infinite from an empty one."""
     if not mask.any():
         return np.full(mask.shape, np.inf, np.float32)
-    away = cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    return np.asarray(away, np.float32)
+    distance = cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+    return np.asarray(distance, np.float32)
 
 
 @contextmanager
@@ -133,17 +133,17 @@ def silhouettes_of(
     sizes = [camera.size for camera in views.rig]
     with mask_stores(2 * len(places_m), sizes, len(store)) as stores:
         each = [
-            (own, OtherPeople(unknown, at_m, np.ones(len(store))))
-            for own, unknown, at_m in zip(stores[::2], stores[1::2], places_m, strict=True)
+            (store_of, OtherPeople(unknown, at_m, np.ones(len(store))))
+            for store_of, unknown, at_m in zip(stores[::2], stores[1::2], places_m, strict=True)
         ]
         for t, seen in enumerate(pieces):
             masks = store[t]
-            for person, (own, others) in enumerate(each):
-                found = own_and_unknown(masks, seen, person)
-                for one, silhouettes in zip((own, others.unknown), found, strict=True):
+            for person, (store_of, others) in enumerate(each):
+                separated = own_and_unknown(masks, seen, person)
+                for one, silhouettes in zip((store_of, others.unknown), separated, strict=True):
                     one.put(t, silhouettes)
-                if (mine := seen[person]) is not None:
-                    pairs = zip(mine, found[1], strict=True)
+                if (footprints := seen[person]) is not None:
+                    pairs = zip(footprints, separated[1], strict=True)
                     shares = [
                         (piece & unknown).sum() / max(piece.sum(), 1) for piece, unknown in pairs
                     ]

@@ -80,9 +80,9 @@ def people_places(
         )
         axes_m = _each_person(prepared, tracks_m, people, reporter)[: people or MOST_PEOPLE]
     if people is not None and len(axes_m) < people:
-        found = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
+        counted = "nobody is" if not len(axes_m) else f"{len(axes_m)} at most are"
         raise InputError(
-            f"{people} people were asked for, and {found} seen apart: give --people"
+            f"{people} people were asked for, and {counted} seen apart: give --people"
             f" {max(len(axes_m), 1)}, or look at the silhouettes with `voxelpose setup`"
         )
     if len(axes_m) > 1 and people is None:
@@ -125,11 +125,11 @@ def _each_person(
     if never_at_once(tracks_m).any() and not prepared.footage.source.silhouettes_given:
         looks = looks_of(prepared, tracks_m)
     joined = rejoined(tracks_m, looks, people)
-    axes_m = np.stack([np.nansum(tracks_m[own], axis=0) for own in joined])
-    axes_m[np.stack([np.isnan(tracks_m[own]).all(axis=0) for own in joined])] = np.nan
+    axes_m = np.stack([np.nansum(tracks_m[members], axis=0) for members in joined])
+    axes_m[np.stack([np.isnan(tracks_m[members]).all(axis=0) for members in joined])] = np.nan
     order = np.argsort(np.isnan(axes_m[:, :, 0]).sum(axis=1), kind="stable")
-    for number, own in enumerate(axes_m[order], 1):
-        for left, back in absences(own):
+    for number, axis_m in enumerate(axes_m[order], 1):
+        for left, back in absences(axis_m):
             reporter.note(
                 f"person {number} is away from frame {prepared.numbers[left]} to"
                 f" {prepared.numbers[back]}: that who comes back is who left is a guess"
@@ -147,8 +147,8 @@ def absences(places_m: NDArray[np.float64]) -> list[tuple[int, int]]:
     """The last frame before and the first after each time in which somebody, places (T, D), NaN:
     not there, was away and came back.
     """
-    there = np.flatnonzero(np.isfinite(places_m[:, 0]))
-    return [(a, b) for a, b in pairwise(there.tolist()) if b > a + 1]
+    present = np.flatnonzero(np.isfinite(places_m[:, 0]))
+    return [(a, b) for a, b in pairwise(present.tolist()) if b > a + 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,14 +160,14 @@ class PeopleTrack:
         prepared: silhouettes of everybody.
         places_m: (N, T, 3) float64, about where each is; NaN: not there.
         things_m: (M, T, 3) float64, the same of things.
-        kept: closes what the trackers need.
+        resources: closes what the trackers need.
     """
 
     work: TrackWork
     prepared: PreparedSilhouettes
     places_m: NDArray[np.float64]
     things_m: NDArray[np.float64]
-    kept: ExitStack
+    resources: ExitStack
 
     def track(self) -> list[tuple[PoseTracker, Facts]]:
         """Poses of everybody in all frames, and facts."""
@@ -175,7 +175,7 @@ class PeopleTrack:
         facts = [self.work.finished(tracked) for tracked in people]
         trackers = [tracked.tracker for tracked in people]
         unexplained: Facts = {"unexplained_frames": self._unexplained(trackers)}
-        return [(one, own | unexplained) for one, own in zip(trackers, facts, strict=True)]
+        return [(one, known | unexplained) for one, known in zip(trackers, facts, strict=True)]
 
     def first(self) -> list[Tracked]:
         """See `Alternation.first`; beside the others' pieces of hull, which hide more of a person
@@ -201,7 +201,7 @@ class PeopleTrack:
         moments = even_moments(len(store), REFIT_FRAMES, margin=0).tolist()
         lefts = []
         for t in moments:
-            drawn = [one for own in trackers if (one := _drawn(own, t, observer.views))]
+            drawn = [one for tracker in trackers if (one := _drawn(tracker, t, observer.views))]
             left = []
             for c, mask in enumerate(store[t]):
                 bodies = np.logical_or.reduce([one[c] for one in drawn] or [np.zeros_like(mask)])
@@ -212,13 +212,13 @@ class PeopleTrack:
 
     def _observations(self, pieces: Iterator[Sequence[Masks | None]]) -> list[ObservationStore]:
         """Observations of each person among others that are seen where `pieces` says."""
-        observer, work, kept = self.prepared.observer, self.work, self.kept
+        observer, work, resources = self.prepared.observer, self.work, self.resources
         each = silhouettes_of(self.prepared.store, pieces, self.places_m, observer.views)
         return [
-            kept.enter_context(
+            resources.enter_context(
                 carved_observations(observer, masks, work.clock, work.reporter, others)
             )
-            for masks, others in kept.enter_context(each)
+            for masks, others in resources.enter_context(each)
         ]
 
     def _hull_pieces(self) -> Iterator[list[Masks | None]]:
@@ -235,9 +235,9 @@ class PeopleTrack:
         views = self.prepared.observer.views
 
         def pieces(t: int) -> list[Masks | None]:
-            there = np.isfinite(self.things_m[:, t]).any()
-            things = self._hull_pieces_at(t)[len(self.places_m) :] if there else []
-            return [_drawn(tracker, t, views) for tracker in trackers] + things
+            has_objects = np.isfinite(self.things_m[:, t]).any()
+            object_pieces = self._hull_pieces_at(t)[len(self.places_m) :] if has_objects else []
+            return [_drawn(tracker, t, views) for tracker in trackers] + object_pieces
 
         return _in_turn(pieces, self.prepared.store)
 

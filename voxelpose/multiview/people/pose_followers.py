@@ -35,13 +35,13 @@ class FoundPerson:
 
     Attributes:
         moment: the silhouettes that are the person's, and where nothing is known of them.
-        shown: (15,) float64, of each joint, whether as many cameras see it as bound a hull, 0 to 1.
+        visibility: (15,) float64, from 0 to 1: whether as many cameras see a joint as bound a hull.
     """
 
     model: BodyModel
     fit: PoseFit
     moment: Moment
-    shown: NDArray[np.float64]
+    visibility: NDArray[np.float64]
 
 
 class PoseFollowers:
@@ -79,15 +79,16 @@ class PoseFollowers:
             # that follow only what is nobody else's.
             bodies = track is not None or one.busy
             one.rough |= not bodies
-            own, unknown = own_and_unknown(masks, pieces, k, bodies=bodies)
+            silhouettes, unknown = own_and_unknown(masks, pieces, k, bodies=bodies)
             if pieces[k] is None:
-                own = [np.zeros_like(mask) for mask in masks]
+                silhouettes = [np.zeros_like(mask) for mask in masks]
             part = Moment.of(
-                time_s, *(dict(zip(moment.bits, seen, strict=True)) for seen in (own, unknown))
+                time_s,
+                *(dict(zip(moment.bits, seen, strict=True)) for seen in (silhouettes, unknown)),
             )
-            people.append(found := _found(one, part, self._rig))
-            if found is not None:
-                pieces[k] = body_masks(found.model, found.fit.pose, views, self._backend)
+            people.append(person := _found(one, part, self._rig))
+            if person is not None:
+                pieces[k] = body_masks(person.model, person.fit.pose, views, self._backend)
         return people
 
     def _pieces(
@@ -148,8 +149,8 @@ class PoseFollowers:
         self._observer = HullObserver(views, volume, CARVING.voxel_m, rule)
         sets = PresenceSearch(self._observer).sets(masks, len(self.people))
         best = sets.members[0]
-        away = np.linalg.norm(sets.axes_m[best][:, None] - self._places_m[others], axis=2)
-        free = best[(away > PEOPLE.reach_m).all(axis=1)]
+        distances = np.linalg.norm(sets.axes_m[best][:, None] - self._places_m[others], axis=2)
+        free = best[(distances > PEOPLE.reach_m).all(axis=1)]
         return sets.axes_m[free], sets.upright[free]
 
 
@@ -159,14 +160,14 @@ def _found(one: PoseFollower, moment: Moment, rig: Rig) -> FoundPerson | None:
     if fit is None or body is None:
         return None
     (joints_m,) = joints_of(body.model, [fit.pose])
-    shown, views = np.ones(len(joints_m)), moment.views(rig)
+    visibility, views = np.ones(len(joints_m)), moment.views(rig)
     if views.unknown is not None:
         seen = [
             _is_seen(camera, joints_m, hidden)
             for camera, hidden in zip(views.rig, views.unknown, strict=True)
         ]
-        shown = np.minimum(np.sum(seen, axis=0) / LEAST_CAMERAS, 1)
-    return FoundPerson(body.model, fit, moment, shown)
+        visibility = np.minimum(np.sum(seen, axis=0) / LEAST_CAMERAS, 1)
+    return FoundPerson(body.model, fit, moment, visibility)
 
 
 def _is_seen(

@@ -109,11 +109,11 @@ class PresenceSearch:
         before = np.rint((before_m - grid.origin_m[:2]) / grid.voxel_size_m - 0.5).astype(int)
         apart = ~np.asarray(maximum_filter(highest, footprint=disc), np.bool_)
         highest[*before.T] |= (apart & possible)[*before.T]
-        places = np.argwhere(highest)
-        thick = volume_m3[*places.T]
-        places = places[np.argsort(rounded(-thick), kind="stable")[:_MOST_AXES]]
-        axes = np.stack([x[places[:, 0]], y[places[:, 1]]], axis=1)
-        return axes, reaches(PEOPLE.upright_m)[*places.T]
+        cells = np.argwhere(highest)
+        thick = volume_m3[*cells.T]
+        cells = cells[np.argsort(rounded(-thick), kind="stable")[:_MOST_AXES]]
+        axes = np.stack([x[cells[:, 0]], y[cells[:, 1]]], axis=1)
+        return axes, reaches(PEOPLE.upright_m)[*cells.T]
 
     def _explained(
         self, hull: NDArray[np.bool_], axis_m: NDArray[np.float64], seen: list[NDArray[np.bool_]]
@@ -122,8 +122,8 @@ class PresenceSearch:
         grid = self._observer.coarse
         x, y, _ = grid.axes()
         near = np.hypot(x[:, None] - axis_m[0], y - axis_m[1]) <= PEOPLE.reach_m
-        own, pairs = hull & near[:, :, None], zip(self._cameras, seen, strict=True)
-        return [footprint(own, grid, camera, mask) for camera, mask in pairs]
+        column, pairs = hull & near[:, :, None], zip(self._cameras, seen, strict=True)
+        return [footprint(column, grid, camera, mask) for camera, mask in pairs]
 
     def _ranked(
         self,
@@ -136,17 +136,17 @@ class PresenceSearch:
         whole = [np.packbits(mask) for mask in seen]
         empty = [np.zeros_like(bits) for bits in whole]
         grown: list[tuple[tuple[int, ...], list[NDArray[np.uint8]]]] = [((), empty)]
-        found = list(grown)
+        sets = list(grown)
         for _ in range(min(most, len(explained))):
             grown = [
                 ((*members, k), [a | b for a, b in zip(union, packed[k], strict=True)])
                 for members, union in grown
                 for k in range(members[-1] + 1 if members else 0, len(explained))
             ]
-            found += grown
-        cost = rounded([self._cost(len(members), union, whole) for members, union in found])
+            sets += grown
+        cost = rounded([self._cost(len(members), union, whole) for members, union in sets])
         order = np.argsort(cost, kind="stable")[:_MOST_SETS]
-        return [np.array(found[k][0], np.int64) for k in order], cost[order]
+        return [np.array(sets[k][0], np.int64) for k in order], cost[order]
 
     def _cost(
         self, count: int, union: list[NDArray[np.uint8]], whole: list[NDArray[np.uint8]]
@@ -273,7 +273,7 @@ def link_sets(
             upright[followed[axis]].append(bool(frame.upright[axis]))
         current = followed
     axes_m = np.array(tracks).reshape(-1, len(frames), 2)
-    long = [own == [True] or any(map(all, pairwise(own))) for own in upright]
+    long = [flags == [True] or any(map(all, pairwise(flags))) for flags in upright]
     stood = np.array(long, np.bool_)
     return axes_m[stood], axes_m[~stood]
 
@@ -300,8 +300,8 @@ def find_people(
     sets: list[PeopleSets] = []
     for masks, count in zip(frames, most, strict=True):
         sets.append(search.sets(masks, count, sets[-1].axes_m if sets else None))
-    people, things = link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s)
-    return join_tracks(people, times_s), join_tracks(things, times_s)
+    people, objects = link_sets(sets, likeliest_sets(sets, elapsed_s), elapsed_s)
+    return join_tracks(people, times_s), join_tracks(objects, times_s)
 
 
 def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -323,10 +323,10 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
             continue
         person = people[best]
         person[first:] = track[first:]
-        there = np.flatnonzero(np.isfinite(person[:, 0]))
-        gap = np.arange(there[there < first][-1], first + 1)
+        present = np.flatnonzero(np.isfinite(person[:, 0]))
+        gap = np.arange(present[present < first][-1], first + 1)
         for axis in range(2):
-            person[gap, axis] = np.interp(gap, there, person[there, axis])
+            person[gap, axis] = np.interp(gap, present, person[present, axis])
     return np.stack(people) if people else tracks
 
 
@@ -336,8 +336,8 @@ def at_all_times(
     """Axes (N, T, 2) of N people at T times, between those (N, K, 2) at K times; NaN where somebody
     is not there at the times asked before and after.
     """
-    found = np.full((len(axes_m), len(times_s), 2), np.nan)
-    for own, axes in zip(found, axes_m, strict=True):
+    interpolated = np.full((len(axes_m), len(times_s), 2), np.nan)
+    for track, axes in zip(interpolated, axes_m, strict=True):
         for k in range(2):
-            own[:, k] = np.interp(times_s, asked_s, axes[:, k])
-    return found
+            track[:, k] = np.interp(times_s, asked_s, axes[:, k])
+    return interpolated

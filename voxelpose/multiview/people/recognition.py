@@ -17,8 +17,8 @@ from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES
 
 def never_at_once(axes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N, N) bool: which of N tracks (N, T, 2), NaN: not there, have no frame in common."""
-    there = np.isfinite(axes_m[:, :, 0])
-    return np.asarray(~(there[:, None] & there[None]).any(axis=2), np.bool_)
+    present = np.isfinite(axes_m[:, :, 0])
+    return np.asarray(~(present[:, None] & present[None]).any(axis=2), np.bool_)
 
 
 def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -29,8 +29,10 @@ def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDAr
         axes_m: (N, T, 2) float64, where the people stand in all frames; NaN: not there.
     """
     store, footage = prepared.store, prepared.footage
-    there = [np.flatnonzero(np.isfinite(own[:, 0])) for own in axes_m]
-    steps = sorted({int(t) for own in there for t in own[even_moments(len(own), REFIT_FRAMES)]})
+    present = [np.flatnonzero(np.isfinite(track[:, 0])) for track in axes_m]
+    steps = sorted(
+        {int(t) for track in present for t in track[even_moments(len(track), REFIT_FRAMES)]}
+    )
     cameras = [*zip(footage.source.rig.names, footage.lenses, footage.late, strict=True)]
     looks: list[list[NDArray[np.float64]]] = [[] for _ in axes_m]
     for t, frames in zip(steps, footage.source.at(steps), strict=True):
@@ -42,10 +44,10 @@ def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDAr
             pieces = hull_pieces(masks, axes_m[:, in_step], prepared.observer)
             covered = np.sum([piece[c] for piece in pieces if piece is not None], axis=0)
             colours = quantise(lens.undistort_part(frames[name], (0, 0), lens.pinhole.size))
-            for own, piece in zip(looks, pieces, strict=True):
+            for track, piece in zip(looks, pieces, strict=True):
                 if piece is not None:
-                    own.append(coarse_histogram(colours[masks[c] & piece[c] & (covered == 1)]))
-    means = [np.mean(own, axis=0) for own in looks]
+                    track.append(coarse_histogram(colours[masks[c] & piece[c] & (covered == 1)]))
+    means = [np.mean(track, axis=0) for track in looks]
     return np.stack([mean / max(mean.sum(), np.finfo(float).tiny) for mean in means])
 
 
@@ -67,18 +69,18 @@ def rejoined(
     if looks is not None:
         unlike = unlikeness(looks[:, None], looks[None])
     most = unlike[~apart & ~np.eye(len(apart), dtype=np.bool_)].min(initial=1) / 2
-    found = [[k] for k in range(len(axes_m))]
+    groups = [[k] for k in range(len(axes_m))]
 
     def cost(pair: tuple[list[int], list[int]]) -> float:
         """How different two look."""
         return float(rounded(unlike[np.ix_(*pair)].mean()))
 
     while True:
-        pairs = [pair for pair in combinations(found, 2) if apart[np.ix_(*pair)].all()]
+        pairs = [pair for pair in combinations(groups, 2) if apart[np.ix_(*pair)].all()]
         best = min(pairs, key=cost, default=None)
-        told = people is not None and len(found) > people
-        if best is None or (cost(best) >= most and not told):
-            return found
+        too_many = people is not None and len(groups) > people
+        if best is None or (cost(best) >= most and not too_many):
+            return groups
         first, second = best
-        found.remove(second)
+        groups.remove(second)
         first += second

@@ -79,10 +79,10 @@ def find_sitting_pose(body: BodyGeometry, frame: FrameObservation) -> list[PoseF
             angles[k] = np.radians(bent_deg[joint])
     root = _below_head(model, points)
     headings_deg = np.arange(HEADINGS) * 360 / HEADINGS
-    places = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
+    roots = [(root, Rotation.from_euler("z", h, degrees=True).as_matrix()) for h in headings_deg]
     torsos = find_torso(body.body_volume, frame.grid, frame.occupancy, MORE_PLACEMENTS)
-    places += [(torso.root_m, torso.root_rotation) for torso in torsos]
-    starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in places]
+    roots += [(torso.root_m, torso.root_rotation) for torso in torsos]
+    starts = [RefineStart(Pose(*place, angles), SEARCHED) for place in roots]
     fits = sorted(refine_fits(body, frame.observation, starts), key=attrgetter("error"))
     moved = [move_limbs(body, frame.observation, fit) for fit in fits[:_BEST]]
     return sorted(moved, key=attrgetter("error"))
@@ -123,12 +123,12 @@ class Start:
     def cost(self) -> float:
         """Cost by the anchor frames, see `cost_terms`."""
         poses, model = self.poses | self.unclear, self.body.model
-        told = [
+        known = [
             float(proposed.cost(joints_of(model, [poses[t]]))[0])
             for t, proposed in self.proposals.items()
             if t in poses
         ]
-        return self.cost_of([*self.errors.values()], told)
+        return self.cost_of([*self.errors.values()], known)
 
     def cost_of(self, errors: list[float], proposed: Sequence[float] = ()) -> float:
         """Cost by the silhouette errors of other frames, and the costs of proposed poses."""
@@ -200,12 +200,12 @@ def anchor_frames(observations: ObservationStore) -> dict[int, FrameObservation]
     """Some frames of a recording in which a body is seen, by number: about evenly spaced, where
     others hide least of it.
     """
-    there, hidden = np.flatnonzero(observations.there), observations.hidden
-    if not len(there):
+    present, hidden = np.flatnonzero(observations.there), observations.hidden
+    if not len(present):
         return {}
-    most = max(_FEWEST_ANCHORS, len(there) // _FRAMES_PER_ANCHOR)
-    even = there[even_moments(len(there), most)]
-    between = there[(there >= even[0]) & (there <= even[-1])]
+    most = max(_FEWEST_ANCHORS, len(present) // _FRAMES_PER_ANCHOR)
+    even = present[even_moments(len(present), most)]
+    between = present[(present >= even[0]) & (present <= even[-1])]
     nearest = np.abs(between[:, None] - even).argmin(axis=1)
     chosen = [
         min(between[nearest == k].tolist(), key=lambda t: (hidden[t], abs(t - middle)))
@@ -276,7 +276,7 @@ class _Search:
         covariance = None if keep_clothes else np.diag(sigma**2)
         prior = ShapePrior(Stature(metres, PERSON_COST.told_sigma_m), expected, covariance)
         for posture in POSTURES:
-            fits = {t: found[0] for t, found in self._found(body, posture).items() if found}
+            fits = {t: best[0] for t, best in self._found(body, posture).items() if best}
             if fits:
                 candidate = Candidate(metres, None, model.sizes.sex, posture, self.objects)
                 start = self._start(candidate, body, prior, StatureEvidence(metres), fits)
@@ -295,8 +295,8 @@ class _Search:
         starts: dict[int, list[RefineStart]] = {}
         for metres in statures_m:
             body = self._body(Candidate(metres, self.settings.chest_m, self._templates[0]))
-            for t, found in self._found(body, posture).items():
-                taken = [RefineStart(fit.pose, SEARCHED) for fit in found[:_STARTS]]
+            for t, best in self._found(body, posture).items():
+                taken = [RefineStart(fit.pose, SEARCHED) for fit in best[:_STARTS]]
                 starts[t] = starts.get(t, []) + taken
         if not any(starts.values()):
             return None
@@ -312,27 +312,29 @@ class _Search:
 
         def refined(candidate: Candidate) -> Start:
             body = self._body(candidate)
-            found = {
+            best = {
                 t: refine_fits(body, frame.observation, starts[t])
                 for t, frame in self.frames.items()
             }
-            fits = {t: self._ranked(t, body, poses)[0] for t, poses in found.items() if poses}
+            fits = {t: self._ranked(t, body, poses)[0] for t, poses in best.items() if poses}
             return self._start(candidate, body, _prior(candidate, body, evidence), evidence, fits)
 
         return min(side_by_side(refined, candidates), key=Start.cost)
 
     def _settled(self, first: Start) -> Start:
         """The best body of either girth and template, adapted, about the stature found so."""
-        own = first.candidate
-        best = self._best(first, [replace(own, girth=girth) for girth in self._girths(own.stature)])
+        base = first.candidate
+        best = self._best(
+            first, [replace(base, girth=girth) for girth in self._girths(base.stature)]
+        )
         for _ in range(_ROUNDS if first.evidence.told_m is None else 0):
             # What the first body was too tall by would stay in the proportions: its are the prior.
-            own, found = best.candidate, stature_of(best.body.model)
-            girth = None if own.girth is None else own.girth * found / own.stature
-            again = self._best(best, [replace(own, stature=found, girth=girth)])
-            if again.cost() >= best.cost():
+            base, stature = best.candidate, stature_of(best.body.model)
+            girth = None if base.girth is None else base.girth * stature / base.stature
+            second = self._best(best, [replace(base, stature=stature, girth=girth)])
+            if second.cost() >= best.cost():
                 break
-            best = again
+            best = second
         return best
 
     def _best(self, start: Start, candidates: list[Candidate]) -> Start:
@@ -456,5 +458,5 @@ def start_given(
 def _searched(
     body: BodyGeometry, frames: dict[int, FrameObservation], matching: MatchSettings
 ) -> dict[int, PoseFit]:
-    found = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
-    return {t: fit for t, best in zip(frames, found, strict=True) for fit in best}
+    fits = side_by_side(lambda frame: find_pose(body, frame, matching)[:1], list(frames.values()))
+    return {t: fit for t, best in zip(frames, fits, strict=True) for fit in best}

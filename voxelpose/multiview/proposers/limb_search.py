@@ -127,10 +127,10 @@ class _Covering:
             meshes, faces, face_part, np.eye(3), self._size, cull_back=False
         )
         images = images.copy()
-        for image, own, (left, top) in zip(images, covered, self._corners, strict=True):
-            window = image[top : top + own.shape[0], left : left + own.shape[1]]
-            own = own[: window.shape[0], : window.shape[1]]
-            window[(own > 0) & (window > _EXPLAINED)] = _EXPLAINED
+        for image, cover, (left, top) in zip(images, covered, self._corners, strict=True):
+            window = image[top : top + cover.shape[0], left : left + cover.shape[1]]
+            cover = cover[: window.shape[0], : window.shape[1]]
+            window[(cover > 0) & (window > _EXPLAINED)] = _EXPLAINED
         return images
 
 

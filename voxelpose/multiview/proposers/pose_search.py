@@ -129,8 +129,8 @@ def find_pose(
     first = sorted([*_matches(body, frame, placements, settings), *stood], key=attrgetter("error"))
     # With the torso now well placed the limbs are matched again; where that is no better, the
     # first fit stands.
-    again = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
-    ranked = sorted([*again, *first], key=attrgetter("error"))
+    second = _matches(body, frame, [fit.pose for fit in first[: MATCHING.matched_again]], settings)
+    ranked = sorted([*second, *first], key=attrgetter("error"))
     best, rest = ranked[: MATCHING.searched], ranked[MATCHING.searched :]
     moved = [replace(move_limbs(body, frame.observation, fit), stopped=fit.stopped) for fit in best]
     return sorted([*moved, *rest], key=attrgetter("error"))
@@ -236,6 +236,6 @@ def _matches(
     """Poses whose limbs are matched from placed torsos, refined."""
     volume = body.body_volume
     matched = [match(volume, frame.grid, frame.occupancy, start, settings) for start in placements]
-    starts = [RefineStart(found.pose, SEARCHED) for found in matched]
+    starts = [RefineStart(first.pose, SEARCHED) for first in matched]
     fits = refine_fits(body, frame.observation, starts)
-    return [replace(fit, stopped=found.stopped) for fit, found in zip(fits, matched, strict=True)]
+    return [replace(fit, stopped=first.stopped) for fit, first in zip(fits, matched, strict=True)]

@@ -105,8 +105,8 @@ def _inner_radius(body_volume: BodyVolume, middle: np.ndarray) -> float:
     """Distance of the middle of the root limb's volume from its surface."""
     model = body_volume.model
     parts = [model.names.index(name) for name in body_volume.root_limb.parts]
-    own = np.unique(model.faces[np.isin(model.face_part, parts)])
-    distance, _ = KDTree(model.vertices_m[own]).query(middle + model.joints_m[0])
+    vertices = np.unique(model.faces[np.isin(model.face_part, parts)])
+    distance, _ = KDTree(model.vertices_m[vertices]).query(middle + model.joints_m[0])
     return float(distance)
 
 
@@ -119,8 +119,8 @@ def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -
     deep = np.argwhere(depth > least)
     if inner_m is not None:
         step = max(step, int(np.ceil((len(deep) / _MOST_POSITIONS) ** (1 / 3))))
-    kept = deep[(deep % step == 0).all(1)]
-    return grid.centres(kept if len(kept) else deep[:1])
+    thinned = deep[(deep % step == 0).all(1)]
+    return grid.centres(thinned if len(thinned) else deep[:1])
 
 
 def _orientations(upright: bool) -> np.ndarray:
@@ -159,14 +159,14 @@ def _ranked(
 def _different(
     positions: np.ndarray, rotations: np.ndarray, scores: np.ndarray, count: int
 ) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    kept: list[int] = []
+    selected: list[int] = []
     # Turns are apart by the angle whose cosine is half of what the trace exceeds one by.
     least_trace = 1 + 2 * np.cos(np.radians(MATCHING.apart_deg))
     for k in range(len(scores)):
-        if len(kept) == count:
+        if len(selected) == count:
             break
-        near = np.linalg.norm(positions[kept] - positions[k], axis=1) < MATCHING.apart_m
-        traces = (rotations[kept] * rotations[k]).sum((1, 2))
+        near = np.linalg.norm(positions[selected] - positions[k], axis=1) < MATCHING.apart_m
+        traces = (rotations[selected] * rotations[k]).sum((1, 2))
         if not (near & (traces > least_trace)).any():
-            kept.append(k)
-    return [(positions[k], rotations[k], float(scores[k])) for k in kept]
+            selected.append(k)
+    return [(positions[k], rotations[k], float(scores[k])) for k in selected]

@@ -120,13 +120,13 @@ def half_turn_ratio(
         pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
         np.zeros_like(pose.angles_rad),
     )
-    found = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
-    other, own = refine_fits(
+    matched = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
+    other, unturned = refine_fits(
         body,
         frame.observation,
-        [RefineStart(found.pose, SEARCHED), RefineStart(pose, STEP)],
+        [RefineStart(matched.pose, SEARCHED), RefineStart(pose, STEP)],
     )
-    return other.error / max(own.error, 1e-6)
+    return other.error / max(unturned.error, 1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,18 +304,18 @@ def motion_quality(
             "outside": np.array(outside),
         } | frame_evidence(body, pose, joints_m[row], frame)
 
-    found: list[dict[str, np.ndarray]] = []
+    frame_quality: list[dict[str, np.ndarray]] = []
     for first in range(0, len(motion), _TOGETHER):
         rows = range(first, min(first + _TOGETHER, len(motion)))
         with clock("quality"):
-            found += side_by_side(assessed, rows)
+            frame_quality += side_by_side(assessed, rows)
         for _ in rows:
             reporter.advance()
     ratio = np.nan
     if body.model.person is not None:
         with clock("half turn"):
             ratio = _half_turn(tracker, pose_of, steps)
-    arrays = {name: np.stack([frame[name] for frame in found]) for name in nothing}
+    arrays = {name: np.stack([frame[name] for frame in frame_quality]) for name in nothing}
     arrays["part_unsupported"] = arrays["part_overlap"] < QUALITY.unsupported
     arrays["outline_agreement"] = arrays["camera_agreement"].mean(axis=1)
     if body.model.person is None:  # the regression is of people

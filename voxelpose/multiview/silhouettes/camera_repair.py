@@ -47,12 +47,12 @@ class RepairedCameras:
         """Whether cameras disagree and nothing was put right."""
         return bool(self.words) and not self.repaired
 
-    def then(self, again: RepairedCameras) -> RepairedCameras:
+    def then(self, later: RepairedCameras) -> RepairedCameras:
         """This and a later repair of the same cameras as one."""
-        names = [*self.late_frames, *again.late_frames]
-        late = {k: self.late_frames.get(k, 0) + again.late_frames.get(k, 0) for k in names}
-        words = self.words + again.words if self.repaired else again.words
-        return RepairedCameras(again.rig, late, words, again.repaired)
+        names = [*self.late_frames, *later.late_frames]
+        late = {k: self.late_frames.get(k, 0) + later.late_frames.get(k, 0) for k in names}
+        words = self.words + later.words if self.repaired else later.words
+        return RepairedCameras(later.rig, late, words, later.repaired)
 
 
 def repair_cameras(

@@ -46,7 +46,7 @@ def check_hull_size(
         InputError: they are far larger or smaller.
     """
     edges_m = [_edges_m(rig, masks, rule, unknown) for masks in moments]
-    edges_m = [found for found in edges_m if found is not None]
+    edges_m = [edge for edge in edges_m if edge is not None]
     if not edges_m:
         return
     width_m, length_m = np.median(edges_m, axis=0)[1:].tolist()

@@ -80,5 +80,5 @@ def mask_stores(number: int, sizes: list[tuple[int, int]], count: int) -> Iterat
         sizes: (width, height) of each camera's silhouettes.
         count: number of frames.
     """
-    with ExitStack() as kept:
-        yield [kept.enter_context(closing(MaskStore(sizes, count))) for _ in range(number)]
+    with ExitStack() as stack:
+        yield [stack.enter_context(closing(MaskStore(sizes, count))) for _ in range(number)]

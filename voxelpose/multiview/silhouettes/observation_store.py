@@ -152,9 +152,9 @@ class ObservationStore:
             return None
         if self._hull_at(t, body) is None:
             self._keep_hull(t, body, components)
-        found = self._hull_at(t, body)
-        assert found is not None, "the hull was just kept"
-        record = self._file.read_at(*found)
+        extent = self._hull_at(t, body)
+        assert extent is not None, "the hull was just kept"
+        record = self._file.read_at(*extent)
         *origin, nx, ny, nz = _BOX.unpack_from(record)
         grid = VoxelGrid(np.array(origin), self.observer.voxel_size_m, (nx, ny, nz))
         bits = np.frombuffer(zlib.decompress(record[_BOX.size :]), np.uint8)
@@ -205,5 +205,5 @@ class ObservationStore:
             self._other_hulls[t, body] = where
 
     def _hull_at(self, t: int, body: int) -> tuple[int, int] | None:
-        kept, start, size = self._hulls[t].tolist()
-        return (start, size) if kept == body else self._other_hulls.get((t, body))
+        stored_body, start, size = self._hulls[t].tolist()
+        return (start, size) if stored_body == body else self._other_hulls.get((t, body))

@@ -92,13 +92,13 @@ class Footage:
 
     def people_masks(self, t: int) -> list[list[NDArray[np.bool_]]]:
         """Where the network sees each of the people in a frame, (h, w) bool by pinhole camera."""
-        found: list[list[NDArray[np.bool_]]] = []
+        frame_masks: list[list[NDArray[np.bool_]]] = []
         for camera, late, lens in zip(self.source.rig, self.late, self.lenses, strict=True):
             people = {} if self.people is None else self.people.of(camera.name, t + late)
             size = lens.pinhole.size
             masks = people_masks(people, size[0] / camera.size[0], size)
-            found.append([lens.undistort(mask) for mask in masks])
-        return found
+            frame_masks.append([lens.undistort(mask) for mask in masks])
+        return frame_masks
 
     def people_together(self, t: int) -> int | None:
         """How many people the network sees together in a frame, in the camera that shows most of
@@ -328,13 +328,13 @@ class _Preparation:
         self.reporter.stage("completion", len(store))
 
         def completed(t: int) -> list[np.ndarray]:
-            return completion.complete(*(found[t] for found in self.stores))
+            return completion.complete(*(completed_masks[t] for completed_masks in self.stores))
 
         for first in range(0, len(store), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(store)))
             with self.clock("completion"):
-                found = side_by_side(completed, together)
-            for t, masks in zip(together, found, strict=True):
+                completed_masks = side_by_side(completed, together)
+            for t, masks in zip(together, completed_masks, strict=True):
                 store.put(t, masks)
                 self.reporter.advance()
 

@@ -83,18 +83,18 @@ def find_static_objects(
             beside[c] += mask & ~body
     always = [count >= STATIC_OBJECTS.always * len(chosen) for count in foreground]
     witnessed = [
-        shown
+        foreground_frames
         & (seen >= STATIC_OBJECTS.seen * len(chosen))
         & (count >= STATIC_OBJECTS.always * seen)
-        for shown, seen, count in zip(always, clear, beside, strict=True)
+        for foreground_frames, seen, count in zip(always, clear, beside, strict=True)
     ]
     low = observer.volume.origin_m
     grid = VoxelGrid.from_bounds(low, low + observer.volume.size_m, CARVING.voxel_m)
-    found = _large_pieces(_carved(always, witnessed, grid, observer), grid)
-    if not found.any():
+    objects = _large_pieces(_carved(always, witnessed, grid, observer), grid)
+    if not objects.any():
         return None
-    apart = _apart(found, grid, model, [pose for _, pose in chosen])
-    covered = [footprint(found, grid, camera) for camera in views.rig]
+    apart = _apart(objects, grid, model, [pose for _, pose in chosen])
+    covered = [footprint(objects, grid, camera) for camera in views.rig]
     if behind:
         return StaticObjects(covered, apart)
     pairs = enumerate(zip(covered, witnessed, strict=True))

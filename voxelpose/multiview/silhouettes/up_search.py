@@ -61,10 +61,10 @@ def choose_upright(
     if settings.up is not None:
         return UprightFrame.from_up(settings.up)
     possible = up_candidates(rig)
-    own = is_cameras_own(rig)
-    if not own and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
+    from_camera = is_cameras_own(rig)
+    if not from_camera and not any(up @ Z_UP > np.cos(np.radians(20)) for up in possible):
         possible.append(Z_UP)
-    sure = own or cameras_worth(rig, possible[0]) >= UP_SEARCH.sure
+    sure = from_camera or cameras_worth(rig, possible[0]) >= UP_SEARCH.sure
     if (sure and len(possible) == 1) or not person:
         up, reason = possible[0], "by how the cameras stand"
     else:
@@ -72,7 +72,7 @@ def choose_upright(
         trunk = _trunk(rig, settings, possible, masks, observer_of)
         # A body is found in a wrong world, too, if only with some luck: its trunk may tell what was
         # not searched.
-        others = possible if own else [*possible, *AXES.values()]
+        others = possible if from_camera else [*possible, *AXES.values()]
         up = max(others, key=lambda up: float(rounded(up @ trunk)))
         if up @ trunk < possible[0] @ trunk + UP_SEARCH.clearly:
             up = possible[0]

@@ -137,8 +137,8 @@ class BodyTrack:
         if self.is_poor(fit.error):
             # It moved farther than expected, or otherwise: from the last pose, with longer reaches.
             prior = PosePrior(self.fit.pose, prior.sigma)
-            again = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
-            fit = min(fit, again, key=lambda one: one.error)
+            second_try = refine_fit(self.body, observation, self.fit.pose, prior, SEARCHED)
+            fit = min(fit, second_try, key=lambda one: one.error)
         errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 

@@ -80,8 +80,8 @@ def search(
 
 def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None:
     """Searches every arm and leg in the track's latest frame; None where none is better."""
-    found = track.with_limbs(observed_near(track.body, rig, moment, track.fit.pose))
-    return None if found is track else found
+    improved = track.with_limbs(observed_near(track.body, rig, moment, track.fit.pose))
+    return None if improved is track else improved
 
 
 def adapt_body(
@@ -93,8 +93,8 @@ def adapt_body(
     """Track with a body whose proportions are adapted to some frames."""
     model = track.body.model
     stature = model.sizes.stature_m
-    told = settings.stature_m is not None
-    sigma = PERSON_COST.told_sigma_m if told else PERSON_COST.hull_sigma * stature
+    is_given = settings.stature_m is not None
+    sigma = PERSON_COST.told_sigma_m if is_given else PERSON_COST.hull_sigma * stature
     observations = [observed_near(track.body, rig, moment, pose) for moment, pose in samples]
     surface, poses = adapt_shape(
         track.body.surface,
@@ -147,8 +147,8 @@ def followed(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack:
     pose, points_m = track.fit.pose, track.body.surface.posed(track.fit.pose).points
     offset_m = frame.grid.occupied_points(frame.occupancy).mean(0) - points_m.mean(0)
     moved = replace(pose, root_m=pose.root_m + offset_m * (1, 1, 0))
-    there = replace(track, before=None, fit=replace(track.fit, pose=moved))
-    far = replace(there.follow(rig, moment), before=(track.time_s, pose))
+    moved_track = replace(track, before=None, fit=replace(track.fit, pose=moved))
+    far = replace(moved_track.follow(rig, moment), before=(track.time_s, pose))
     return min(near, far, key=lambda one: one.fit.error)
 
 
@@ -241,20 +241,20 @@ class PoseFollower:
         """
         time_s, previous_s = moment.time_s, self._previous_s
         latest, self._track, self._previous_s = self.expected, None, time_s
-        found, later = self._found()
+        searched, later = self._found()
         behind = len(later) > _CAUGHT_UP
-        if found is not None and behind and is_near(previous_s, time_s):
-            self._catch_up(found, later)
-            found = None
-        for track in (latest, found):
+        if searched is not None and behind and is_near(previous_s, time_s):
+            self._catch_up(searched, later)
+            searched = None
+        for track in (latest, searched):
             if track is not None:
                 stepped = followed(self.rig, track, moment)
                 best = self._track
                 least = TRACKING.lost if best is None else best.fit.error
                 if stepped.fit.error < least:
                     self._track = stepped
-        if found is not None and behind and self._track is None:
-            self._catch_up(found, later)
+        if searched is not None and behind and self._track is None:
+            self._catch_up(searched, later)
         self._missed = 0 if self._track is not None else self._missed + 1
         self._lost = latest if 0 < self._missed <= RECENT else None
         if self._job is None:

@@ -68,10 +68,10 @@ def alternated(alternation: Alternation) -> list[Tracked]:
     """Everybody followed, in silhouettes that the bodies have changed twice at most."""
     tracked = alternation.first()
     for _ in range(_ROUNDS):
-        again = alternation.again(tracked)
-        if again is None:
+        repeated = alternation.again(tracked)
+        if repeated is None:
             break
-        tracked = again
+        tracked = repeated
     return tracked
 
 
@@ -79,14 +79,14 @@ def refit(tracker: PoseTracker, start: Start) -> None:
     """Adapts the tracker's body again to its poses. A body that stays as it is, is left so."""
     frames = _clear_frames(tracker)
     poses = {t: pose for t in frames if (pose := tracker.poses[t]) is not None}
-    again = replace(start, body=tracker.body, poses=poses, unclear={}, errors={})
-    tracker.body = adapted(again, frames).body
+    choice = replace(start, body=tracker.body, poses=poses, unclear={}, errors={})
+    tracker.body = adapted(choice, frames).body
 
 
 def spread_errors(tracker: PoseTracker) -> list[float]:
     """Silhouette errors of frames that are spread over the time in which somebody is there."""
-    there = tracker.error[tracker.observations.there]
-    return there[even_moments(len(there), REFIT_FRAMES)].tolist()
+    errors = tracker.error[tracker.observations.there]
+    return errors[even_moments(len(errors), REFIT_FRAMES)].tolist()
 
 
 def _clear_frames(tracker: PoseTracker) -> dict[int, FrameObservation]:
@@ -216,7 +216,7 @@ class OnePerson:
 
     work: TrackWork
     prepared: PreparedSilhouettes
-    kept: ExitStack  #: closes what the trackers need.
+    resources: ExitStack  #: closes what the trackers need.
 
     def first(self) -> list[Tracked]:
         """See `Alternation.first`."""
@@ -239,7 +239,7 @@ class OnePerson:
             )
         if static is None:
             return None
-        without = self.kept.enter_context(prepared.without(static.pixels))
+        without = self.resources.enter_context(prepared.without(static.pixels))
         second = self.work.tracked(self.observations(without), static)
         return [second] if second.cost < last.cost else None
 
@@ -272,4 +272,4 @@ class OnePerson:
             self.work.reporter,
             seen=prepared.footage.joints,
         )
-        return self.kept.enter_context(carved)
+        return self.resources.enter_context(carved)

@@ -98,8 +98,8 @@ class PoseTracker:
             frame = self.observe(t)
             return [] if frame is None else find_pose(self.body, frame, self.matching)[:1]
 
-        found = zip(frames, side_by_side(searched, frames), strict=True)
-        self.follow((t, fit) for t, fits in found for fit in fits)
+        results = zip(frames, side_by_side(searched, frames), strict=True)
+        self.follow((t, fit) for t, fits in results for fit in fits)
 
     def search_worst(self, most: int) -> None:
         """Searches at most `most` frames without a prior, from the worst on, while one is worse
@@ -137,8 +137,8 @@ class PoseTracker:
             with self._clock("recheck"):
                 return move_limbs(self.body, frame.observation, PoseFit(pose, float(self.error[t])))
 
-        found = zip(chosen, side_by_side(searched, chosen), strict=True)
-        self.follow((t, fit) for t, fit in found if fit is not None and fit.error < self.error[t])
+        results = zip(chosen, side_by_side(searched, chosen), strict=True)
+        self.follow((t, fit) for t, fit in results if fit is not None and fit.error < self.error[t])
 
     def smooth(self) -> None:
         """Refines the poses of all frames together, in blocks, so that memory does not grow."""

@@ -31,14 +31,14 @@ def centre_windows(parts, windows, shifts, areas, outside):
             right = np.int64(np.floor((width - 1) / 2 - sum_x / count + 0.5))
             down = np.int64(np.floor((height - 1) / 2 - sum_y / count + 0.5))
         shifts[n, 0], shifts[n, 1] = right, down
-        kept = 0
+        covered = 0
         for y in range(height):
             for x in range(width):
                 u, v = x - right, y - down
                 label = parts[n, v, u] if 0 <= v < parts.shape[1] and 0 <= u < parts.shape[2] else 0
                 windows[n, y, x] = label
-                kept += label != 0
-        outside[n] = count - kept
+                covered += label != 0
+        outside[n] = count - covered
 
 
 @kernel

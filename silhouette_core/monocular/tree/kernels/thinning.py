@@ -19,7 +19,7 @@ def _bucket(cell, mask):
 
 
 @kernel
-def thin_rows(rows, grid, tolerance, kept):
+def thin_rows(rows, grid, tolerance, selected):
     """Fills kept (N,): whether no earlier kept row of rows (N, K) is as near in every column.
 
     The grid is over the columns `grid` (G,), its cells twice the tolerance wide, so that the
@@ -60,7 +60,7 @@ def thin_rows(rows, grid, tolerance, kept):
                 free = not near
                 other = following[other]
             corner += 1
-        kept[n] = free
+        selected[n] = free
         if free:
             for g in range(dimensions):
                 cell[g] = np.int64(np.floor(rows[n, grid[g]] / width))

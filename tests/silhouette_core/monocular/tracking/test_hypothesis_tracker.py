@@ -84,7 +84,7 @@ def test_the_trajectory_follows_the_motion(followed):
 def test_costs_are_counted_from_the_best_and_pasts_exist(followed):
     tracks, states, _ = followed
     for before, frame in zip([None, *states], states, strict=False):
-        assert 1 <= len(frame.poses) <= tracks.settings.kept == TrackerSettings().kept
+        assert 1 <= len(frame.poses) <= tracks.settings.most == TrackerSettings().most
         assert frame.cost.min() == 0 and (np.diff(frame.cost) >= 0).all()
         assert (
             (frame.back == -1).all()
@@ -143,7 +143,7 @@ def test_frames_at_half_the_rate_count_double(walker):
 
     def own(interval_s):
         later = replace(first, time_s=interval_s)
-        return tracker.step(later, modes, (before, None), before, searched=False).own
+        return tracker.step(later, modes, (before, None), before, searched=False).alone
 
     assert own(2 / 30) == pytest.approx(2 * own(1 / 30), rel=0.02)
 

@@ -36,7 +36,7 @@ def dense_squares(library, occlusion_aware):
 
 @pytest.mark.parametrize("occlusion_aware", [False, True])
 def test_all_neighbours_give_the_dense_matrix(made, occlusion_aware):
-    library = replace(made, neighbours=find_neighbours(made, occlusion_aware, kept=len(made)))
+    library = replace(made, neighbours=find_neighbours(made, occlusion_aware, count=len(made)))
     sigma_scale = 4.0
     gauss = np.exp(-dense_squares(made, occlusion_aware) / (2 * sigma_scale**2))
     expected = gauss / gauss.sum(1, keepdims=True)
@@ -47,7 +47,7 @@ def test_all_neighbours_give_the_dense_matrix(made, occlusion_aware):
 
 @pytest.mark.parametrize("occlusion_aware", [False, True])
 def test_the_nearest_are_kept_with_their_weights(made, occlusion_aware):
-    library = replace(made, neighbours=find_neighbours(made, occlusion_aware, kept=12))
+    library = replace(made, neighbours=find_neighbours(made, occlusion_aware, count=12))
     squares = dense_squares(made, occlusion_aware)
     name = "dm2" if occlusion_aware else "dm1"
     np.testing.assert_allclose(

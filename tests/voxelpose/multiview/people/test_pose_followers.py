@@ -85,7 +85,7 @@ def test_one_person_is_followed_as_ever():
     (found,), fit = people.step(seen), alone.step(seen)
     assert fit is not None and found is not None and found.moment is seen
     assert np.array_equal(found.fit.pose.angles_rad, fit.pose.angles_rad)
-    assert np.array_equal(found.fit.pose.root_m, fit.pose.root_m) and found.shown.all()
+    assert np.array_equal(found.fit.pose.root_m, fit.pose.root_m) and found.visibility.all()
 
 
 def test_who_is_not_there_is_not_searched_for():
@@ -162,4 +162,4 @@ def test_a_joint_needs_two_cameras_that_see_it(cameras, shown):
     masks = {name: np.zeros((240, 240), bool) for name in names}
     unknown = {name: np.full((240, 240), k < cameras) for k, name in enumerate(names)}
     found = pose_followers._found(one, Moment.of(0.0, masks, unknown), VIEWS.rig)  # type: ignore[arg-type]
-    assert found is not None and (found.shown == shown).all()
+    assert found is not None and (found.visibility == shown).all()
