@@ -8,7 +8,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ from calib.atomic import claimed, write_whole
 from calib.errors import InputError
 from silhouette_core.estimator import Estimate
 from silhouette_core.motion.motion import Motion
-from silhouette_core.workers import WorkerEndedError, open_workers
+from silhouette_core.workers import WorkerEndedError, carry_out
 from voxelpose.batch.jobs import Job
 from voxelpose.evaluation import Score, evaluate, evaluate_people
 from voxelpose.fitting import Output, fit_people, write_estimate
@@ -351,9 +351,10 @@ def _carry_out(
         group = suspects[:1] or list(left)
         processes = min(settings.processes, len(group))
         done: list[Key] = []
+        of_group = [left[key] for key in group]
         try:
-            with open_workers(processes, settings.cluster, 1, apart=True) as workers:
-                for number, outcome in workers.run(_run_task, [left[key] for key in group]):
+            with closing(carry_out(_run_task, of_group, processes, settings.cluster)) as results:
+                for number, outcome in results:
                     keep(group[number], outcome)
                     done.append(group[number])
         except WorkerEndedError as error:
