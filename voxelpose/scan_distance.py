@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from calib.files.fields import METRES
-from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
+from silhouette_core.body.rigs.closed_surface import MESH_SUFFIXES, read_triangles
 from silhouette_core.motion import kinematics
 from voxelpose.results import Result
 from voxelpose.view.open3d_import import import_open3d

@@ -18,8 +18,7 @@ from calib.errors import InputError
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts
-from silhouette_core.body.rigs.closed_surface import close_surface
-from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
+from silhouette_core.body.rigs.closed_surface import MESH_SUFFIXES, close_surface, read_triangles
 from silhouette_core.body.rigs.rig_checks import (
     LARGEST_M,
     MOST_PARTS,

@@ -39,8 +39,11 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
     is_unusual,
 )
-from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
-from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
+from voxelpose.multiview.person.proposals import (
+    FrameProposals,
+    proposals_of,
+    triangulated_proposals,
+)
 from voxelpose.multiview.proposers.pose_search import (
     HEADINGS,
     MORE_PLACEMENTS,
