@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import csv_rows, load_text
 from calib.errors import InputError
+from calib.storage.documents import csv_rows, load_text
 from silhouette_core.body.joints import LANDMARK_NAMES
 
 JOINTS = "joints.csv"

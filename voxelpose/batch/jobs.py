@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml, visible_entries
 from voxelpose.cli.fit import EstimationArguments
 from voxelpose.cli.options import checked_values, folder_settings, load_command, made_of, options_of
 from voxelpose.cli.track import Track

@@ -17,8 +17,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.atomic import claimed, write_whole
 from calib.errors import InputError
+from calib.storage.atomic import claimed, write_whole
 from silhouette_core.estimator import Estimate
 from silhouette_core.motion.motion import Motion
 from silhouette_core.workers import WorkerEndedError, carry_out

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import csv_rows
 from calib.errors import InputError
+from calib.storage.documents import csv_rows
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angles

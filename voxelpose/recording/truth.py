@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_json
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.joint_files import (
     FARTHEST_M,

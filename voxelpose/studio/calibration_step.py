@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.points import read_points
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.folder import calibration_path

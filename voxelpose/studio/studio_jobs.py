@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import replacing
 from calib.errors import InputError
+from calib.storage.atomic import replacing
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync
 from voxelpose.calibration.sync_verdict import sync_verdict

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
-from calib.atomic import write_whole
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from voxelpose.cli.fit import SHARES
 from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path

@@ -12,8 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calib.checks import FloatArray, IndexArray, IntArray
-from calib.documents import load_text, parse_xml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_xml
 
 
 def close_surface(

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import load_bytes, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_bytes, parse_json
 from silhouette_core.body.rigs.rig_checks import short
 
 _LARGEST = 200_000_000  # bytes of a document or a buffer

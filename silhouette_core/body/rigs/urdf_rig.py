@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from calib.checks import FloatArray, IntArray
-from calib.documents import load_text, parse_xml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_xml
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts

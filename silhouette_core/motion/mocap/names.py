@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 
 _SIDES = ("left", "right")
 _MIDDLE = ("pelvis", "lumbar", "thorax", "neck", "head")

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 
-from silhouette_core.scratch_file import ScratchFile
+from calib.storage.temporary import ScratchFile
 
 
 class MaskStore:

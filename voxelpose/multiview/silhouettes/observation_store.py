@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.storage.temporary import ScratchFile
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.scratch_file import ScratchFile
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import (
     COMPONENT,
