@@ -1,7 +1,5 @@
 """Bodies placed so that their joints are where priors expect them: inverse kinematics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

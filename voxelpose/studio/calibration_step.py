@@ -1,7 +1,5 @@
 """Calibration in the studio: the board, pictures of it, and what the commands found in them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Projects: the recordings in the folder that the studio reads and writes, and their results."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

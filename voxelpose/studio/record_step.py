@@ -1,7 +1,5 @@
 """Recording in the studio: its cameras, and what is recorded of them into a project."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """What the studio has done in a process of its own: an estimation, a calibration, an export."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What the studio's page shows of its folder, and what it has done there."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that somebody sends into a project: where each belongs, and how it gets there whole."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import re

@@ -2,8 +2,6 @@
 meanwhile, and ended at once where somebody stops it.
 """
 
-from __future__ import annotations
-
 import signal
 import threading
 import time
