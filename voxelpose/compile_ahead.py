@@ -4,8 +4,6 @@ kernels.toml names what the estimators compile, in the order in which they need 
 benchmarks.compilation --write` writes it. numba keeps what is compiled in its cache.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib
 import subprocess

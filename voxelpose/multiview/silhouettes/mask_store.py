@@ -1,7 +1,5 @@
 """Silhouettes of a recording, kept on disk as compressed bits."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager

@@ -1,7 +1,5 @@
 """Observations of a recording's frames: each hull is carved once and kept on disk."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -36,9 +34,9 @@ def carved_observations(
     masks: MaskStore,
     clock: StageClock,
     reporter: Reporter,
-    other_people: OtherPeople | None = None,
+    other_people: "OtherPeople | None" = None,
     seen: JointsOf | None = None,
-) -> Iterator[ObservationStore]:
+) -> "Iterator[ObservationStore]":
     """Observations of all frames, whose hulls are carved, for a `with` block.
 
     Args:
