@@ -17,7 +17,7 @@ from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Target
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 

@@ -13,8 +13,8 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 # Larger sets are scored by all threads together, smaller ones by one thread each.
 _LARGE = 2048

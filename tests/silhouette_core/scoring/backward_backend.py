@@ -6,7 +6,7 @@ from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
 from silhouette_core.scoring.backend import chosen_spans
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Target
 
 
 class BackwardBackend(CpuBackend):

@@ -17,7 +17,7 @@ from silhouette_core.jit import set_threads
 from silhouette_core.scoring.backend import load_backend
 from silhouette_core.scoring.conformance import BackendConformance
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Target
 from tests.outside import METHODS, install_backends
 
 
