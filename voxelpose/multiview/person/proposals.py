@@ -16,10 +16,13 @@ from silhouette_core.body.sizes import STATURES_M, BodySizes
 from silhouette_core.image.seen_joints import SeenJoints, deviations_m
 from silhouette_core.motion.pose import Pose
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.refinement.proposed_poses import place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
-from silhouette_core.refinement.proposed_poses import ProposedPoses, load_pose_proposer
+from silhouette_core.refinement.proposed_poses import (
+    ProposedPoses,
+    load_pose_proposer,
+    place_bodies,
+)
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
