@@ -7,6 +7,7 @@ import sys
 import time
 from concurrent.futures import Executor, Future
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -49,6 +50,24 @@ def test_a_process_that_cannot_be_started_is_another_error(close_while_starting)
     close_while_starting(OSError(11, "Resource temporarily unavailable"))
     with pytest.raises(OSError, match="temporarily"):
         list(carry_out(str, [1, 2], 2))
+
+
+def test_a_task_with_which_machines_of_a_cluster_are_lost_is_to_blame(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+
+    class Losing(Executor):
+        def submit(self, work, task):
+            lost = Future()
+            lost.set_exception(distributed.KilledWorker("task", None, 3))
+            return lost
+
+    client = MagicMock()
+    client.__enter__.return_value = client
+    client.get_executor.return_value, client.nthreads.return_value = Losing(), {"one": 1}
+    monkeypatch.setattr(workers, "_client", lambda address: client)
+    with pytest.raises(WorkerEndedError) as ended:
+        list(carry_out(str, [1, 2], 1, "tcp://127.0.0.1:8786"))
+    assert ended.value.tasks == (0,)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
