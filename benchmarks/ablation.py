@@ -33,11 +33,11 @@ from silhouette_core.estimator import Settings
 from silhouette_core.monocular import tuning
 from silhouette_core.monocular.tracking import hypothesis_tracker
 from silhouette_core.monocular.tracking.frame_costs import FrameCosts
+from silhouette_core.motion.joint_files import read_joints
 from silhouette_core.motion.keyposes.notation import COLUMNS, STANDING, Movement, movements
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.kinematics import forward
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview.matching import matcher
 from voxelpose.recording.folder import Recording

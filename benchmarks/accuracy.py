@@ -16,8 +16,8 @@ from pathlib import Path
 
 from benchmarks.recipes import read_recipes
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -30,11 +30,11 @@ from calib.synchronise import Synchronisation, synchronise
 from calib.tangency import OutlineTrack
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.calibration.check import LONG_SIDE_PX
 from voxelpose.calibration.sync import SyncSettings, sync_recording
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS

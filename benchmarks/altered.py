@@ -22,8 +22,8 @@ import numpy as np
 from benchmarks.overlap import SHARED, overlap, true_masks
 from silhouette_core.estimator import Settings
 from silhouette_core.image.silhouettes import Silhouettes
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.ffmpeg import QUIET, finished
 from voxelpose.recording.folder import Recording

@@ -20,10 +20,10 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigs.makehuman import MakeHumanPerson, read_makehuman
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.joint_files import read_joints
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import write_motion
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

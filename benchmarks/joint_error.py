@@ -27,8 +27,8 @@ from silhouette_core.monocular.tracking.joint_error import (
     hypothesis_spread,
     joint_errors,
 )
+from silhouette_core.motion.joint_files import read_joints
 from silhouette_core.motion.motion_file import read_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.recording.truth import read_truth
 from voxelpose.reliability import verdict_of
 

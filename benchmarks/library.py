@@ -16,8 +16,8 @@ from silhouette_core.monocular.tree.rendering import (
     spans_of,
 )
 from silhouette_core.monocular.tree.tree import PoseSpace, Scorer, Split
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 _POSES, _VIEWS = 84, 24
 _WINDOW = 0, 0, 320, 240

@@ -26,9 +26,9 @@ import psutil
 
 from benchmarks.varied_take import varied_take
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit, track
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from calib.atomic import FolderWriter
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.atomic import FolderWriter
+from calib.storage.documents import load_text, parse_toml
 from voxelpose.demo.mannequin import Measurements
 from voxelpose.demo.room import make_recording
 

@@ -14,10 +14,9 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.spans import Spans
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
-from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.backend import Backend, Target
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from silhouette_core.scoring.target import Target
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 

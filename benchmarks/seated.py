@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks.drawn import SHARED
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

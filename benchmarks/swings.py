@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from papers.swings import arm_angles, count, split_swings
-from voxelpose.export.tables import read_joints
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.recording.truth import read_truth
 
 

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader

@@ -27,12 +27,12 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.estimator import Settings
 from silhouette_core.image.raster import render_parts
 from silhouette_core.image.silhouettes import UndistortedView
+from silhouette_core.motion.joint_files import read_joints
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.motion_file import read_motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.atomic import write_whole
 from calib.board import Board
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas

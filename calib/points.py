@@ -15,11 +15,11 @@ import numpy as np
 
 from calib.adjust import Adjustment, BundleScene, Observations, adjust, rms_px
 from calib.camera import Camera, FloatArray, Rig
-from calib.documents import csv_rows
 from calib.errors import InputError
 from calib.extrinsics import Extrinsics, camera_error
 from calib.pairs import shared_boards
 from calib.rotation import matrix_from_rodrigues
+from calib.storage.documents import csv_rows
 from calib.tuning import AGREEMENT, BOARDS
 
 _NEEDED = 4

@@ -8,8 +8,6 @@ the plane of its image's vertical and its optical axis, at right angles to its i
 Cameras that lie on their side, as telephones do, have it the other way round.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -47,7 +45,7 @@ class UprightFrame:
     floor_m: float = 0.0
 
     @classmethod
-    def from_up(cls, up: ArrayLike, floor_m: float = 0.0) -> UprightFrame:
+    def from_up(cls, up: ArrayLike, floor_m: float = 0.0) -> "UprightFrame":
         """The frame that is turned least.
 
         Args:

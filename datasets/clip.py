@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.atomic import FolderWriter  # noqa: F401
 from calib.camera import Camera, Rig  # noqa: F401
-from calib.documents import visible_entries
 from calib.files import read_rig, write_rig  # noqa: F401
+from calib.storage.atomic import FolderWriter  # noqa: F401
+from calib.storage.documents import visible_entries
 from voxelpose import InputError, Recording  # noqa: F401
 from voxelpose.recording import mask_labels
 from voxelpose.recording.camera_files import pictures_by_camera  # noqa: F401

@@ -20,8 +20,8 @@ from silhouette_core.monocular.tree.rendering import STATURE_PX, silhouette_leve
 from silhouette_core.monocular.tree.transitions import step_precisions, transitions
 from silhouette_core.monocular.window import Window, look_at
 from silhouette_core.motion.kinematics import forward, landmarks
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 MotionModel = Literal["density", "normalised", "kernel"]
 """How (4) is read. "density": the normal density as it is written, whose factor is smaller where a

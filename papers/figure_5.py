@@ -8,10 +8,10 @@ from pathlib import Path
 
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.joint_files import read_joints
 from silhouette_core.progress import Reporter
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import Score, markdown_table, score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -15,7 +15,7 @@ from numba.core.caching import FunctionCache
 from numba.core.sigutils import normalize_signature
 
 from calib.errors import InputError
-from calib.private_folder import private_folder
+from calib.storage.temporary import private_folder
 
 
 def _cache_folder() -> tuple[Path, bool]:

@@ -1,7 +1,5 @@
 """Progress reports of long work, and durations of its stages."""
 
-from __future__ import annotations
-
 import time
 from array import array
 from collections import defaultdict

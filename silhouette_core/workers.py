@@ -1,18 +1,29 @@
-"""Workers that share independent tasks: this process, several processes, or other machines."""
+"""Other processes: those that share independent tasks, on this machine or others, and a single one
+that is spoken to.
+"""
 
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.util import Finalize
 from types import ModuleType
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from calib.errors import InputError
 from silhouette_core.jit import set_threads
@@ -58,167 +69,132 @@ class WorkerEndedError(InputError):
         self.tasks = tuple(tasks)
 
 
-class Workers(Protocol):
-    """Whoever carries out tasks."""
-
-    def run(
-        self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result]]:
-        """Carries out tasks, which depend on nothing but their arguments.
-
-        Args:
-            work: a function of a module, and tasks that can be pickled.
-
-        Returns:
-            Numbers and results of the tasks, in the order in which they become ready.
-        """
-        ...
-
-
-class OwnProcess:
-    """Carries out one task after the other; each uses all threads."""
-
-    def run(
-        self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.run`."""
-        for number, task in enumerate(tasks):
-            yield number, work(task)
-
-
-class Processes:
-    """Carries out tasks in several processes of one thread each.
+def carry_out(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    processes: int,
+    cluster: str | None = None,
+) -> Generator[tuple[int, Result]]:
+    """Carries out tasks, which depend on nothing but their arguments, in processes of this machine,
+    or on others: one process uses all threads, several use one each.
 
     Args:
-        ahead: number of tasks handed out at a time, so that results do not pile up.
-    """
-
-    def __init__(self, pool: ProcessPoolExecutor, ahead: int):
-        self._pool, self._ahead = pool, ahead
-
-    def run(
-        self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.run`.
-
-        Raises:
-            WorkerEndedError: a process was ended before its task.
-        """
-        todo, waiting = iter(enumerate(tasks)), {}
-        try:
-            while True:
-                for number, task in islice(todo, self._ahead - len(waiting)):
-                    waiting[self._submitted(work, task)] = number
-                if not waiting:
-                    return
-                ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in ready:
-                    result = future.result()
-                    yield waiting.pop(future), result
-        except BrokenProcessPool as error:
-            raise WorkerEndedError(waiting.values()) from error
-        finally:
-            for future in waiting:
-                future.cancel()
-
-    def _submitted(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
-        """A task handed to the pool.
-
-        Raises:
-            BrokenProcessPool: a process was ended.
-        """
-        try:
-            with interrupts_put_off():
-                return self._pool.submit(work, task)
-        except (OSError, ValueError) as error:
-            if isinstance(error, OSError) and error.errno is not None:
-                raise
-            # The pool closed its pipes while it started another process for this task: they have
-            # no handle any more, or one that another file has by now.
-            raise BrokenProcessPool("a process was ended while another one was started") from error
-
-
-class Cluster:
-    """Carries out tasks on the machines of a Dask cluster.
-
-    Args:
-        client: a `distributed.Client`.
-        ahead: number of tasks handed out at a time.
-    """
-
-    def __init__(self, client: Any, ahead: int):
-        self._client, self._ahead = client, ahead
-
-    def run(
-        self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result]]:
-        """See `Workers.run`. A task whose machine is lost is given to another one.
-
-        Raises:
-            WorkerEndedError: several machines were lost with the same task.
-        """
-        from distributed import (  # type: ignore[import-not-found]
-            KilledWorker,
-            as_completed,
-        )
-
-        todo, numbers = iter(enumerate(tasks)), {}
-
-        def submitted(count: int) -> list[Any]:
-            # pure=False: nothing is looked up by its content, which would be hashed first.
-            some = list(islice(todo, count))
-            futures = self._client.map(work, [task for _, task in some], pure=False)
-            numbers.update(zip((f.key for f in futures), (n for n, _ in some), strict=True))
-            return futures
-
-        waiting = as_completed(submitted(self._ahead))
-        for future in waiting:
-            number = numbers.pop(future.key)
-            try:
-                yield number, future.result()
-            except KilledWorker as error:
-                raise WorkerEndedError([number]) from error
-            future.release()
-            for further in submitted(1):
-                waiting.add(further)
-
-
-@contextmanager
-def open_workers(
-    processes: int = 1, cluster: str | None = None, ahead: int = 2, apart: bool = False
-) -> Iterator[Workers]:
-    """Workers, for the length of a `with` block.
-
-    Args:
-        processes: number of processes on this machine; 1: this one.
+        work: a function of a module, and tasks that can be pickled.
+        processes: how many there are on this machine; where there is one, it is another than this,
+            too, so that its end does not end this one.
         cluster: address of the scheduler of a Dask cluster, as in tcp://10.0.0.5:8786, on whose
             machines this program is installed; None: this machine alone.
-        ahead: number of tasks handed out to each worker at a time.
-        apart: whether a single process, too, is another one than this: it may use all threads, and
-            its end does not end this one.
+
+    Yields:
+        Numbers and results of the tasks, in the order in which they become ready.
 
     Raises:
+        WorkerEndedError: a process was ended before its task, or several machines were lost with
+            the same one.
         InputError: fewer than one process, Dask is not installed, or the cluster does not answer.
     """
     if processes < 1:
         raise InputError(f"{processes} workers do no work: give 1 or more")
+    todo, waiting = iter(enumerate(tasks)), dict[Future[Result], int]()
+    try:
+        with _open_pool(processes, cluster) as (pool, ahead):
+            try:
+                while True:
+                    # As many as there are workers, so that few are to blame for the end of one.
+                    for number, task in islice(todo, ahead - len(waiting)):
+                        waiting[_submitted(pool, work, task)] = number
+                    if not waiting:
+                        return
+                    ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        result = future.result()
+                        yield waiting.pop(future), result
+            finally:
+                for future in waiting:
+                    future.cancel()
+    except BrokenExecutor as error:
+        raise WorkerEndedError(waiting.values()) from error
+
+
+@contextmanager
+def _open_pool(processes: int, cluster: str | None) -> Iterator[tuple[Executor, int]]:
+    """A pool and the number of its workers; BrokenExecutor where one was ended."""
     if cluster is not None:
         with _client(cluster) as client:
-            yield Cluster(client, ahead * max(1, len(client.scheduler_info()["workers"])))
-    elif processes == 1 and not apart:
-        yield OwnProcess()
-    else:
-        prepare = None if processes == 1 else _one_thread
-        others = set(multiprocessing.active_children())
-        with ProcessPoolExecutor(processes, SPAWN, prepare) as pool:
+            from distributed import KilledWorker  # type: ignore[import-not-found]
+
             try:
-                yield Processes(pool, ahead * processes)
-            except WorkerEndedError:
-                # A process that was just starting may miss the pool's SIGTERM, and would be waited
-                # for without end.
-                for process in set(multiprocessing.active_children()) - others:
-                    process.kill()
-                raise
+                # pure=False: nothing is looked up by its content, which would be hashed first.
+                with client.get_executor(pure=False) as pool:
+                    yield pool, max(1, len(client.nthreads()))
+            except KilledWorker as error:
+                raise BrokenExecutor("machines were lost") from error
+        return
+    others = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(processes, SPAWN, None if processes == 1 else _one_thread) as pool:
+        try:
+            yield pool, processes
+        except BrokenExecutor:
+            # A process that was just starting may miss the pool's SIGTERM, and would be waited for
+            # without end.
+            for process in set(multiprocessing.active_children()) - others:
+                process.kill()
+            raise
+
+
+def _submitted(pool: Executor, work: Callable[[Task], Result], task: Task) -> Future[Result]:
+    """A task handed to a pool.
+
+    Raises:
+        BrokenProcessPool: a process was ended.
+    """
+    try:
+        with interrupts_put_off():
+            return pool.submit(work, task)
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        # The pool closed its pipes while it started another process for this task: they have no
+        # handle any more, or one that another file has by now.
+        raise BrokenProcessPool("a process was ended while another one was started") from error
+
+
+class Child:
+    """A process of its own that serves one end of a pipe, `serve(pipe, *arguments)` of a module:
+    interrupts are left to this process, with which it ends.
+
+    Attributes:
+        pipe: the other end.
+    """
+
+    def __init__(self, serve: Callable[..., object], *arguments: object) -> None:
+        self.pipe, child_end = SPAWN.Pipe()
+        self._process = SPAWN.Process(target=_serve, args=(serve, child_end, *arguments))
+        with interrupts_put_off():
+            self._process.start()
+        child_end.close()
+        # At the program's end, before it waits for its processes.
+        Finalize(self, self.pipe.close, exitpriority=0)
+
+    def terminate(self) -> None:
+        """Asks it to end, by SIGTERM."""
+        self._process.terminate()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether it has ended, at most so many seconds from now."""
+        self._process.join(timeout_s)
+        return not self._process.is_alive()
+
+    def end(self, timeout_s: float) -> None:
+        """Waits for its end, and kills it after so many seconds."""
+        if not self.wait(timeout_s):
+            self._process.kill()
+            self._process.join()
+
+
+def _serve(serve: Callable[..., object], pipe: Connection, *arguments: object) -> None:
+    leave_interrupts()
+    serve(pipe, *arguments)
 
 
 @contextmanager
@@ -241,8 +217,17 @@ def interrupts_put_off() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-def end_with_parent() -> None:
-    """Ends this process once its parent is gone, even if killed; for a thread of its own."""
+def leave_interrupts(threads: int | None = None) -> None:
+    """Leaves interrupts to the process that began this one, and ends it once that is gone, even if
+    killed; keeps it to so many threads, None: as many as there are.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if threads is not None:
+        set_threads(threads)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

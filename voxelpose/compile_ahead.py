@@ -4,14 +4,13 @@ kernels.toml names what the estimators compile, in the order in which they need 
 benchmarks.compilation --write` writes it. numba keeps what is compiled in its cache.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from silhouette_core import jit
@@ -45,13 +44,14 @@ def compile_kernels(wanted: Sequence[tuple[str, str, str]], reporter: Reporter) 
         reporter.advance()
 
 
-def tell_first_run(reporter: Reporter, estimators: Sequence[str]) -> subprocess.Popen[bytes] | None:
-    """Notes that this run compiles, where nothing is compiled yet, and begins a process beside it
-    that compiles what estimators need, the last first, so that they meet in the middle; returns
-    that process, which whoever begins it ends, None where there is none.
+@contextmanager
+def compiling_beside(reporter: Reporter, estimators: Sequence[str]) -> Iterator[None]:
+    """Notes that this run compiles, where nothing is compiled yet; meanwhile a process beside it
+    compiles what estimators need, the last first, so that they meet in the middle.
     """
     if next(jit.CACHE.rglob("*.nbi"), None) is not None:
-        return None
+        yield
+        return
     reporter.note(
         "first run on this machine: the program is compiled, once; later runs are much faster"
     )
@@ -63,10 +63,15 @@ def tell_first_run(reporter: Reporter, estimators: Sequence[str]) -> subprocess.
     # Compiling makes many objects and hardly any garbage: looking for it took a tenth.
     gc.set_threshold(100_000)
     if not estimators:
-        return None
+        yield
+        return
     words = [sys.executable, "-m", __name__, *estimators]
     silent = subprocess.DEVNULL
-    return subprocess.Popen(words, stdin=silent, stdout=silent, stderr=silent)
+    with subprocess.Popen(words, stdin=silent, stdout=silent, stderr=silent) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
 
 
 if __name__ == "__main__":

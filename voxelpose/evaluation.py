@@ -3,8 +3,6 @@
 Source: joints and root-relative error as in Sigal, Balan and Black, "HumanEva" (IJCV 2010).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,9 +15,14 @@ from scipy.optimize import linear_sum_assignment
 from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import (
+    FARTHEST_M,
+    JOINTS,
+    POSE2SIM_AXES,
+    list_joints,
+    read_joints,
+)
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.tables import FARTHEST_M, JOINTS, list_joints, read_joints
-from voxelpose.export.trc import POSE2SIM_AXES
 from voxelpose.recording.truth import (
     TRUE_MOTION,
     TRUTH,

@@ -15,18 +15,13 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Estimate, Estimator, PeopleEstimator, Settings, load_estimator
 from silhouette_core.jit import check_threads
 from silhouette_core.motion.conditioning import filter_warning
+from silhouette_core.motion.joint_files import JOINTS
 from silhouette_core.motion.motion_file import write_motion
 from silhouette_core.network_files import installed_network
 from silhouette_core.progress import Reporter, SilentReporter
 from silhouette_core.scoring.backend import load_backend
 from voxelpose.export.bvh import write_bvh
-from voxelpose.export.tables import (
-    HYPOTHESES,
-    JOINTS,
-    write_hypotheses,
-    write_joints,
-    write_people_joints,
-)
+from voxelpose.export.tables import HYPOTHESES, write_hypotheses, write_joints, write_people_joints
 from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.input_digests import input_digests

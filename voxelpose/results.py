@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from calib.atomic import FolderWriter
 from calib.camera import Rig
-from calib.documents import load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files import read_rig
+from calib.storage.atomic import FolderWriter
+from calib.storage.documents import load_text, parse_json, parse_toml
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 from silhouette_core.estimator import BackgroundKind
 from silhouette_core.motion.motion import Motion

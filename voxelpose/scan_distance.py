@@ -1,7 +1,5 @@
 """Distances of a fitted body, and of the hull of its frame, from a scan of the person."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from calib.files.fields import METRES
-from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
+from silhouette_core.body.rigs.closed_surface import MESH_SUFFIXES, read_triangles
 from silhouette_core.motion import kinematics
 from voxelpose.results import Result
 from voxelpose.view.open3d_import import import_open3d

@@ -3,8 +3,6 @@
 "By eye" says that a number was chosen when its method was written and never varied on its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -10,9 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from calib.atomic import replacing
 from calib.camera import Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
 from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.camera_folder import read_camera_folder
@@ -31,6 +29,8 @@ from calib.files.opencv import read_opencv, write_opencv
 from calib.files.plain import read_json, read_projections, write_json, write_projections
 from calib.files.qualisys import read_qualisys, write_qualisys
 from calib.files.vicon import read_vicon
+from calib.storage.atomic import replacing
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
 
 
 class RigFormat(NamedTuple):

@@ -21,10 +21,10 @@ from typing import Any
 
 from calib.camera import Rig
 from calib.checks import FloatArray
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml
 from calib.errors import InputError
 from calib.files.fields import Source, camera_values
 from calib.rotation import rodrigues_from_matrix
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_toml
 from calib.upright import direction_of
 
 _CAMERA_KEYS = {"matrix", "distortions", "rotation", "translation"}

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Camera, Rig
-from calib.documents import visible_entries
 from calib.files.fields import Source
 from calib.files.file_storage import load_storage
 from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
 from calib.files.opencv import is_opencv_camera, opencv_camera
+from calib.storage.documents import visible_entries
 
 _SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
 

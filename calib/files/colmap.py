@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.camera import Rig
-from calib.documents import LARGEST_CALIBRATION, load_text
 from calib.files.fields import Source, brief, names_of_pictures
+from calib.storage.documents import LARGEST_CALIBRATION, load_text
 
 _FILES = ("cameras.txt", "images.txt")
 _BINARY = ("cameras.bin", "images.bin")

@@ -12,12 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import replacing, unwritable
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files.fields import Source, five_distortion_numbers
 from calib.files.file_storage import dump_storage, load_storage
 from calib.rotation import rodrigues_from_matrix
+from calib.storage.atomic import replacing, unwritable
 
 _FILES = ("intri.yml", "extri.yml")
 

@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_xml
 from calib.errors import InputError
 from calib.files.fields import brief
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_xml
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _SPECIAL = re.compile(r"([-+]?)\.(nan|inf)", re.IGNORECASE)

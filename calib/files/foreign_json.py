@@ -29,8 +29,8 @@ from typing import Any
 import numpy as np
 
 from calib.camera import Camera, Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.files.fields import Source, brief, names_of_pictures
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 
 _FLIP = np.diag([1, -1, -1])
 _NERF_MODELS = {"OPENCV": False, "PINHOLE": False, "SIMPLE_PINHOLE": False, "OPENCV_FISHEYE": True}

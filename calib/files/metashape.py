@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from calib.camera import FloatArray, Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, brief, names_of_pictures
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
 
 _FISHEYES = ("fisheye", "equidistant_fisheye")
 

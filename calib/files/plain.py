@@ -18,9 +18,9 @@ import numpy as np
 from scipy import linalg
 
 from calib.camera import FloatArray, Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.files.fields import Source, camera_values
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 
 
 def read_json(source: Source) -> Rig:

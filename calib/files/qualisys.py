@@ -30,8 +30,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, five_distortion_numbers, video_cameras
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
 
 _SUBPIXELS = 64
 _FILMING = re.compile(r"video|hybrid|colou?r|\dc\b", re.IGNORECASE)

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_xml
 from calib.files.fields import Source, brief, video_cameras
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
 
 _MODEL = "Vicon3Parameter"
 

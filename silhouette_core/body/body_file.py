@@ -28,9 +28,9 @@ import msgspec
 import numpy as np
 import tomlkit
 
-from calib.atomic import write_whole
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.measured_body import body_from_measurements
 from silhouette_core.body.mesh_measurements import BodyMeasurements, measure_body
 from silhouette_core.body.model import BodyModel

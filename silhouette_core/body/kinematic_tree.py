@@ -1,7 +1,5 @@
 """Kinematic tree of an articulated body: its parts, joints and landmarks."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -43,7 +41,7 @@ class KinematicTree:
         parts: Sequence[tuple[str, str, tuple[Dof, ...]]],
         ends: Mapping[str, str] | None = None,
         root_fixed: bool = False,
-    ) -> KinematicTree:
+    ) -> "KinematicTree":
         """Tree of a table of parts, whose joints are landmarks under the parts' own names.
 
         Args:

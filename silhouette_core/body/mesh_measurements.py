@@ -4,8 +4,6 @@ Girths are those of a tape, which spans hollows: perimeters of the convex hull o
 through trunk and thighs, without the arms.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -55,7 +53,7 @@ class TapeMeasure:
     acromia_weights: FloatArray  #: (2, 3) barycentric coordinates of these in them.
 
     @classmethod
-    def of(cls, body: BodyModel) -> TapeMeasure:
+    def of(cls, body: BodyModel) -> "TapeMeasure":
         """Finds the places on a template; other bodies have them on the same triangles."""
         vertices, joints = body.vertices_m, body.joints_m
         stature = float(np.ptp(vertices[:, 2]))

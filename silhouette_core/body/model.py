@@ -1,7 +1,5 @@
 """Articulated body model: parts, joints, limits, a closed mesh and a shape space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -65,7 +63,7 @@ class BodyModel:
         return self.extent_m if self.person is None else self.person.stature_m
 
     @classmethod
-    def from_sizes(cls, sizes: BodySizes) -> BodyModel:
+    def from_sizes(cls, sizes: BodySizes) -> "BodyModel":
         """Default body of a person's stature, and chest girth and sex if known; an unknown sex
         takes the man's template.
 
@@ -99,7 +97,7 @@ class BodyModel:
         face_part: np.ndarray,
         skin: tuple[np.ndarray, np.ndarray],
         landmarks_m: np.ndarray,
-    ) -> BodyModel:
+    ) -> "BodyModel":
         """Body that is not made from a person's measurements, and keeps its shape.
 
         Args:
@@ -124,7 +122,7 @@ class BodyModel:
             tree=tree,
         )
 
-    def reshaped(self, shape: np.ndarray) -> BodyModel:
+    def reshaped(self, shape: np.ndarray) -> "BodyModel":
         """This body with other deviations (K,) float64 along the shape axes, relative to the
         template scaled to the stature.
         """
@@ -137,21 +135,21 @@ class BodyModel:
             shape=np.asarray(shape, float),
         )
 
-    def warped(self, changes: Changes) -> BodyModel:
+    def warped(self, changes: Changes) -> "BodyModel":
         """This template with other chest, waist, hips and thighs."""
         joints, parts, weights = self.joints_m, self.skin_parts, self.skin_weights
         vertices = warp_template(self.vertices_m, joints, parts, weights, changes)
         space = ShapeSpace.from_rest(joints, vertices, self.landmarks_m, parts, weights, self.faces)
         return replace(self, vertices_m=vertices, space=space)
 
-    def scaled(self, stature_m: float) -> BodyModel:
+    def scaled(self, stature_m: float) -> "BodyModel":
         """This person's body with the same proportions and another stature."""
         factor, chest_m = stature_m / self.sizes.stature_m, self.sizes.chest_girth_m
         chest_m = None if chest_m is None else chest_m * factor
         sizes = replace(self.sizes, stature_m=stature_m, chest_girth_m=chest_m)
         return self._scaled(factor, sizes)
 
-    def _scaled(self, factor: float, sizes: BodySizes) -> BodyModel:
+    def _scaled(self, factor: float, sizes: BodySizes) -> "BodyModel":
         return replace(
             self,
             joints_m=self.joints_m * factor,

@@ -1,7 +1,5 @@
 """Shape space of bodies: every axis of `SHAPE_AXES` moves joints and surface linearly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +31,7 @@ class ShapeSpace:
         parts: np.ndarray,
         weights: np.ndarray,
         faces: np.ndarray,
-    ) -> ShapeSpace:
+    ) -> "ShapeSpace":
         """Shape space around a body at rest.
 
         A part's surface is scaled about the part's own joint, and so are the joints that it
@@ -54,7 +52,7 @@ class ShapeSpace:
         return cls(joints, vertices, landmarks, *stacked)
 
     @classmethod
-    def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> ShapeSpace:
+    def rigid(cls, joints: np.ndarray, vertices: np.ndarray, landmarks: np.ndarray) -> "ShapeSpace":
         """Space without axes, of a body whose shape is given."""
         none = (np.zeros((0, *points.shape)) for points in (joints, vertices, landmarks))
         return cls(joints, vertices, landmarks, *none)
@@ -67,7 +65,7 @@ class ShapeSpace:
             self.landmarks_m + np.tensordot(shape, self.landmarks_change, 1),
         )
 
-    def scaled(self, factor: float) -> ShapeSpace:
+    def scaled(self, factor: float) -> "ShapeSpace":
         """Space with every length multiplied by `factor`."""
         return ShapeSpace(*(factor * getattr(self, name) for name in self.__dataclass_fields__))
 

@@ -23,7 +23,7 @@ from silhouette_core.image.foreground import (
     segmented,
 )
 from silhouette_core.image.grey import is_grey
-from silhouette_core.image.kernels import background as kernels
+from silhouette_core.image.kernels import backgrounds as kernels
 from silhouette_core.image.person_colours import PersonColours, even_colours
 from silhouette_core.tuning import BACKGROUND
 

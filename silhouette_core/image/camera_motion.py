@@ -2,8 +2,6 @@
 shakes, registered to one of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2
@@ -152,7 +150,7 @@ class _Rim:
         self.observable = self._levels[-1].observable  # similarities (4, n) as columns
         self.bare = not self.observable.shape[1]
 
-    def fitted(self, other: _Rim, observable: FloatArray) -> FloatArray:
+    def fitted(self, other: "_Rim", observable: FloatArray) -> FloatArray:
         """Similarity to another frame, of those that can be observed, (4, n) as columns."""
         similarity = np.zeros(4)
         for level, other_level in zip(self._levels, other._levels, strict=True):
@@ -192,7 +190,7 @@ class _Level:
         strong = edge[strongest] > CAMERA_MOTION.over_noise * usual
         self.observable = _observable(self.slopes[:, strong], along[:, :, strong], usual)
 
-    def fitted(self, other: _Level, similarity: FloatArray, observable: FloatArray) -> FloatArray:
+    def fitted(self, other: "_Level", similarity: FloatArray, observable: FloatArray) -> FloatArray:
         """A similarity from this picture to another, fitted from a first one on, of those that can
         be observed.
         """

@@ -31,8 +31,7 @@ from calib.checks import BoolArray, ByteArray, Float32Array
 from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
 from silhouette_core.image.cleanup import clean
 from silhouette_core.image.exposure import Aligner
-from silhouette_core.image.kernels import background as medians
-from silhouette_core.image.kernels import empty_scene as kernels
+from silhouette_core.image.kernels import backgrounds as kernels
 from silhouette_core.tuning import SCENE
 
 Kind = Literal["auto", "uniform", "moving"]
@@ -61,7 +60,7 @@ class EmptyScene:
         """
         stack = stack[:64]
         median = np.empty(stack.shape[1:], np.float32)
-        medians.median(stack, median)
+        kernels.median(stack, median)
         aligner = Aligner(median)
         frames = np.stack([aligner.aligned(frame) for frame in stack])
         height, width = stack.shape[1:3]

@@ -6,8 +6,6 @@ histograms as likelihoods after Jones and Rehg, Statistical color models with ap
 detection (2002).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -34,7 +32,7 @@ class ColourCrop:
     corner: tuple[int, int]  #: column and row of the first pixel in the picture.
 
     @classmethod
-    def of(cls, picture: ByteArray, corner: tuple[int, int]) -> ColourCrop:
+    def of(cls, picture: ByteArray, corner: tuple[int, int]) -> "ColourCrop":
         """Crop of a part (h, w, 3) of a picture, BGR, whose first pixel is at a corner."""
         grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
         return cls(quantise(picture), chromaticity(picture), grey, corner)

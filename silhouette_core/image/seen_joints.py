@@ -5,8 +5,6 @@ across their viewing rays. The metres that the network gives, too, are not used:
 they changed nothing on 22 rendered recordings of one camera.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -27,7 +25,7 @@ class SeenJoints:
     visibility: FloatArray  #: (15,) 0 to 1.
 
     @classmethod
-    def of(cls, person: PersonSeen, camera: Camera) -> SeenJoints | None:
+    def of(cls, person: PersonSeen, camera: Camera) -> "SeenJoints | None":
         """Joints of somebody seen by a camera; None where the network is not sure of the person, or
         the lens shows no such place.
         """
@@ -39,7 +37,7 @@ class SeenJoints:
     @classmethod
     def from_points(
         cls, rays: FloatArray, visibility: FloatArray, weights: FloatArray
-    ) -> SeenJoints:
+    ) -> "SeenJoints":
         """Joints of the network's points.
 
         Args:

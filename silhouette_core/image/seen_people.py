@@ -10,13 +10,13 @@ import numba
 import numpy as np
 
 from calib.checks import BoolArray, Float32Array
+from calib.storage.temporary import ScratchFile
 from silhouette_core.estimator import Frame, FrameSource, Settings
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.image.person_windows import PeopleWindows
 from silhouette_core.image.pose_network import FILE, Crop, PersonSeen, PoseNetwork
 from silhouette_core.network_files import NetworkUse, installed_network
 from silhouette_core.progress import Reporter
-from silhouette_core.scratch_file import ScratchFile
 
 _SHAPES = (4,), (1,), (33, 2), (33,), (2, 2)  # of what is stored of a person, float32
 

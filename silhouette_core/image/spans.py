@@ -1,7 +1,5 @@
 """Silhouettes as runs of foreground in image rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -56,7 +54,7 @@ class Spans:
         return left, top, int(self.ends.max()), int(self.rows.max()) + 1
 
     @classmethod
-    def from_masks(cls, masks: Iterable[BoolArray]) -> Spans:
+    def from_masks(cls, masks: Iterable[BoolArray]) -> "Spans":
         """Takes the runs of silhouettes (h, w) bool, row by row from the top."""
         result = []
         for mask in masks:

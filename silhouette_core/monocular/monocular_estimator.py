@@ -11,6 +11,7 @@ import numpy as np
 from calib.camera import Camera, Rig
 from calib.checks import BoolArray, Float32Array, FloatArray
 from calib.errors import InputError
+from calib.storage.temporary import ScratchFile
 from calib.upright import Z_UP, UprightFrame, axis_name, up_from_cameras
 from silhouette_core.estimator import (
     ONE_PERSONS,
@@ -52,7 +53,6 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import read_ahead
 from silhouette_core.scoring.backend import load_backend
-from silhouette_core.scratch_file import ScratchFile
 
 _BLOCK = 150  # frames copied into arrays together
 _COUNT = 5  # hypotheses that are stored of a frame, at most

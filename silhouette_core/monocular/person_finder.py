@@ -4,8 +4,6 @@ People whose silhouettes stay apart are found each. Where two have one silhouett
 the pose network sees in each part of it; without the network, neither is found.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -91,16 +89,16 @@ class FollowedPerson:
     seen: float = 0.0  #: frames in which the silhouette was apart, each by how slender it was.
 
     @classmethod
-    def begun(cls, frame: int, piece: _Piece, host: int | None) -> FollowedPerson:
+    def begun(cls, frame: int, piece: "_Piece", host: int | None) -> "FollowedPerson":
         """Somebody who is first seen apart in a frame, and where from."""
         return cls(frame, piece.centre_px, np.zeros(2), piece.area, piece.looks, piece.box_px, host)
 
-    def merged(self, piece: _Piece) -> None:
+    def merged(self, piece: "_Piece") -> None:
         """Goes on within a silhouette with others."""
         self.near_px = (self.near_px + self.speed_px).clip(*piece.box_px)
         self.box_px = piece.box_px
 
-    def moved(self, piece: _Piece) -> None:
+    def moved(self, piece: "_Piece") -> None:
         """Learns from a silhouette that is this person's."""
         self.speed_px = _mixed(self.speed_px, piece.centre_px - self.near_px)
         self.near_px, self.box_px = piece.centre_px, piece.box_px

@@ -6,8 +6,6 @@ until the centroid lies on its axis, and zoomed until a body of the library's st
 distance has the library's size. Beyond paper A, whose person stays in one place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -121,7 +119,7 @@ class _Picture:
     centroid_px: FloatArray  #: of the silhouette in the whole image.
 
     @classmethod
-    def from_mask(cls, mask: BoolArray) -> _Picture:
+    def from_mask(cls, mask: BoolArray) -> "_Picture":
         """Cuts out a silhouette (h, w) bool that is not empty."""
         left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
         crop = mask[top : top + height, left : left + width]

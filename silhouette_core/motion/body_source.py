@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.body_file import read_body
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import body_preset, body_presets

@@ -79,11 +79,6 @@ def find_gait(motion: Motion) -> Gait | None:
     return _gait_of(bouts)
 
 
-def gait_of_points(points: WalkerPoints) -> Gait | None:
-    """As `find_gait`, of points."""
-    return _gait_of(_bouts(points))
-
-
 def walker_points(motion: Motion) -> WalkerPoints:
     """Points of an upright motion of a person, whose body gives heels and toes."""
     rotation, origin = motion.parts()

@@ -5,8 +5,6 @@ widths as of Huxham et al., "Defining spatial parameters for non-linear walking"
 2006).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -67,7 +65,7 @@ class Spread:
     count: int
 
     @classmethod
-    def from_values(cls, values: Sequence[float]) -> Spread | None:
+    def from_values(cls, values: Sequence[float]) -> "Spread | None":
         """Spread of some values; None where there are none."""
         if not values:
             return None

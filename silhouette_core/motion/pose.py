@@ -1,7 +1,5 @@
 """Pose of one frame, and the steps between poses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,19 +17,19 @@ class Pose:
     root_rotation: np.ndarray  #: (3, 3) float64, world from body.
     angles_rad: np.ndarray  #: (D,) float64, in the order of `KinematicTree.dof_names`.
 
-    def moved(self, step: np.ndarray) -> Pose:
+    def moved(self, step: np.ndarray) -> "Pose":
         """Pose after a step (6 + D,): root position (m), turn in the world and angles (rad)."""
         turn = Rotation.from_rotvec(step[3:6]).as_matrix()
         return Pose(self.root_m + step[:3], turn @ self.root_rotation, self.angles_rad + step[6:])
 
-    def minus(self, other: Pose) -> np.ndarray:
+    def minus(self, other: "Pose") -> np.ndarray:
         """Step (6 + D,) that leads from another pose to this one; see `moved`."""
         turn = Rotation.from_matrix(self.root_rotation @ other.root_rotation.T).as_rotvec()
         return np.concatenate(
             [self.root_m - other.root_m, turn, self.angles_rad - other.angles_rad]
         )
 
-    def clipped(self, limits_rad: np.ndarray = HUMAN.dof_limits_rad) -> Pose:
+    def clipped(self, limits_rad: np.ndarray = HUMAN.dof_limits_rad) -> "Pose":
         """Pose with every angle clipped to its limits (D, 2), by default those of a person."""
         return Pose(self.root_m, self.root_rotation, np.clip(self.angles_rad, *limits_rad.T))
 
@@ -45,7 +43,7 @@ class PoseArrays:
     angles_rad: np.ndarray  #: (K, D) float64.
 
     @classmethod
-    def from_poses(cls, poses: Sequence[Pose]) -> PoseArrays:
+    def from_poses(cls, poses: Sequence[Pose]) -> "PoseArrays":
         """Copies poses, at least one."""
         return cls(
             np.array([pose.root_m for pose in poses], float),
@@ -61,7 +59,7 @@ class PoseArrays:
         """The three arrays, as the kernels take them."""
         return self.root_m, self.root_rotation, self.angles_rad
 
-    def first(self, count: int) -> PoseArrays:
+    def first(self, count: int) -> "PoseArrays":
         """The first poses; they share memory with these."""
         return PoseArrays(*(one[:count] for one in self.arrays))
 

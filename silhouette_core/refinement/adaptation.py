@@ -6,8 +6,6 @@ the normal equations (Schur complement), so that only the shape deviations remai
 Beyond both papers, which choose among ready-made bodies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -131,7 +129,7 @@ def _shape_equations(
     priors: Sequence[LandmarkPrior | None],
     reach: float,
     settings: RefineSettings,
-) -> tuple[np.ndarray, np.ndarray, list[_FrameSystem]]:
+) -> "tuple[np.ndarray, np.ndarray, list[_FrameSystem]]":
     r"""Normal equations (K, K) and (K,) of the shape, from which the poses are eliminated, and
     those of every frame.
 

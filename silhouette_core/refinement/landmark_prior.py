@@ -1,7 +1,5 @@
 """Prior of the joints' positions, as a proposal of poses gives it, for the refinement."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

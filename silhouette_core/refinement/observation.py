@@ -2,8 +2,6 @@
 planes that touch the body there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,7 +37,7 @@ class PinholeViews:
     unknown: tuple[np.ndarray, ...] | None = None
 
     @classmethod
-    def from_rig(cls, rig: Rig, unknown: Sequence[np.ndarray] | None = None) -> PinholeViews:
+    def from_rig(cls, rig: Rig, unknown: Sequence[np.ndarray] | None = None) -> "PinholeViews":
         """Packs the pinhole cameras of a rig (`Camera.pinhole`), with what is unknown in each."""
         matrices = np.stack([camera.matrix for camera in rig])
         return cls(
@@ -90,7 +88,7 @@ class Observation:
     @classmethod
     def from_masks(
         cls, views: PinholeViews, masks: list[np.ndarray], distance_m: float = 4.0
-    ) -> Observation:
+    ) -> "Observation":
         """Prepares the silhouettes of one frame.
 
         Args:

@@ -1,7 +1,5 @@
 """What the normal equations of poses tell: how sure joints are, and where a root stands still."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

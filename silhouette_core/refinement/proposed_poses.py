@@ -1,12 +1,11 @@
-"""Poses that what was learned of silhouettes proposes, and who proposes them.
+"""Poses that what was learned of silhouettes proposes, who proposes them, and bodies placed so that
+their joints are where they are expected: inverse kinematics.
 
 A proposer is a class without constructor arguments, registered under the entry point group
 `silhouette_core.pose_proposers`.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -14,9 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
+from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.entry_points import load_registered
+from silhouette_core.motion.dynamics import RELAXED_RAD
+from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
+from silhouette_core.refinement.observation import Observation
+from silhouette_core.refinement.refine import RefineSettings, RefineStart, refine_many
+from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT
 
 GROUP = "silhouette_core.pose_proposers"
@@ -67,7 +72,7 @@ class ProposedPoses:
         most = logs.max(axis=1, keepdims=True)
         return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
 
-    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> ProposedPoses:
+    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> "ProposedPoses":
         """The same poses of a body larger by a factor, with the pelvis (3,) elsewhere."""
         priors = [
             replace(
@@ -108,3 +113,35 @@ def load_pose_proposer(name: str = "learned") -> PoseProposer:
         InputError: none is.
     """
     return load_registered(GROUP, "pose proposer", PoseProposer, name)
+
+
+_PLACING = RefineSettings(reaches_m=(0,) * 7)  # no contour
+
+
+def place_bodies(
+    surface: Surface,
+    observation: Observation,
+    priors: Sequence[LandmarkPrior],
+) -> list[Pose]:
+    """Poses whose joints are where priors expect them, from relaxed ones turned as they expect.
+
+    Args:
+        observation: the frame; its contour is not used.
+        priors: of the joints, one for each pose.
+    """
+    given = [RefineStart(_upright(prior), _PLACING, None, prior) for prior in priors]
+    return [one.pose for one in refine_many(surface, observation, given)]
+
+
+def _upright(prior: LandmarkPrior) -> Pose:
+    """Relaxed pose with pelvis and trunk where the prior expects them."""
+    joints = prior.landmarks_m
+    name = LANDMARK_NAMES.index
+    across = (joints[name("left_hip")] - joints[name("right_hip")]) + (
+        joints[name("left_shoulder")] - joints[name("right_shoulder")]
+    )
+    up = joints[name("neck")] - joints[name("pelvis")]
+    up = up / np.linalg.norm(up)
+    right = across - up * (across @ up)
+    right /= max(float(np.linalg.norm(right)), 1e-9)
+    return Pose(prior.pelvis_m, np.stack([right, np.cross(up, right), up], 1), RELAXED_RAD.copy())

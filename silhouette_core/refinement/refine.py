@@ -7,8 +7,6 @@ should project outside a silhouette. Correspondences change with every step, whi
 is written out here: a general least-squares solver would evaluate each step on outdated ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field

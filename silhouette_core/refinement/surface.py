@@ -1,7 +1,5 @@
 """Sampled points of the body's surface, and their derivatives by pose and shape."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,7 +38,7 @@ class PosedSurface:
         """Parts and axes, as the kernels take them."""
         return self.part_rotation, self.part_origin, self.world_axis
 
-    def __getitem__(self, rows: int | slice | None) -> PosedSurface:
+    def __getitem__(self, rows: int | slice | None) -> "PosedSurface":
         """One or some of the poses, or with None the only one as one of K; they share memory."""
         return PosedSurface(*(one[rows] for one in (*self.placed, self.points, self.normals)))
 
@@ -65,7 +63,7 @@ class Surface:
         self.skin_parts = np.ascontiguousarray(model.skin_parts[self.taken])
         self.skin_weights = np.ascontiguousarray(model.skin_weights[self.taken])
 
-    def reshaped(self, shape: np.ndarray) -> Surface:
+    def reshaped(self, shape: np.ndarray) -> "Surface":
         """Surface of the same vertices on the body with other shape deviations (K,)."""
         return Surface(self.model.reshaped(shape), taken=self.taken)
 

@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.checks import ByteArray, FloatArray, IntArray
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.backend import Backend
+from silhouette_core.scoring.backend import Backend, Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 _MATRIX = np.array([[40, 1, 31], [0, 42, 23], [0, 0, 1]], np.float64)
 _FACES = np.arange(30).reshape(10, 3)

@@ -5,7 +5,7 @@ import numpy as np
 from calib.checks import FloatArray, IntArray, check_array
 from silhouette_core.image.raster import NEAR_M, render_many
 from silhouette_core.scoring.backend import Backend, checked_placements, chosen_spans
-from silhouette_core.scoring.kernels import pixels, voxels
+from silhouette_core.scoring.kernels import lookups
 from silhouette_core.scoring.kernels import spans as span_kernels
 
 _FEW = 512  # distances for which starting threads costs more than it brings
@@ -91,7 +91,7 @@ class CpuBackend(Backend):
         """See `Backend.pixel_scores`."""
         placed = checked_placements(points, rotations, translations_m)
         images, scores = np.ascontiguousarray(images), np.empty(len(rotations), np.int64)
-        pixels.pixel_scores(
+        lookups.pixel_scores(
             *placed, views.intrinsics, views.rotation, views.translation_m, images, scores
         )
         return scores
@@ -104,7 +104,7 @@ class CpuBackend(Backend):
         inside, outside = np.empty(len(turns)), np.empty(len(turns))
         cells, per_voxel = np.ascontiguousarray(occupancy), 1.0 / grid.voxel_size_m
         weights, origin = np.ascontiguousarray(weights, np.float64), grid.origin_m
-        voxels.voxel_overlap(
+        lookups.voxel_overlap(
             cells, origin, per_voxel, points, weights, turns, moves, inside, outside
         )
         return inside, outside
@@ -115,7 +115,7 @@ class CpuBackend(Backend):
         bits = np.empty((len(rotations), words), np.uint64)
         empty, taken = np.empty(len(rotations), np.int64), np.empty(len(rotations), np.int64)
         cells, per_voxel = np.ascontiguousarray(numbers), 1.0 / grid.voxel_size_m
-        voxels.voxel_cover(cells, grid.origin_m, per_voxel, *placed, bits, empty, taken)
+        lookups.voxel_cover(cells, grid.origin_m, per_voxel, *placed, bits, empty, taken)
         return bits, empty, taken
 
 

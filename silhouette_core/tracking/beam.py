@@ -1,7 +1,5 @@
 """Pose hypotheses of a frame, and the cheapest past of each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -49,13 +47,13 @@ class Beam:
         time_s: float,
         occluded: NDArray[np.bool_],
         priors: list[LandmarkPrior | None],
-    ) -> Beam:
+    ) -> "Beam":
         """Hypotheses with the costs of their frame alone; arguments as the attributes."""
         cost, count = rounded(cost), len(poses)
         back, restarted = np.full(count, -1), np.ones(count, np.bool_)
         return cls(poses, joints, distance, cost, back, restarted, time_s, cost, occluded, priors)
 
-    def only(self, k: int) -> Beam:
+    def only(self, k: int) -> "Beam":
         """This beam with hypothesis k alone, as the certain past of what follows.
 
         The frame before is taken to hold one hypothesis alone, too.
@@ -63,7 +61,7 @@ class Beam:
         alone = self.chosen([k])
         return replace(alone, back=np.minimum(alone.back, 0))
 
-    def chosen(self, rows: Sequence[int]) -> Beam:
+    def chosen(self, rows: Sequence[int]) -> "Beam":
         """Some of the hypotheses."""
         rows = list(rows)
         return replace(

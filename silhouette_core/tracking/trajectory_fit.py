@@ -4,8 +4,6 @@ Beyond paper A. What one silhouette leaves open, mostly depth, is decided by the
 accelerations are small, and a foot that stands does not move.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,9 +7,9 @@ import pytest
 
 from silhouette_core.image.spans import Spans
 from silhouette_core.ranking import rounded, summable
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import mask_errors
-from silhouette_core.scoring.target import Target
 from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,

@@ -5,40 +5,69 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 
-from silhouette_core.workers import Processes, WorkerEndedError, interrupts_put_off, open_workers
+from silhouette_core import workers
+from silhouette_core.workers import WorkerEndedError, carry_out, interrupts_put_off
 
 
-class ClosingPool:
-    """A pool whose first process is ended while the second one is started."""
+@pytest.fixture
+def close_while_starting(monkeypatch):
+    """A pool whose first process is ended while the second one is started, with an error."""
 
-    def __init__(self, error: Exception):
-        self.error, self.futures = error, []
+    class ClosingPool(Executor):
+        def __init__(self, *_):
+            self.futures = []
 
-    def submit(self, work, task):
-        if self.futures:
-            raise self.error
-        self.futures.append(Future())
-        return self.futures[0]
+        def submit(self, work, task):
+            if self.futures:
+                raise self.error
+            self.futures.append(Future())
+            return self.futures[0]
+
+    def close(error):
+        ClosingPool.error = error
+        monkeypatch.setattr(workers, "ProcessPoolExecutor", ClosingPool)
+
+    return close
 
 
 @pytest.mark.parametrize(
     "error", [OSError("handle is closed"), ValueError("bad value(s) in fds_to_keep")]
 )
-def test_a_process_that_ends_while_another_is_started_costs_its_task(error):
+def test_a_process_that_ends_while_another_is_started_costs_its_task(close_while_starting, error):
+    close_while_starting(error)
     with pytest.raises(WorkerEndedError) as ended:
-        list(Processes(ClosingPool(error), 2).run(str, [1, 2, 3]))  # type: ignore[arg-type]
+        list(carry_out(str, [1, 2, 3], 2))
     assert ended.value.tasks == (0,)
 
 
-def test_a_process_that_cannot_be_started_is_another_error():
-    pool = ClosingPool(OSError(11, "Resource temporarily unavailable"))
+def test_a_process_that_cannot_be_started_is_another_error(close_while_starting):
+    close_while_starting(OSError(11, "Resource temporarily unavailable"))
     with pytest.raises(OSError, match="temporarily"):
-        list(Processes(pool, 2).run(str, [1, 2]))  # type: ignore[arg-type]
+        list(carry_out(str, [1, 2], 2))
+
+
+def test_a_task_with_which_machines_of_a_cluster_are_lost_is_to_blame(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+
+    class Losing(Executor):
+        def submit(self, work, task):
+            lost = Future()
+            lost.set_exception(distributed.KilledWorker("task", None, 3))
+            return lost
+
+    client = MagicMock()
+    client.__enter__.return_value = client
+    client.get_executor.return_value, client.nthreads.return_value = Losing(), {"one": 1}
+    monkeypatch.setattr(workers, "_client", lambda address: client)
+    with pytest.raises(WorkerEndedError) as ended:
+        list(carry_out(str, [1, 2], 1, "tcp://127.0.0.1:8786"))
+    assert ended.value.tasks == (0,)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -89,19 +118,20 @@ def run(task):
 def test_no_process_that_misses_the_pools_signal_is_waited_for(tmp_path):
     flag, folder = tmp_path / "busy", tmp_path / "met"
     folder.mkdir()
-    with pytest.raises(WorkerEndedError), open_workers(2) as workers:
-        # CPython's pool watches the second process only from the first result on.
-        list(workers.run(run, [(met, folder, 0), (met, folder, 1)]))
-        started = time.monotonic()
-        list(workers.run(run, [(ended_once_busy, flag), (deaf, flag)]))
+    # CPython's pool watches the second process only from the first result on.
+    first = [(met, folder, 0), (met, folder, 1)]
+    results = carry_out(run, [*first, (ended_once_busy, flag), (deaf, flag)], 2)
+    assert next(results)[0] in (0, 1) and next(results)[0] in (0, 1)
+    started = time.monotonic()
+    with pytest.raises(WorkerEndedError):
+        list(results)
     assert time.monotonic() - started < 45  # the other one sleeps for a minute
 
 
 SCRIPT = """
-from silhouette_core.workers import open_workers
+from silhouette_core.workers import carry_out
 print("begun", flush=True)
-with open_workers(2) as workers:
-    print(sorted(workers.run(abs, [-1, -2, -3])))
+print(sorted(carry_out(abs, [-1, -2, -3], 2)))
 """
 
 

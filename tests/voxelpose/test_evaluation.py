@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import read_joints
 from tests.clips import waving
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints, write_joints
+from voxelpose.export.tables import write_joints
 from voxelpose.recording.truth import read_truth
 
 

@@ -133,7 +133,7 @@ def test_two_at_once_are_told_so(monkeypatch, tmp_path):
     wheel = wheel_in(tmp_path / "a.whl")
     target = network_files.network_folder()
     target.parent.mkdir(parents=True)
-    from calib.atomic import claimed
+    from calib.storage.atomic import claimed
 
     with claimed(target), pytest.raises(InputError, match="another process is writing"):
         install_network(wheel)

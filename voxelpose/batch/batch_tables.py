@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.atomic import write_whole
+from calib.storage.atomic import write_whole
 from voxelpose.batch.run import Outcome
 from voxelpose.reliability import LEVELS
 from voxelpose.report.page import REPORT, render_page, sheet_image

@@ -2,8 +2,6 @@
 a TOML file.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -11,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.documents import load_text, parse_toml, visible_entries
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml, visible_entries
 from voxelpose.cli.fit import EstimationArguments
 from voxelpose.cli.options import checked_values, folder_settings, load_command, made_of, options_of
 from voxelpose.cli.track import Track
@@ -38,7 +36,7 @@ class Job:
     # Files that settings were taken from, by their names.
     sources: Mapping[str, str] = field(default_factory=dict)
 
-    def with_folder_settings(self) -> Job:
+    def with_folder_settings(self) -> "Job":
         """The job with what voxelpose.toml of its recording and the folders above it say, where it
         has no setting; a batch decides on the rest itself. InputError where a value is not
         understood.

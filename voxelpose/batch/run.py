@@ -2,13 +2,11 @@
 recordings in pieces that overlap, estimated side by side and joined.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,11 +15,11 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.atomic import claimed, write_whole
 from calib.errors import InputError
+from calib.storage.atomic import claimed, write_whole
 from silhouette_core.estimator import Estimate
 from silhouette_core.motion.motion import Motion
-from silhouette_core.workers import WorkerEndedError, open_workers
+from silhouette_core.workers import WorkerEndedError, carry_out
 from voxelpose.batch.jobs import Job
 from voxelpose.evaluation import Score, evaluate, evaluate_people
 from voxelpose.fitting import Output, fit_people, write_estimate
@@ -194,7 +192,7 @@ class Outcome:
     summary: Mapping[str, Any] = field(default_factory=dict)
     # Errors against the recording's truth; empty where there is none.
     score: Mapping[str, Any] = field(default_factory=dict)
-    people: Mapping[str, Outcome] = field(default_factory=dict)  # of several, of each by name
+    people: "Mapping[str, Outcome]" = field(default_factory=dict)  # of several, of each by name
 
     @property
     def verdict(self) -> Verdict:
@@ -351,9 +349,10 @@ def _carry_out(
         group = suspects[:1] or list(left)
         processes = min(settings.processes, len(group))
         done: list[Key] = []
+        of_group = [left[key] for key in group]
         try:
-            with open_workers(processes, settings.cluster, 1, apart=True) as workers:
-                for number, outcome in workers.run(_run_task, [left[key] for key in group]):
+            with closing(carry_out(_run_task, of_group, processes, settings.cluster)) as results:
+                for number, outcome in results:
                     keep(group[number], outcome)
                     done.append(group[number])
         except WorkerEndedError as error:

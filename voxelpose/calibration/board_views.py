@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from calib.board import Board, BoardView, Effort, view_between
 from calib.checks import FloatArray
-from calib.documents import visible_entries
 from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from silhouette_core.progress import Reporter
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.chapters import open_camera

@@ -14,10 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from calib.atomic import replacing
 from calib.camera import Camera, FloatArray, Rig
 from calib.files import write_rig
 from calib.points import nearest_point
+from calib.storage.atomic import replacing
 from calib.tangency import OutlineTrack, plane_axes
 from calib.upright import UprightFrame, up_candidates
 from voxelpose.calibration.check import Check

@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import written_paths
 from calib.errors import InputError, check_name
-from calib.private_folder import private_folder
+from calib.storage.atomic import written_paths
+from calib.storage.temporary import private_folder
 from voxelpose.cli.terminal import VisibleStream, message
 
 COMMANDS = {

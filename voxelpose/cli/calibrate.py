@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
-from calib.atomic import write_whole
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from voxelpose.cli import arguments
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync

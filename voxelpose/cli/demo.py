@@ -6,8 +6,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from calib.atomic import write_whole
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from voxelpose.cli.arguments import BodyName, Threads
 from voxelpose.cli.terminal import Progress
 

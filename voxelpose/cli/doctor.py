@@ -56,7 +56,7 @@ class Doctor:
         return 1 if failing else 0
 
     def _clean(self) -> None:
-        from calib.atomic import remove_leftovers
+        from calib.storage.atomic import remove_leftovers
 
         removed = [path for folder in self.clean for path in remove_leftovers(folder)]
         for path in removed:

@@ -11,8 +11,8 @@ from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
+from calib.storage.documents import load_text, parse_toml
 
 _LOCATED = "body", "source"  # text that may name a file
 # Commands that stand above this folder, since they run others.

@@ -5,10 +5,10 @@ on a terminal, plain lines elsewhere.
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, TextIO
 
 from silhouette_core.progress import OverallProgress
@@ -92,7 +92,7 @@ class Progress:
         self._overall = None if shares is None else OverallProgress(shares)
         self._name, self._total, self._done, self._started = "", None, 0, 0.0
         self._bar = None
-        self._beside: subprocess.Popen[bytes] | None = None
+        self._beside = ExitStack()
         if sys.stderr.isatty():
             from rich import progress
 
@@ -114,9 +114,7 @@ class Progress:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if self._beside is not None:
-            self._beside.terminate()
-            self._beside.wait()
+        self._beside.close()
         if error is None:
             self._finish()
         if self._bar is not None:
@@ -154,9 +152,9 @@ class Progress:
         """Notes that the first run compiles, where the compilation cache is empty, and begins to
         compile what estimators need in a process beside this one.
         """
-        from voxelpose.compile_ahead import tell_first_run
+        from voxelpose.compile_ahead import compiling_beside
 
-        self._beside = tell_first_run(self, estimators)
+        self._beside.enter_context(compiling_beside(self, estimators))
 
     def where(self) -> str:
         """Returns the stage and its progress: "during matching, after 37 of 100 steps"."""

@@ -1,7 +1,5 @@
 """Performances of the demo's actor: the tables of performances.toml, and a walk."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ broader shoulders), and shirt, trousers, shoes and hair over the skin. Body fram
 up, facing -y, left toward +x; at rest the arms hang.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
@@ -86,7 +84,7 @@ class Mannequin:
     stride: float = 1.0  # length of the legs over the standard actor's, which scales the way walked
 
     @classmethod
-    def build(cls) -> Mannequin:
+    def build(cls) -> "Mannequin":
         """Assembles the standard actor, 1.68 m tall."""
         tables = mannequin_tables()
         pieces = [

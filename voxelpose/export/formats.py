@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from calib.atomic import replacing, unwritable
-from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from calib.storage.atomic import replacing, unwritable
+from calib.storage.documents import load_text, parse_json
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.player_scene import Stage

@@ -12,22 +12,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import csv_rows
 from calib.errors import InputError
-from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES
+from calib.storage.documents import csv_rows
+from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.anatomical import AnatomicalAngles, anatomical_angles
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.dynamics import is_person_tree
+from silhouette_core.motion.joint_files import FARTHEST_M, LARGEST_CSV, column_names
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import continuous_quaternions
 
-JOINTS = "joints.csv"
-_COLUMNS = ("frame", "joint", "x_m", "y_m", "z_m")
-_LARGEST_BYTES = 3_000_000_000  # half a day; read row by row
-FARTHEST_M = 100_000
-"""Distance from the world's origin beyond which a position in a file is a mistake, m."""
-_MOST_JOINTS = 1000
 _HEADER = "frame,time_s,joint,x_m,y_m,z_m,confidence"
 HYPOTHESES = "hypotheses.csv"
 _HYPOTHESIS_COLUMNS = ("frame", "rank", "probability", "joint", "x_m", "y_m", "z_m")
@@ -69,75 +64,6 @@ def filled_column(motion: Motion) -> tuple[str, list[str]]:
     if not motion.filled.any():
         return "", [""] * len(motion)
     return ",filled", [f",{int(filled)}" for filled in motion.filled]
-
-
-def column_names(names: Sequence[str]) -> list[str]:
-    """Names as tables in CSV have them: without commas and quotes."""
-    return [name.replace(",", "_").replace('"', "_") for name in names]
-
-
-def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
-    """Names of the joints of a joints.csv, in their order, and one more than its last frame.
-    InputError where the file cannot be read, or its frames are numbered as none are.
-    """
-    names: dict[str, None] = {}
-    rows = last = 0
-    for line, row in enumerate(csv_rows(path, _COLUMNS[:2], _LARGEST_BYTES), 2):
-        try:
-            names[row["joint"]] = None
-            last = max(last, int(row["frame"]) + 1)
-        except (ValueError, KeyError) as error:
-            raise _unreadable(path, line, error) from error
-        rows += 1
-        if len(names) > _MOST_JOINTS:
-            raise InputError(f"{path} names more than {_MOST_JOINTS} joints: it is no joints.csv")
-    if beyond_rows(last, rows):
-        raise InputError(f"{path} has {rows} rows, the last frame being {last - 1}: correct it")
-    return tuple(names), last
-
-
-def read_joints(
-    path: Path, count: int, offset: int = 0, names: Sequence[str] = LANDMARK_NAMES
-) -> NDArray[np.float64]:
-    """Reads joint positions of a CSV file with the columns frame, joint, x_m, y_m and z_m;
-    InputError where that is not possible.
-
-    Args:
-        count: number of frames to return; rows of other frames are ignored.
-        offset: number added to the file's frame numbers.
-        names: L names of the joints.
-
-    Returns:
-        (count, L, 3) float64, world, metres, in the order of the names; NaN where a joint has no
-            row.
-    """
-    number = {name: index for index, name in enumerate(names)}
-    joints_m = np.full((count, len(number), 3), np.nan)
-    for line, row in enumerate(csv_rows(path, _COLUMNS, _LARGEST_BYTES), 2):
-        try:
-            frame = int(row["frame"]) + offset
-            if row["joint"] in number and 0 <= frame < count:
-                position = [float(row[axis]) for axis in _COLUMNS[2:]]
-                joints_m[frame, number[row["joint"]]] = position
-        except (ValueError, KeyError) as error:
-            raise _unreadable(path, line, error) from error
-    if (np.abs(joints_m) > FARTHEST_M).any():
-        raise InputError(
-            f"{path} holds positions beyond {FARTHEST_M / 1000:g} km: are they in metres?"
-        )
-    return joints_m
-
-
-def beyond_rows(last: float, rows: int) -> bool:
-    """Whether a last frame's number is a mistake: missing frames are filled in, in memory."""
-    return last > 100_000 + 10 * rows
-
-
-def _unreadable(path: Path, line: int, error: Exception) -> InputError:
-    return InputError(
-        f"{path} line {line} cannot be read as {','.join(_COLUMNS)}: {str(error)[:100]}: correct"
-        " the row or fit again"
-    )
 
 
 def write_wide_joints(motion: Motion, path: Path) -> None:
@@ -266,7 +192,7 @@ def read_hypotheses(path: Path, tree: KinematicTree = HUMAN) -> dict[int, tuple[
         lambda: np.full((len(names), 3), np.nan)
     )
     probability: dict[tuple[int, int], float] = {}
-    for line, row in enumerate(csv_rows(path, _HYPOTHESIS_COLUMNS, _LARGEST_BYTES), 2):
+    for line, row in enumerate(csv_rows(path, _HYPOTHESIS_COLUMNS, LARGEST_CSV), 2):
         try:
             if row["joint"] not in names:
                 raise ValueError(f"there is no joint {row['joint'][:40]}")

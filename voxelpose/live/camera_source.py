@@ -2,8 +2,6 @@
 several cameras that were taken at one moment, matched by their time stamps.
 """
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,7 +41,7 @@ class CameraSource:
     reader: FrameReader | None = None
 
     @classmethod
-    def parse(cls, text: str) -> CameraSource:
+    def parse(cls, text: str) -> "CameraSource":
         """Reads [NAME=]ADDRESS. InputError where there is no address, or it is a file that does not
         exist.
         """

@@ -29,10 +29,10 @@ from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import body_masks
 from silhouette_core.tuning import MEASURING
-from silhouette_core.workers import SPAWN
+from silhouette_core.workers import SPAWN, leave_interrupts
 from voxelpose.live.live_frame import Hypotheses, People, PosedBody
 from voxelpose.live.live_silhouettes import long_side_px
-from voxelpose.live.remote_object import RemoteObject, begin_process
+from voxelpose.live.remote_object import RemoteObject
 from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import body_rule
@@ -126,7 +126,7 @@ class FollowedPeople:
         side = long_side_px(rig)
         self._lenses = {c.name: UndistortedView.from_camera(c, side) for c in rig}
         self._pinholes = Rig(tuple(lens.pinhole for lens in self._lenses.values()))
-        self._executor = ProcessPoolExecutor(people, SPAWN, begin_process)
+        self._executor = ProcessPoolExecutor(people, SPAWN, leave_interrupts, (1,))
         self._follower = PoseFollowers(self._pinholes, settings, people, self._executor)
         self._hulls: list[tuple[float, NDArray[np.float32]] | None] = [None] * people
         self._warm_up(settings)

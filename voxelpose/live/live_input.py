@@ -1,7 +1,5 @@
 """From a folder and the addresses of cameras to the settings of a session."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -37,7 +35,7 @@ class LiveInput:
     sources: dict[str, CameraSource]
     fps: float
 
-    def upright(self, up: tuple[float, float, float] | None, reporter: Reporter) -> LiveInput:
+    def upright(self, up: tuple[float, float, float] | None, reporter: Reporter) -> "LiveInput":
         """The same cameras in a world with z up, in which a session works and sends; the reporter
         is told if `up`, a direction in the calibration's world, is not z. None: as that states,
         else as the cameras stand.

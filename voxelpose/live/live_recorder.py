@@ -13,10 +13,10 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from calib.atomic import unwritable
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
+from calib.storage.atomic import unwritable
 from voxelpose.live.camera_source import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS

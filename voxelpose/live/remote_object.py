@@ -1,15 +1,13 @@
 """An object in a process of its own, whose interpreter it shares with nobody."""
 
-import signal
-import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
-from multiprocessing.util import Finalize
 from typing import Any
 
 from silhouette_core.jit import set_threads
-from silhouette_core.workers import SPAWN, end_with_parent, interrupts_put_off
+from silhouette_core.workers import Child
 
 _CLOSE_S = 10  # after which a process that does not end is killed
 
@@ -23,14 +21,7 @@ class RemoteObject:
     """
 
     def __init__(self, make: Callable[..., Any], *arguments: object):
-        self._pipe, child_pipe = SPAWN.Pipe()
-        self._process = SPAWN.Process(target=_serve, args=(child_pipe, make, arguments))
-        with interrupts_put_off():
-            self._process.start()
-        child_pipe.close()
-        # At the program's end, before it waits for its processes.
-        Finalize(self, self._pipe.close, exitpriority=0)
-        self._made = False
+        self._child, self._made = Child(_serve, make, arguments), False
 
     def wait(self) -> None:
         """Waits until the object is made; what that raises is raised here, and the process ends."""
@@ -49,7 +40,7 @@ class RemoteObject:
         """
         self.wait()
         try:
-            self._pipe.send((method, arguments))
+            self._child.pipe.send((method, arguments))
         except OSError as error:
             raise _ended() from error
         return self._receive()
@@ -57,15 +48,14 @@ class RemoteObject:
     def close(self) -> None:
         """Calls the object's `close`, and ends the process."""
         try:
-            self.call("close")
-        except RuntimeError:  # it has ended already
-            pass
+            with suppress(RuntimeError):  # it has ended already
+                self.call("close")
         finally:
             self._end()
 
     def _receive(self) -> Any:
         try:
-            result, error, trace = self._pipe.recv()
+            result, error, trace = self._child.pipe.recv()
         except (EOFError, OSError) as lost:
             raise _ended() from lost
         if error is not None:
@@ -74,18 +64,8 @@ class RemoteObject:
         return result
 
     def _end(self) -> None:
-        self._pipe.close()  # which ends what serves it
-        self._process.join(_CLOSE_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-
-
-def begin_process() -> None:
-    """Keeps a process to one core, leaves interrupts to the one that began it, and ends with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    set_threads(1)
-    threading.Thread(target=end_with_parent, daemon=True).start()
+        self._child.pipe.close()  # which ends what serves it
+        self._child.end(_CLOSE_S)
 
 
 def _ended() -> RuntimeError:
@@ -94,7 +74,7 @@ def _ended() -> RuntimeError:
 
 def _serve(pipe: Connection, make: Callable[..., Any], arguments: tuple[object, ...]) -> None:
     """Makes the object, and calls its methods until the other end is closed."""
-    begin_process()
+    set_threads(1)
     made = _answer(pipe, make, arguments, keep=True)
     while made is not None:
         try:

@@ -1,7 +1,5 @@
 """Tuned numbers of the multi-view estimator: name, unit, what each does, where it comes from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from calib.documents import visible_entries
 from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from voxelpose.recording.chapters import chapters_in
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib.documents import visible_entries
 from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from voxelpose.recording.ffmpeg import finished
 from voxelpose.recording.film_track import film_track
 from voxelpose.recording.frame_reader import (

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
-from calib.documents import visible_entries
 from calib.errors import InputError, check_name
 from calib.files import read_rig
 from calib.files.anipose import read_up
+from calib.storage.documents import visible_entries
 from calib.upright import UprightFrame, up_from_cameras
 from voxelpose.recording.camera_files import (
     CALIBRATION_SUFFIXES,

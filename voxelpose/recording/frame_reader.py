@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from calib.documents import visible_entries
 from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields
 from voxelpose.recording.image_names import in_order
 

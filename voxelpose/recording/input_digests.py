@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import load_text, parse_toml
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.estimator import ONE_CAMERA
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.subject import NOTES, settings_files

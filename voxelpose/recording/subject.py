@@ -10,8 +10,8 @@ from typing import Any
 
 from platformdirs import user_config_path
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M
 
 _LARGEST_BYTES = 1_000_000

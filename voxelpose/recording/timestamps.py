@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import replacing
-from calib.documents import csv_rows
 from calib.errors import InputError
+from calib.storage.atomic import replacing
+from calib.storage.documents import csv_rows
 
 if TYPE_CHECKING:
     from voxelpose.recording.frame_reader import FrameReader

@@ -11,13 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_json
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import (
+    FARTHEST_M,
+    POSE2SIM_AXES,
+    column_names,
+    list_joints,
+    read_joints,
+    read_trc,
+)
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion
-from voxelpose.export.tables import FARTHEST_M, column_names, list_joints, read_joints
-from voxelpose.export.trc import POSE2SIM_AXES, read_trc
 
 TRUTH = "truth.json"
 TRUE_MOTION = "truth.safetensors"

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 from voxelpose.recording.frame_reader import other_size
 from voxelpose.recording.masks import painted
 

@@ -9,8 +9,8 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from calib.atomic import write_whole
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from silhouette_core.motion.anatomical import anatomical_angles
 from silhouette_core.motion.conditioning import conditioning_words, filter_warning
 from silhouette_core.motion.dynamics import is_person_tree

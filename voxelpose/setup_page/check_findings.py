@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import unwritable, write_whole
+from calib.storage.atomic import unwritable, write_whole
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on, write_repair
 from voxelpose.calibration.pictures import draw_check

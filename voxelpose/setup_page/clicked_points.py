@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import write_whole
 from calib.camera import Camera, Rig
-from calib.documents import load_text
 from calib.errors import InputError
 from calib.points import read_points, triangulate
+from calib.storage.atomic import write_whole
+from calib.storage.documents import load_text
 from calib.upright import AXES, UprightFrame, axis_name, cameras_worth, up_candidates
 from voxelpose.setup_page.page_requests import MOST_POINTS, PointClicked
 

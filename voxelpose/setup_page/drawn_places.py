@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from PIL import Image, PngImagePlugin
 from tomlkit.exceptions import TOMLKitError
 
-from calib.atomic import unwritable, write_whole
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.atomic import unwritable, write_whole
+from calib.storage.documents import load_text, parse_toml
 from calib.upright import direction_of
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording

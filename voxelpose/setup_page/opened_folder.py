@@ -4,8 +4,6 @@ Without a calibration, or with files that do not fit each other, its pictures ca
 drawn on all the same; what needs more says why it is not there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -41,7 +39,7 @@ class OpenedFolder:
         unit: str | None = None,
         fps: float | None = None,
         label: str | None = None,
-    ) -> OpenedFolder:
+    ) -> "OpenedFolder":
         """Opens a folder, with unit, frame rate and label of the person in masks/ where its files
         do not state them; InputError where it is none, or there are no pictures, or some that
         cannot be read.

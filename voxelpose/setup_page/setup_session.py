@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 from msgspec import UNSET
 
-from calib.documents import visible_entries
 from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from calib.upright import UprightFrame, axis_name, direction_of
 from silhouette_core.estimator import BackgroundKind, Settings
 from silhouette_core.image.foreground import SilhouetteStages

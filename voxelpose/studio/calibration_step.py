@@ -1,15 +1,13 @@
 """Calibration in the studio: the board, pictures of it, and what the commands found in them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 
 from msgspec import Struct
 
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_json
 from calib.errors import InputError
 from calib.points import read_points
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.folder import calibration_path

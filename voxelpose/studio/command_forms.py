@@ -2,8 +2,6 @@
 typed into it. They are named by their sections in a voxelpose.toml: fit, calibrate.board, ….
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import itertools

@@ -1,7 +1,5 @@
 """A live session in a process of its own: it is told what to do, and tells how it goes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Live in the studio: the session, its receivers, and the way to its page."""
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import time

@@ -1,15 +1,13 @@
 """Projects: the recordings in the folder that the studio reads and writes, and their results."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import unwritable
-from calib.documents import visible_entries
 from calib.errors import InputError, check_name
+from calib.storage.atomic import unwritable
+from calib.storage.documents import visible_entries
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import calibration_path, is_recording
 from voxelpose.recording.frame_reader import VIDEOS

@@ -1,7 +1,5 @@
 """Recording in the studio: its cameras, and what is recorded of them into a project."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -12,9 +10,9 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct
 
 from calib.camera import Camera
-from calib.documents import visible_entries
 from calib.errors import InputError
 from calib.files import read_rig
+from calib.storage.documents import visible_entries
 from voxelpose.cli.options import folder_settings
 from voxelpose.live.camera_source import CameraSource, list_webcams
 from voxelpose.recording.camera_files import SUBFOLDERS, pictures_by_camera

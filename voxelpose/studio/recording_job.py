@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import unwritable
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.intrinsics import corner_coverage
+from calib.storage.atomic import unwritable
 from voxelpose.calibration.board_views import BoardFinder
 from voxelpose.live.camera_source import CameraReader, CameraSource, Shot, ShotMatcher
 from voxelpose.live.live_recorder import LiveRecorder

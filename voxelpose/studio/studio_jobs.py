@@ -1,22 +1,20 @@
 """What the studio has done in a process of its own: an estimation, a calibration, an export."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from calib.atomic import replacing
 from calib.errors import InputError
+from calib.storage.atomic import replacing
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync
 from voxelpose.calibration.sync_verdict import sync_verdict
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
 from voxelpose.cli.fit import EstimationArguments
-from voxelpose.compile_ahead import tell_first_run
+from voxelpose.compile_ahead import compiling_beside
 from voxelpose.export.formats import export_motion
 from voxelpose.export.player_scene import Stage
 from voxelpose.recording.folder import Recording
@@ -34,16 +32,12 @@ def estimate(reporter: Reporter, command: EstimationArguments, root: Path) -> di
     """Runs a command of estimation into a folder below `root`; returns the name of the `result`.
     StepError where a user can correct something.
     """
-    beside = tell_first_run(reporter, [command.chosen_estimator])
     try:
-        results = command.estimate(reporter)
+        with compiling_beside(reporter, [command.chosen_estimator]):
+            results = command.estimate(reporter)
     except InputError as error:
         line = " ".join(str(error).split())
         raise StepError(line, _step_of(line, command.recording)) from error
-    finally:
-        if beside is not None:
-            beside.terminate()
-            beside.wait()
     folder = results[0].folder if len(results) == 1 else results[0].folder.parent
     return {"result": folder.resolve().relative_to(root).as_posix()}
 

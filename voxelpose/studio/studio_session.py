@@ -1,7 +1,5 @@
 """What the studio's page shows of its folder, and what it has done there."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,8 +9,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
-from calib.atomic import write_whole
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from voxelpose.cli.fit import SHARES
 from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path

@@ -1,7 +1,5 @@
 """Files that somebody sends into a project: where each belongs, and how it gets there whole."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import re
@@ -12,9 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from calib.atomic import replacing, unwritable
-from calib.documents import LARGEST_CALIBRATION, load_text, parse_toml, visible_entries
 from calib.errors import InputError
+from calib.storage.atomic import replacing, unwritable
+from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_toml, visible_entries
 from silhouette_core.body.presets import body_preset
 from voxelpose.recording.camera_files import (
     CALIBRATION_SUFFIXES,

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.checks import FloatArray
-from calib.documents import load_text
 from calib.errors import InputError
+from calib.storage.documents import load_text
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Capsule, body_of_parts

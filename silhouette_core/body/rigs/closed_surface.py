@@ -1,14 +1,19 @@
-"""Surfaces that enclose a volume, made of those that files hold.
+"""Triangles of files, and surfaces that enclose a volume, made of them.
 
 A surface is closed where every edge belongs to an even number of triangles: then every line crosses
 it an even number of times, by which points inside are told (`body.volume`).
 """
+
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calib.checks import FloatArray, IndexArray, IntArray
+from calib.errors import InputError
+from calib.storage.documents import load_text, parse_xml
 
 
 def close_surface(
@@ -72,3 +77,44 @@ def _outward(points: FloatArray, faces: IntArray) -> IntArray:
     a, b, c = (points[faces[:, k]] - points.mean(0) for k in range(3))
     volume = np.bincount(piece, (a * np.cross(b, c)).sum(1))
     return np.where((volume[piece] < 0)[:, None], faces[:, ::-1], faces)
+
+
+MESH_SUFFIXES = ".stl", ".dae", ".obj", ".ply"
+_LARGEST = 100_000_000
+
+
+def read_triangles(file: Path, most: int) -> Any:
+    """The triangles of a file, a `trimesh.Trimesh` as it stands in the file.
+
+    Args:
+        most: number of triangles that there may be.
+
+    Raises:
+        InputError: the file is missing, damaged, too large, or holds no surface.
+    """
+    import trimesh
+
+    try:
+        size = file.stat().st_size
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}") from None
+    if size > _LARGEST:
+        raise InputError(f"{file} is larger than {_LARGEST / 1e6:.0f} MB: simplify it")
+    if file.suffix.lower() == ".dae":  # its parser would follow what a document type defines
+        parse_xml(load_text(file, _LARGEST, errors="replace"), file)
+    try:
+        with file.open("rb") as stream, np.errstate(all="ignore"):
+            loaded: Any = trimesh.load_mesh(
+                stream, file_type=file.suffix[1:].lower(), process=False
+            )
+        count = len(loaded.faces) if len(loaded.vertices) else 0
+        usable = count and np.isfinite(loaded.vertices).all()
+    # Its parsers raise whatever a damaged file leads to.
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:150]
+        raise InputError(f"{file} cannot be read as a mesh ({reason}): export it again") from None
+    if not usable or loaded.faces.min() < 0 or loaded.faces.max() >= len(loaded.vertices):
+        raise InputError(f"{file} has no surface: export it again")
+    if count > most:
+        raise InputError(f"{file} has {count} triangles, above {most}: simplify it")
+    return loaded

@@ -4,8 +4,6 @@ pygltflib, with which this project writes them, decodes no accessors and makes o
 JSON it is given; trimesh reads no skins.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import struct
@@ -16,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.documents import load_bytes, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_bytes, parse_json
 from silhouette_core.body.rigs.rig_checks import short
 
 _LARGEST = 200_000_000  # bytes of a document or a buffer
@@ -36,7 +34,7 @@ class GltfDocument:
     buffers: dict[int, bytes]  #: content of its buffers, as far as they are needed.
 
     @classmethod
-    def read(cls, path: Path) -> GltfDocument:
+    def read(cls, path: Path) -> "GltfDocument":
         """Document of a file, .glb or .gltf.
 
         Raises:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from calib.checks import FloatArray, IntArray
-from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_json
 from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB

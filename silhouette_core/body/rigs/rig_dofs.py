@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
 from calib.files.fields import METRES
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.kinematic_tree import Dof
 from silhouette_core.body.rigs.rig_checks import short
 

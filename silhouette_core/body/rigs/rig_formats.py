@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigs.bvh_rig import read_bvh_rig
 from silhouette_core.body.rigs.gltf_rig import read_gltf

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from calib.checks import FloatArray, IntArray
-from calib.documents import load_text, parse_xml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_xml
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts
-from silhouette_core.body.rigs.closed_surface import close_surface
-from silhouette_core.body.rigs.mesh_file import MESH_SUFFIXES, read_triangles
+from silhouette_core.body.rigs.closed_surface import MESH_SUFFIXES, close_surface, read_triangles
 from silhouette_core.body.rigs.rig_checks import (
     LARGEST_M,
     MOST_PARTS,

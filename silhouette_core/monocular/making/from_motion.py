@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import claimed
 from calib.errors import InputError
+from calib.storage.atomic import claimed
 from silhouette_core.body.model import BodyModel
 from silhouette_core.monocular.making.proposal_learning import LearningSettings, learn_proposal
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal

@@ -2,8 +2,6 @@
 codes alone poses are to be told from single frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

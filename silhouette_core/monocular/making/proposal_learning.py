@@ -1,7 +1,5 @@
 """Training of the proposal on virtual takes of recorded motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -75,7 +73,7 @@ class LearningSettings:
     seed: int = 0  #: seed of everything random.
 
     @classmethod
-    def of_begun(cls) -> LearningSettings:
+    def of_begun(cls) -> "LearningSettings":
         """For a proposal that has learned of other motion and goes on: an eighth of the frames, a
         sixth of the steps, and a quarter of the rate of what is new.
         """

@@ -3,8 +3,6 @@
 All shapes are those of the grids of `silhouette_features`, of 60 x 80 cells.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -42,7 +40,7 @@ class ConvolutionalEncoder:
     @classmethod
     def initial(
         cls, channels: int, filters: int, codes: int, rng: np.random.Generator
-    ) -> ConvolutionalEncoder:
+    ) -> "ConvolutionalEncoder":
         """Encoder with random weights.
 
         Args:
@@ -59,7 +57,7 @@ class ConvolutionalEncoder:
     @classmethod
     def from_arrays(
         cls, name: str, channels: int, arrays: Mapping[str, NDArray]
-    ) -> ConvolutionalEncoder:
+    ) -> "ConvolutionalEncoder":
         """Encoder of the arrays of a file; `arrays` is the inverse.
 
         Args:
@@ -100,13 +98,13 @@ class ConvolutionalEncoder:
         codes = [self._linear(self._convolved(some).flat) for some in _portions(images)]
         return np.concatenate([np.zeros((0, self.codes), np.float32), *codes])
 
-    def traced(self, images: Float32Array) -> tuple[Float32Array, EncoderTrace]:
+    def traced(self, images: Float32Array) -> "tuple[Float32Array, EncoderTrace]":
         """Codes (N, K) of images (N, 60, 80, channels), and what their gradients need."""
         portions = [self._convolved(some) for some in _portions(images)]
         flat = np.concatenate([one.flat for one in portions])
         return self._linear(flat), EncoderTrace(self, portions, flat)
 
-    def ordered(self, images: Float32Array) -> ConvolutionalEncoder:
+    def ordered(self, images: Float32Array) -> "ConvolutionalEncoder":
         """The encoder whose codes are the principal components of these over images (N, 60, 80,
         channels), scaled as by `fit_basis`.
         """
@@ -117,7 +115,7 @@ class ConvolutionalEncoder:
         bias = ((self.biases[-1] - mean)[None] @ basis)[0].astype(np.float32)
         return ConvolutionalEncoder((*self.weights[:-1], weights), (*self.biases[:-1], bias))
 
-    def _convolved(self, images: Float32Array) -> _Convolved:
+    def _convolved(self, images: Float32Array) -> "_Convolved":
         patches: list[Float32Array] = []
         states = [images]
         for size, weights, bias in zip(SIZES, self.weights, self.biases, strict=False):

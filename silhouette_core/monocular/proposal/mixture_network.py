@@ -3,8 +3,6 @@
 Source: Bishop, Mixture density networks (1994).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -69,7 +67,7 @@ class MixtureNetwork:
         modes: int,
         mean_joints: RealArray,
         rng: np.random.Generator,
-    ) -> MixtureNetwork:
+    ) -> "MixtureNetwork":
         """Network with random weights, of the dtype of `mean_joints`.
 
         Args:

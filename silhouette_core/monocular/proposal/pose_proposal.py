@@ -1,7 +1,5 @@
 """Learned proposal: probable poses from silhouettes, stored in the pose library."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -42,7 +40,7 @@ _JOINT_INPUTS = SEEN_CODES * (1 + len(OFFSETS_S))
 class PoseProposal:
     """Trained network and encoding of silhouettes, see `proposal_learning.learn_proposal`."""
 
-    encoding: SilhouetteEncoding  #: makes what the network reads of silhouettes.
+    encoding: "SilhouetteEncoding"  #: makes what the network reads of silhouettes.
     network: MixtureNetwork  #: the network, float32.
 
     def codes(self, masks: BoolArray) -> SilhouetteCodes:
@@ -98,7 +96,7 @@ class PoseProposal:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> PoseProposal:
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> "PoseProposal":
         """Proposal of the arrays of a file.
 
         Raises:
@@ -183,7 +181,7 @@ class SilhouetteEncoding:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> SilhouetteEncoding:
+    def from_arrays(cls, arrays: Mapping[str, NDArray]) -> "SilhouetteEncoding":
         """Encoding of the arrays of a file.
 
         Raises:

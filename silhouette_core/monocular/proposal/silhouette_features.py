@@ -11,8 +11,6 @@ behind it. Both are read by a second encoder. Where a pose network sees joints i
 places are read as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -63,11 +61,11 @@ class SilhouetteCodes:
     joints: RealArray  #: (T, 45), of the joints that are seen, see `seen_codes`; 0 where none are.
 
     @classmethod
-    def joined(cls, parts: Sequence[SilhouetteCodes]) -> SilhouetteCodes:
+    def joined(cls, parts: "Sequence[SilhouetteCodes]") -> "SilhouetteCodes":
         """Codes of several sequences of silhouettes, one after the other."""
         return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
-    def __getitem__(self, rows: IndexArray | slice) -> SilhouetteCodes:
+    def __getitem__(self, rows: IndexArray | slice) -> "SilhouetteCodes":
         """Codes of some of the silhouettes."""
         return SilhouetteCodes(*(codes[rows] for codes in vars(self).values()))
 
@@ -83,7 +81,7 @@ class InsideGrids:
     skin: ByteArray  #: (..., 60, 80) uint8, 0 to 4, what has the colours of the head.
     shading: ByteArray  #: (..., 60, 80) uint8, see `shading_grid`.
 
-    def with_mirror_image(self) -> InsideGrids:
+    def with_mirror_image(self) -> "InsideGrids":
         """Grids (2, 60, 80): these (60, 80) and their mirror image."""
         return InsideGrids(*(np.stack([one, one[:, ::-1]]) for one in (self.skin, self.shading)))
 

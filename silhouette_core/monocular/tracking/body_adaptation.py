@@ -13,8 +13,8 @@ from silhouette_core.monocular.tuning import ADAPTING
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.refinement.adaptation import Stature, adapt_shape, clothed_covariance
-from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.observation import Observation, PinholeViews
+from silhouette_core.refinement.proposed_poses import place_bodies
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.backend import Backend

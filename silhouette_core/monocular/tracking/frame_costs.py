@@ -4,8 +4,6 @@ Beyond paper A. A term is a deviation in sigmas, squared and halved; each satura
 where its reason may not hold. `CostSettings` is their table.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -112,7 +110,7 @@ class TrackerSettings:
     """Whether frames are also tracked from the last to the first, if later ones are waited for."""
 
     @classmethod
-    def of_given_body(cls, length_m: float) -> TrackerSettings:
+    def of_given_body(cls, length_m: float) -> "TrackerSettings":
         """Settings for a body of a length that is no person's: nobody knows which poses it usually
         takes, its surface is known exactly, and its steps are stated wide.
         """
@@ -129,6 +127,6 @@ class TrackerSettings:
             both_ways=True,
         )
 
-    def coarser(self) -> TrackerSettings:
+    def coarser(self) -> "TrackerSettings":
         """Settings that keep up with a camera."""
         return replace(self, surface_points=350)

@@ -32,10 +32,9 @@ from silhouette_core.monocular.tracking.body_heading import (
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.ranking import rounded
-from silhouette_core.refinement.joint_placement import place_bodies
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.proposed_poses import ProposedPoses
+from silhouette_core.refinement.proposed_poses import ProposedPoses, place_bodies
 from silhouette_core.refinement.refine import RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.tuning import REFINEMENT

@@ -1,7 +1,5 @@
 """Pixel weights of one frame's silhouette, and the silhouette distance of posed bodies from it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -63,7 +61,7 @@ class SignedWeights:
     backend: Backend  #: Scores the poses.
 
     @classmethod
-    def from_window(cls, window: Window, backend: Backend, reduction: int) -> SignedWeights:
+    def from_window(cls, window: Window, backend: Backend, reduction: int) -> "SignedWeights":
         """Weighs a window's silhouette at full, half or quarter size (`reduction` 1, 2, 4)."""
         mask, weights = relative_weights(window, reduction)
         center = (window.axis_px + 0.5) / reduction - 0.5

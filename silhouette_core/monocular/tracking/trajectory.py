@@ -3,8 +3,6 @@
 Frames are decided in blocks, so that memory does not grow with the length of a video.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -55,7 +53,7 @@ class PendingFrame:
     note: Any  #: what the proposer keeps of it.
 
     @classmethod
-    def of(cls, number: int, time_s: float, person: Person, note: Any) -> PendingFrame:
+    def of(cls, number: int, time_s: float, person: Person, note: Any) -> "PendingFrame":
         """Packs a frame; see the attributes."""
         bare = replace(person, mask=np.zeros((0, 0), bool))
         bits = np.packbits(person.mask, axis=1)

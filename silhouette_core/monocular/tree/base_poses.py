@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.checks import Float32Array, FloatArray, IndexArray, IntArray, float_array
 from calib.errors import InputError
-from silhouette_core.monocular.tree.kernels.thinning import thin_rows
+from silhouette_core.monocular.tree.kernels.near_poses import thin_rows
 from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS

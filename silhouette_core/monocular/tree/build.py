@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from calib.atomic import write_whole
 from calib.checks import FloatArray
 from calib.errors import InputError
+from calib.storage.atomic import write_whole
 from silhouette_core.body.body_arrays import body_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.spans import Spans

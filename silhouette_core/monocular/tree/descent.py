@@ -13,8 +13,7 @@ from silhouette_core.monocular.window import Window
 from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.motion.pose import PoseArrays
 from silhouette_core.ranking import rounded
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Backend, Target
 
 _REACH = range(-1, 2)
 SHIFTS_PX = np.array([(right, down) for down in _REACH for right in _REACH])

@@ -30,8 +30,7 @@ from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M
 from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.ranking import rounded
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Backend, Target
 
 _COARSEST = 4  # pixels of the window in one of the first level
 _MOST_STEPS = 30  # frame intervals without a silhouette that are predicted one by one

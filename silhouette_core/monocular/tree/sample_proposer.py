@@ -22,8 +22,7 @@ from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart
 from silhouette_core.refinement.surface import Surface
-from silhouette_core.scoring.backend import Backend
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Backend, Target
 from silhouette_core.tracking.beam import select_different
 from silhouette_core.tuning import REFINEMENT
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
-from calib.atomic import replacing
 from calib.errors import InputError
+from calib.storage.atomic import replacing
 from silhouette_core.body.body_arrays import body_arrays, body_from_arrays
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape

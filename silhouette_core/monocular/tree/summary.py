@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import write_whole
 from calib.checks import ByteArray
+from calib.storage.atomic import write_whole
 from silhouette_core.monocular.tree.pose_library import PoseLibrary, describe_body
 
 _ROWS, _ACROSS = 9, 10

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from calib.checks import BoolArray, Float32Array, FloatArray, IntArray, RealArray
-from silhouette_core.monocular.tree.kernels import transitions as kernels
+from silhouette_core.monocular.tree.kernels import near_poses as kernels
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
 from silhouette_core.motion.kinematics import rotation_matrices

@@ -1,7 +1,5 @@
 """Silhouette tree: a library's samples divided recursively by their silhouette distances."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -15,8 +13,8 @@ from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.monocular.tree.rendering import masks_of
 from silhouette_core.progress import Reporter, SilentReporter
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 # Larger sets are scored by all threads together, smaller ones by one thread each.
 _LARGE = 2048
@@ -100,7 +98,7 @@ class Split:
     nearest_node: NDArray[np.int32]  #: (n,) int32, index of the nearest representative.
 
     @classmethod
-    def start(cls, samples: IntArray, poses: PoseSpace) -> Split:
+    def start(cls, samples: IntArray, poses: PoseSpace) -> "Split":
         r"""Division with its first representative.
 
         Step (1): the representative of the first node is the sample nearest to the mean of the set
@@ -196,7 +194,7 @@ class Nodes:
         return np.split(self.members.astype(np.int64), self.offsets[1:-1])
 
     @classmethod
-    def from_groups(cls, groups: list[list[IntArray]], poses: PoseSpace) -> Nodes:
+    def from_groups(cls, groups: list[list[IntArray]], poses: PoseSpace) -> "Nodes":
         r"""Nodes of divided sets, with representatives chosen again.
 
         Step (4): the representative of a node is the sample nearest to the mean of its set

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.checks import FloatArray, IntArray
-from calib.documents import load_text, parse_json
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_json
 from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
 from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, check_numbers
 

@@ -1,7 +1,5 @@
 """Joint-name maps: the names of the joints that move the body model's parts in a skeleton."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Sequence
@@ -9,8 +7,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from calib.storage.documents import load_text, parse_toml
 
 _SIDES = ("left", "right")
 _MIDDLE = ("pelvis", "lumbar", "thorax", "neck", "head")
@@ -35,7 +33,7 @@ class NameMap:
     names: dict[str, tuple[str, ...]]  #: for each role, possible names, best first.
 
     @classmethod
-    def read(cls, path: Path) -> NameMap:
+    def read(cls, path: Path) -> "NameMap":
         """Map of a TOML file.
 
         One line for each role, `pelvis = "Hips"` or a list of names, of which the first in the
@@ -49,7 +47,7 @@ class NameMap:
         return cls._from_toml(path.name, parse_toml(text, path))
 
     @classmethod
-    def shipped(cls) -> list[NameMap]:
+    def shipped(cls) -> "list[NameMap]":
         """Maps that are part of the program."""
         folder = files("silhouette_core.motion.mocap") / "maps"
         return [
@@ -60,7 +58,7 @@ class NameMap:
         ]
 
     @classmethod
-    def _from_toml(cls, title: str, table: dict) -> NameMap:
+    def _from_toml(cls, title: str, table: dict) -> "NameMap":
         names: dict[str, tuple[str, ...]] = {}
         for key, value in table.items():
             spellings = [value] if isinstance(value, str) else value

@@ -1,7 +1,5 @@
 """Recorded skeleton and the transforms of its joints, whatever the file's format."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -33,11 +31,11 @@ class MocapClip:
         """Key of the skeleton: joints, and offsets to a hundredth of the file's unit."""
         return self.joints, self.offsets.round(2).tobytes()
 
-    def posed(self, rotations: FloatArray, positions: FloatArray) -> MocapClip:
+    def posed(self, rotations: FloatArray, positions: FloatArray) -> "MocapClip":
         """The same skeleton in other poses."""
         return replace(self, rotations=rotations, positions=positions)
 
-    def at_rate(self, fps: float) -> MocapClip:
+    def at_rate(self, fps: float) -> "MocapClip":
         """Frames nearest to those of a lower frame rate; unchanged if the rate is lower already."""
         if self.fps <= fps:
             return self

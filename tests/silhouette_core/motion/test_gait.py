@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouette_core.motion.gait import WalkerPoints, find_gait, gait_of_points, walker_points
+from silhouette_core.motion.gait import WalkerPoints, _bouts, _gait_of, find_gait, walker_points
 from silhouette_core.motion.gait_values import SIDES, Spread, Stride, normalised_cycles
 from tests.clips import waving
 
@@ -43,7 +43,7 @@ def walker(seconds=6.0, heading_deg=30.0, pace=1.0, reach=1.0, facing_deg=0.0) -
 
 
 def test_a_walker_has_the_steps_that_were_made():
-    gait = gait_of_points(walker())
+    gait = _gait_of(_bouts(walker()))
     assert gait is not None
     frame = 1 / FPS
     for side, first in (("left", 0.0), ("right", STEP_S)):
@@ -78,7 +78,7 @@ def test_noise_of_15_mm_that_was_filtered_moves_events_by_less_than_a_frame():
         for name in ("pelvis_m", "heels_m", "toes_m"):
             noise = rng.normal(0, 0.015, (len(exact.time_s) + 1, *getattr(exact, name).shape[1:]))
             noisy[name] = getattr(exact, name) + (noise[1:] + noise[:-1]) / 2
-        gait = gait_of_points(replace(exact, **noisy))
+        gait = _gait_of(_bouts(replace(exact, **noisy)))
         assert gait is not None
         found += [(time, 0.0) for time in gait.contacts_s["left"]]
         found += [(time, STEP_S) for time in gait.contacts_s["right"]]
@@ -115,14 +115,14 @@ def jumping(points: WalkerPoints) -> WalkerPoints:
     ids=["on the spot", "fast", "sideways", "backwards", "short", "treadmill", "jumps"],
 )
 def test_nobody_else_walks(points):
-    assert gait_of_points(points) is None
+    assert _gait_of(_bouts(points)) is None
 
 
 def test_of_somebody_who_stops_the_walking_is_told():
     exact = walker(8.0)
     held = np.minimum(np.arange(len(exact.time_s)), int(5 * FPS))  # stands still after 5 s
     stopped = {name: getattr(exact, name)[held] for name in ("pelvis_m", "heels_m", "toes_m")}
-    gait = gait_of_points(replace(exact, **stopped))
+    gait = _gait_of(_bouts(replace(exact, **stopped)))
     assert gait is not None
     assert max(max(times) for times in gait.contacts_s.values()) < 5
     assert gait.cadence_per_min == pytest.approx(60 / STEP_S, rel=0.03)

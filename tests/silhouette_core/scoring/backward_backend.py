@@ -4,9 +4,8 @@ import numpy as np
 
 from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
-from silhouette_core.scoring.backend import chosen_spans
+from silhouette_core.scoring.backend import Target, chosen_spans
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 
 
 class BackwardBackend(CpuBackend):

@@ -14,10 +14,9 @@ from calib.errors import InputError
 from examples.numpy_backend import NumpyBackend, ResidentCopies
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
-from silhouette_core.scoring.backend import load_backend
+from silhouette_core.scoring.backend import Target, load_backend
 from silhouette_core.scoring.conformance import BackendConformance
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 from tests.outside import METHODS, install_backends
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from silhouette_core.scoring.target import Target
+from silhouette_core.scoring.backend import Target
 
 
 def test_the_sums_are_those_of_the_signed_weights():

@@ -18,6 +18,7 @@ from silhouette_core.body.rigs.bvh_rig import read_bvh_rig
 from silhouette_core.body.rigs.gltf_rig import read_gltf
 from silhouette_core.body.rigs.rig_dofs import ball_joint
 from silhouette_core.motion.anatomical import anatomical_angles
+from silhouette_core.motion.joint_files import column_names, read_joints
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.sources import ring
@@ -26,7 +27,7 @@ from voxelpose.export.bvh import write_bvh
 from voxelpose.export.formats import export_motion
 from voxelpose.export.gltf import write_glb
 from voxelpose.export.opensim import write_mot
-from voxelpose.export.tables import column_names, read_joints, write_angles
+from voxelpose.export.tables import write_angles
 from voxelpose.view.images.figure import FigurePainter, skeleton_bones, skeleton_joints
 
 MOTION = example_motion("quadruped", 3)

@@ -7,8 +7,9 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import read_joints
 from tests.clips import waving
-from voxelpose.export.tables import read_joints, write_joints
+from voxelpose.export.tables import write_joints
 
 
 def test_one_row_per_frame_and_joint(tmp_path):

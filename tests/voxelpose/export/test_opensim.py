@@ -9,10 +9,10 @@ from calib.errors import InputError
 from examples.bodies.example_motions import example_motion
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.motion.joint_files import read_trc
 from tests.clips import waving
 from voxelpose.export.formats import export_motion
 from voxelpose.export.opensim import OpenSimMarker, opensim_markers
-from voxelpose.export.trc import read_trc
 
 # Of Rajagopal et al.'s model (2016).
 BODIES = {"pelvis", "torso"} | {

@@ -5,9 +5,10 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.joint_files import read_trc
 from tests.clips import waving
 from voxelpose.evaluation import score_motion
-from voxelpose.export.trc import read_trc, write_trc
+from voxelpose.export.trc import write_trc
 from voxelpose.recording.truth import read_truth
 
 POSE2SIM = {

@@ -7,7 +7,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.refinement.observation import PinholeViews
 from tests.voxelpose.multiview.carving.carving_scenes import ring
-from voxelpose.multiview.person.triangulated_joints import triangulated, triangulated_proposals
+from voxelpose.multiview.person.proposals import triangulated, triangulated_proposals
 
 RIG = ring(4)
 VIEWS = PinholeViews.from_rig(RIG)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calib.atomic import replacing
 from calib.checks import check_array
+from calib.storage.atomic import replacing
 from voxelpose.multiview.carving.grid import VoxelGrid
 
 _RELAXATIONS = 5

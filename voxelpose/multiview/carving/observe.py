@@ -1,7 +1,5 @@
 """One body's hull and silhouettes from the raw silhouettes of one frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -137,7 +135,7 @@ class HullObserver:
             low, low + volume.size_m, max(CARVING.coarse_m, voxel_size_m)
         )
 
-    def with_unknown(self, unknown: Sequence[np.ndarray]) -> HullObserver:
+    def with_unknown(self, unknown: Sequence[np.ndarray]) -> "HullObserver":
         """The same for a frame in which more is unknown: C arrays (h, w) bool."""
         marked = self.views.unknown or [np.False_] * len(unknown)
         views = replace(

@@ -1,7 +1,5 @@
 """A body filled with points, limb by limb, to be placed many times."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -75,7 +73,7 @@ class BodyVolume:
     limbs: tuple[Limb, ...]
 
     @classmethod
-    def from_model(cls, model: BodyModel, spacing_m: float, backend_name: str) -> BodyVolume:
+    def from_model(cls, model: BodyModel, spacing_m: float, backend_name: str) -> "BodyVolume":
         """Fills a body, one point every `spacing_m` along each axis."""
         parts = model.part_points(spacing_m)
         points, limbs = {}, limbs_of(model, parts, spacing_m)

@@ -5,8 +5,6 @@ the 27 parts as a rigid group (a forearm with its hand), turned by the joint ang
 placement shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Paper B: a posture from voxels, part by part and breadth first, interfering parts jointly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ far as it is nearer to it than to them. Fitting one person after the other so lo
 exclusive or of the silhouettes and all bodies together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 

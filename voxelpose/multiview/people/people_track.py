@@ -1,7 +1,5 @@
 """Several people followed beside each other: beside pieces of hull first, then beside bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Several people followed through frames as they come, each beside the others, who are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ nobody's: phantoms. A set of people is right where it is the smallest that expla
 over the whole time and not frame by frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Who comes back: somebody who was away too long to be known by the place, told by the colours."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

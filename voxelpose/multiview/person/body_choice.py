@@ -1,7 +1,5 @@
 """The person that is fitted: of some candidates the one of least cost, see `posterior`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -39,8 +37,11 @@ from voxelpose.multiview.person.posterior import (
     is_improbable,
     is_unusual,
 )
-from voxelpose.multiview.person.proposals import FrameProposals, proposals_of
-from voxelpose.multiview.person.triangulated_joints import triangulated_proposals
+from voxelpose.multiview.person.proposals import (
+    FrameProposals,
+    proposals_of,
+    triangulated_proposals,
+)
 from voxelpose.multiview.proposers.pose_search import (
     HEADINGS,
     MORE_PLACEMENTS,

@@ -10,8 +10,6 @@ right bodies, of all recordings, are spread about :math:`e_0`. What is unknown, 
 left out, are no part of an error. The numbers are in `PersonCost`, the terms in `cost_terms`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -93,7 +91,7 @@ class StatureEvidence:
     @classmethod
     def from_frames(
         cls, frames: Mapping[int, FrameObservation], settings: Settings
-    ) -> StatureEvidence:
+    ) -> "StatureEvidence":
         """StatureEvidence of some frames by number."""
         heights_m = [hull_height_m(frame) for frame in frames.values()]
         unsure = float(np.median([distance_sigma(frame) for frame in frames.values()]))

@@ -1,7 +1,5 @@
 """Whether hulls are of a person's size: those of a calibration in a wrong unit are not."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

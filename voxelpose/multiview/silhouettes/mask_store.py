@@ -1,14 +1,12 @@
 """Silhouettes of a recording, kept on disk as compressed bits."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 
-from silhouette_core.scratch_file import ScratchFile
+from calib.storage.temporary import ScratchFile
 
 
 class MaskStore:

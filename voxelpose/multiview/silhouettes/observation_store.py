@@ -1,7 +1,5 @@
 """Observations of a recording's frames: each hull is carved once and kept on disk."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -11,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.storage.temporary import ScratchFile
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
-from silhouette_core.scratch_file import ScratchFile
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import (
     COMPONENT,
@@ -36,9 +34,9 @@ def carved_observations(
     masks: MaskStore,
     clock: StageClock,
     reporter: Reporter,
-    other_people: OtherPeople | None = None,
+    other_people: "OtherPeople | None" = None,
     seen: JointsOf | None = None,
-) -> Iterator[ObservationStore]:
+) -> "Iterator[ObservationStore]":
     """Observations of all frames, whose hulls are carved, for a `with` block.
 
     Args:

@@ -2,8 +2,6 @@
 world upright, what was missed completed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -144,7 +142,7 @@ class PreparedSilhouettes:
     background_estimated: bool
 
     @contextmanager
-    def without(self, hidden: Sequence[np.ndarray]) -> Iterator[PreparedSilhouettes]:
+    def without(self, hidden: Sequence[np.ndarray]) -> "Iterator[PreparedSilhouettes]":
         """The same for a `with` block, with more that is unknown: C arrays (h, w) bool."""
         marked = self.observer.views.unknown or [np.False_] * len(hidden)
         unknown = tuple(new | old for new, old in zip(hidden, marked, strict=True))

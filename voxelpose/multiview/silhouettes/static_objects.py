@@ -2,8 +2,6 @@
 body, always in the same place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

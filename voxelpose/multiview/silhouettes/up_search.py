@@ -1,7 +1,5 @@
 """Which way is up, by how the cameras stand and, where that leaves a doubt, by the person."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

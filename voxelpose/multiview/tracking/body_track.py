@@ -2,8 +2,6 @@
 forward and backward, and live.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -51,7 +49,7 @@ class Moment:
     unknown: _Bits | None = None
 
     @classmethod
-    def of(cls, time_s: float, masks: Masks, unknown: Masks | None = None) -> Moment:
+    def of(cls, time_s: float, masks: Masks, unknown: Masks | None = None) -> "Moment":
         """Packs silhouettes, and what is unknown, (h, w) bool by camera name."""
         return cls(time_s, _packed(masks), None if unknown is None else _packed(unknown))
 
@@ -124,7 +122,7 @@ class BodyTrack:
             )
         return PosePrior(pose, sigma)
 
-    def step(self, observation: Observation, time_s: float) -> BodyTrack:
+    def step(self, observation: Observation, time_s: float) -> "BodyTrack":
         """Track with the next frame."""
         prior = self.predict(time_s)
         # The longer since the last frame, the farther it may have moved.
@@ -142,14 +140,14 @@ class BodyTrack:
         errors = (*self.errors[1 - RECENT :], fit.error)
         return BodyTrack(self.body, time_s, fit, (self.time_s, self.fit.pose), errors)
 
-    def with_limbs(self, observation: Observation) -> BodyTrack:
+    def with_limbs(self, observation: Observation) -> "BodyTrack":
         """Track with arms and legs searched again in its latest frame; itself where no better."""
         moved = move_limbs(self.body, observation, self.fit)
         if moved.error >= self.fit.error:
             return self
         return replace(self, fit=moved, errors=(*self.errors[:-1], moved.error))
 
-    def follow(self, rig: Rig, moment: Moment) -> BodyTrack:
+    def follow(self, rig: Rig, moment: Moment) -> "BodyTrack":
         """Track with the next frame of pinhole cameras, of which only what is near to the predicted
         pose counts.
         """

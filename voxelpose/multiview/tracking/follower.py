@@ -5,8 +5,6 @@ for a pose without a prior, the search of arms and legs, the body's proportions)
 one frame, and then catches up with the frames that have come since.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace

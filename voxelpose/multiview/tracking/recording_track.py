@@ -1,7 +1,5 @@
 """The body's poses in all frames of a recording: first poses, tracking, proportions, refinement."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -110,7 +108,7 @@ class TrackWork:
     reporter: Reporter
     numbers: NDArray[np.int64] | None = None  #: of the frames; None: none is left out.
 
-    def of_anybody(self) -> TrackWork:
+    def of_anybody(self) -> "TrackWork":
         """The same of somebody of whom nothing was told: what was, is one person's of several."""
         return replace(self, settings=self.settings.of_anybody, known=None)
 

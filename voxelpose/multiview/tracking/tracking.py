@@ -6,8 +6,6 @@ candidate, beside those that others become. So which limb was wrong for a while,
 or who was turned round, is decided by the cost of the whole trajectory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from threading import Lock

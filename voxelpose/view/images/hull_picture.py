@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import replacing, write_whole
 from calib.errors import InputError
+from calib.storage.atomic import replacing, write_whole
 from silhouette_core.body.model import BodyModel
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion import kinematics

@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.atomic import write_whole
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.moments import even_moments
+from calib.storage.atomic import write_whole
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Frame, FrameSource
 from silhouette_core.image.plausibility import ImplausibleSilhouettesError, telling_frames

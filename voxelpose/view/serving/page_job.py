@@ -2,8 +2,6 @@
 meanwhile, and ended at once where somebody stops it.
 """
 
-from __future__ import annotations
-
 import signal
 import threading
 import time
@@ -15,7 +13,7 @@ from typing import Any
 
 from calib.errors import InputError
 from silhouette_core.progress import OverallProgress
-from silhouette_core.workers import SPAWN, end_with_parent
+from silhouette_core.workers import Child
 
 _STOP_S = 8  # after which a process that does not end is killed
 _TELL_EVERY_MS = 100
@@ -46,8 +44,7 @@ class PageJob:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._process: Any = None
-        self._pipe: Any = None
+        self._child: Child | None = None
         self._pictures: dict[str, bytes] = {}
         self._thread: threading.Thread | None = None
         self._stopping = False
@@ -84,17 +81,13 @@ class PageJob:
                     f"the {self._state['kind']} of {self._state['of']} is still running: wait for"
                     " its end, or stop it"
                 )
-            pipe, child_pipe = SPAWN.Pipe()
-            self._process = SPAWN.Process(target=_run, args=(child_pipe, work, arguments))
-            self._process.start()
-            child_pipe.close()
-            self._pipe, self._pictures = pipe, {}
+            self._child, self._pictures = Child(_run, work, arguments), {}
             self._stopping, self._started_s, self._step = False, time.monotonic(), step
             self._overall = None if shares is None else OverallProgress(shares)
             self._state = {"state": "running", "kind": kind, "of": of, "notes": []}
             self._update(stage=_BEGINNING, done=0, total=None, part=None)
             self._thread = threading.Thread(
-                target=self._listen, args=(pipe, self._process), name="job of the page", daemon=True
+                target=self._listen, args=(self._child,), name="job of the page", daemon=True
             )
             self._thread.start()
 
@@ -116,19 +109,18 @@ class PageJob:
     def ask(self, word: str) -> None:
         """Asks something of the job that is running, which looks for it in its own time."""
         with self._lock:
-            if self._state["state"] == "running" and self._pipe is not None:
+            if self._state["state"] == "running" and self._child is not None:
                 with suppress(OSError):  # it ends just now
-                    self._pipe.send(word)
+                    self._child.pipe.send(word)
 
     def stop(self) -> None:
         """Ends the job that is running; nothing that it had not finished is left."""
         with self._lock:
-            if self._state["state"] != "running":
+            if self._state["state"] != "running" or self._child is None:
                 return
-            self._stopping = True
-            process = self._process
-        process.terminate()
-        threading.Thread(target=_kill_later, args=(process,), daemon=True).start()
+            self._stopping, child = True, self._child
+        child.terminate()
+        threading.Thread(target=child.end, args=(_STOP_S,), daemon=True).start()
 
     def forget(self) -> None:
         """Becomes idle where no job is running: what the last one found counts no longer."""
@@ -147,22 +139,19 @@ class PageJob:
         self._state |= changes
         self.version += 1
 
-    def _listen(self, pipe: Connection, process: Any) -> None:
+    def _listen(self, child: Child) -> None:
         kind = "at"
         while kind not in ("done", "failed"):
             content: Any = (_ENDED, "")
             try:
-                kind, content = pipe.recv()
+                kind, content = child.pipe.recv()
             except (EOFError, OSError):
                 kind = "failed"
             if kind in ("done", "failed"):
-                process.join(_STOP_S)  # its files are all there, or gone
+                child.wait(_STOP_S)  # its files are all there, or gone
             with self._lock:
                 self._update_from(kind, content)
-        with self._lock:
-            self._pipe = None
-        pipe.close()
-        process.join()
+        child.pipe.close()
 
     def _update_from(self, kind: str, content: Any) -> None:
         if kind == "at":
@@ -233,9 +222,7 @@ class JobReporter:
 
 
 def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ...]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's program ends this one
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    threading.Thread(target=end_with_parent, daemon=True).start()
     reporter = JobReporter(pipe)
     try:
         outcome, content = "done", work(reporter, *arguments)
@@ -251,9 +238,3 @@ def _run(pipe: Connection, work: Callable[..., Any], arguments: tuple[object, ..
         traceback.print_exc()
         outcome, content = "failed", (_BUG, "")
     reporter.send(outcome, content)
-
-
-def _kill_later(process: Any) -> None:
-    process.join(_STOP_S)
-    if process.is_alive():
-        process.kill()

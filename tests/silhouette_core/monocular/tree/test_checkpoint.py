@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calib.atomic import claimed
 from calib.errors import InputError
+from calib.storage.atomic import claimed
 from silhouette_core.monocular.making import from_motion
 from silhouette_core.monocular.tree.build import Checkpoint
 from silhouette_core.monocular.tree.pose_library import LibrarySettings

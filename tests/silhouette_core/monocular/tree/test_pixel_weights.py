@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, nwxor_weights
+from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
-from silhouette_core.scoring.target import Target
 from tests.silhouette_core.image.drawn_figures import figure
 
 WINDOW = 0, 0, 320, 240

@@ -7,8 +7,10 @@ import sys
 
 import pytest
 
-from calib import atomic
-from calib.atomic import (
+from calib.errors import InputError
+from calib.files import RIG_FORMATS, WRITTEN, write_rig
+from calib.storage import atomic
+from calib.storage.atomic import (
     FolderWriter,
     claimed,
     remove_leftovers,
@@ -16,8 +18,6 @@ from calib.atomic import (
     write_whole,
     written_paths,
 )
-from calib.errors import InputError
-from calib.files import RIG_FORMATS, WRITTEN, write_rig
 from tests.calib.rigs import PINHOLE, some_rig
 
 GONE = "2147483000"  # no process has this number
@@ -115,7 +115,7 @@ def test_completed_files_are_remembered(tmp_path):
 def test_two_processes_cannot_write_one_folder(tmp_path):
     out = tmp_path / "out"
     code = (
-        "import sys\nfrom calib.atomic import FolderWriter\n"
+        "import sys\nfrom calib.storage.atomic import FolderWriter\n"
         "with FolderWriter(sys.argv[1]) as folder:\n"
         "    print('in', flush=True)\n    sys.stdin.read()\n    (folder / 'file').touch()\n"
     )

@@ -7,7 +7,7 @@ import tempfile
 import pytest
 
 from calib.errors import InputError
-from calib.private_folder import private_folder
+from calib.storage.temporary import private_folder
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has a folder for each user")
 

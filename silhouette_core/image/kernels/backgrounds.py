@@ -1,7 +1,9 @@
-"""Colours of a pixel over time, and which of them is the background's.
+"""Backgrounds, pixel by pixel: their subtraction and median, colours of a pixel over time and which
+of them is the background's.
 
-Source: ours; the messages are those of belief propagation (Felzenszwalb and Huttenlocher, 2006).
-Called by `silhouette_core.image.empty_scene`. Reference: `tests.oracles.image`.
+Source: the subtraction is Okada and Stenger's, section 5.1, the rest ours; messages are those of
+belief propagation (Felzenszwalb and Huttenlocher, 2006). Called by `background` and `empty_scene`
+of `silhouette_core.image`. Reference: `tests.oracles.image`.
 """
 
 import numpy as np
@@ -156,3 +158,50 @@ def _send(unary, messages, costs, source, row, column, y, x):
         least = min(least, lowest)
     for label in range(count):
         messages[source, y, x, label] -= least
+
+
+@kernel
+def paper_mask(
+    frame, mean, unit_mean, half_precision, log_peak, log_threshold, raw_threshold, mask
+):
+    """Fills mask (H, W) bool: improbable normalised colour, or a clearly different colour."""
+    height, width = mask.shape
+    limit = raw_threshold * raw_threshold
+    for row in range(height):
+        for column in range(width):
+            squares = np.float32(0.0)
+            difference = np.float32(0.0)
+            for channel in range(3):
+                value = np.float32(frame[row, column, channel])
+                squares += value * value
+                step = value - mean[row, column, channel]
+                difference += step * step
+            scale = np.float32(1.0) / max(np.sqrt(squares), np.float32(1.0))
+            log_likelihood = log_peak[row, column]
+            for channel in range(3):
+                step = (
+                    np.float32(frame[row, column, channel]) * scale
+                    - unit_mean[row, column, channel]
+                )
+                log_likelihood -= step * step * half_precision[row, column, channel]
+            mask[row, column] = log_likelihood < log_threshold or difference > limit
+
+
+@kernel
+def median(stack, out):
+    """Fills out (H, W, 3) float32: the lower median over time of frames (T, H, W, 3) uint8."""
+    count, height, width = stack.shape[0], stack.shape[1], stack.shape[2]
+    half = (count + 1) // 2
+    for row in range(height):
+        histogram = np.zeros(256, np.int32)
+        for column in range(width):
+            for channel in range(3):
+                histogram[:] = 0
+                for k in range(count):
+                    histogram[stack[k, row, column, channel]] += 1
+                middle = 0
+                seen = histogram[0]
+                while seen < half:
+                    middle += 1
+                    seen += histogram[middle]
+                out[row, column, channel] = middle

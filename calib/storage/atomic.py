@@ -97,13 +97,6 @@ def partial_mark() -> str:
     return f"partial-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
-def remove_all_partials(folder: Path) -> list[Path]:
-    """Removes what processes that are gone have left of any file in a folder, not in folders of it;
-    returns what was removed.
-    """
-    return _removed(folder, _PARTIAL.format(stem=".+", suffix=r"(\..+)?"))
-
-
 def is_disk_full(error: OSError) -> bool:
     """Whether an error means that the disk, or the user's quota, is full."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT)
@@ -119,6 +112,7 @@ def unwritable(path: Path, error: OSError) -> InputError:
 
 
 def _removed(folder: Path, pattern: str) -> list[Path]:
+    """Removes what processes that are gone have left of files in a folder; returns it."""
     import psutil
 
     removed = []
@@ -361,7 +355,7 @@ def remove_leftovers(folder: Path) -> list[Path]:
     Raises:
         InputError: the folder cannot be read.
     """
-    removed = remove_all_partials(folder)
+    removed = _removed(folder, _PARTIAL.format(stem=".+", suffix=r"(\..+)?"))
     try:
         entries = sorted(folder.iterdir())
     except OSError as error:

@@ -1,7 +1,7 @@
 import pytest
 
-from calib.documents import csv_rows, load_text, parse_json, parse_toml, parse_xml
 from calib.errors import InputError
+from calib.storage.documents import csv_rows, load_text, parse_json, parse_toml, parse_xml
 
 
 def test_text_is_bounded_and_decoded(tmp_path):

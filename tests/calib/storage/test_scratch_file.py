@@ -6,7 +6,7 @@ import tempfile
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.scratch_file import ScratchFile
+from calib.storage.temporary import ScratchFile
 
 
 def test_what_was_written_is_read(tmp_path, monkeypatch):
