@@ -23,7 +23,9 @@ from silhouette_core.estimator import BackgroundKind
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
 from silhouette_core.network_files import NetworkUse
+from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
+from voxelpose.reliability import Verdict
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
@@ -86,13 +88,6 @@ class _Facts(msgspec.Struct):
     late_frames: dict[_Name, Annotated[int, Meta(ge=-_MOST_FRAMES, le=_MOST_FRAMES)]] = {}
 
 
-class _Verdict(msgspec.Struct):
-    level: Literal["failed", "doubtful", "reliable"] = "reliable"
-    reason: Annotated[str, Meta(max_length=10_000)] = ""
-    uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
-    error_mm: _Number | None = None
-
-
 class _Conditioned(msgspec.Struct):
     frames_filled: list[_Count] = []
     frames_left: _Count = 0
@@ -114,7 +109,8 @@ class _Summary(msgspec.Struct):
     floor_m: _Number | None = None
     facts: _Facts = msgspec.field(default_factory=_Facts)
     conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
-    verdict: _Verdict = msgspec.field(default_factory=_Verdict)
+    verdict: Verdict | None = None
+    findings: list[Finding] = []  # none until 2026-12
     inputs: dict[_Name, _Name] = {}  # digests; none until 2026-11
 
 

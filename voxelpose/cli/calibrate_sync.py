@@ -109,11 +109,11 @@ class CalibrateSync:
 
     def write(self, sync: Sync) -> None:
         """Writes the time of every frame. InputError where the offsets are not sure."""
-        from voxelpose.calibration.sync_verdict import sync_remedy
+        from voxelpose.calibration.sync_verdict import sync_findings
 
         if self.out is not None:
             if not sync.result.agreed:
-                raise InputError(f"{self.out} was not written: {sync_remedy(sync)}")
+                raise InputError(f"{self.out} was not written: {sync_findings(sync)[0].remedy}")
             sync.write(self.out)
 
 
@@ -136,7 +136,7 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from voxelpose.calibration.sync_verdict import sync_verdict
+    from voxelpose.calibration.sync_verdict import sync_findings
 
     rows = []
     for line in sync.result.offsets:
@@ -147,5 +147,6 @@ def print_sync(sync: Sync) -> None:
         rows.append((plain(line.camera), f"{sync.fps[line.camera]:g}", *cells))
     print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
     console = rich_console(soft_wrap=True)
-    for line in (*sync_verdict(sync), *(f"note: {note}" for note in sync.notes)):
+    lines = [finding.words for finding in sync_findings(sync)]
+    for line in (*lines, *(f"note: {note}" for note in sync.notes)):
         console.print(plain(line))

@@ -17,6 +17,7 @@ from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.gait import find_gait
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import LEVELS, verdict_of_people
@@ -27,7 +28,6 @@ from voxelpose.report.gait_section import gait_section
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import (
     CameraCheck,
-    Finding,
     check_cameras,
     findings,
     headline,
