@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -21,8 +21,15 @@ from calib.checks import BoolArray, ByteArray, FloatArray
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.conditioning import Conditioning
-from silhouette_core.network_files import NetworkUse
 from silhouette_core.progress import Reporter
+from silhouette_core.setting_types import (
+    BackgroundKind,
+    Chest,
+    NetworkUse,
+    Sex,
+    Stature,
+    Threads,
+)
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -35,12 +42,6 @@ ONE_PERSONS = "what was told of the person is one person's, and is not used"
 """Note where several people are estimated, see `Settings.of_anybody`."""
 
 Frame = ByteArray  #: (H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included).
-
-
-BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
-"""What the background of a camera without an empty view is taken from: a uniform backdrop where one
-is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
-is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
 
 
 class FrameSource(Protocol):
@@ -94,9 +95,9 @@ class FrameSource(Protocol):
 class Settings:
     """Settings of an estimation."""
 
-    stature_m: float | None = None  #: height of the person, metres; None: estimated.
-    chest_m: float | None = None  #: chest girth, metres; None: usual for the stature.
-    sex: Literal["male", "female", "unknown"] = "unknown"  #: It decides the proportions.
+    stature_m: Stature | None = None  #: height of the person, metres; None: estimated.
+    chest_m: Chest | None = None  #: chest girth, metres; None: usual for the stature.
+    sex: Sex = "unknown"  #: It decides the proportions.
     background: BackgroundKind = "auto"  #: see `BackgroundKind`.
     network: NetworkUse = "auto"
     """Either "auto", which uses the pose network where it is installed, see
@@ -105,7 +106,7 @@ class Settings:
     """Direction of up in the world, three numbers; None: as the calibration states, else found from
     the cameras and the person."""
     smooth: bool = True  #: Use later frames, and filter the finished motion (off line, no lag).
-    threads: int | None = None  #: number of threads; None: all cores.
+    threads: Threads | None = None  #: number of threads; None: all cores.
     backend: str = "cpu"  #: Scoring backend, a name as for `scoring.backend.load_backend`.
     conditioning: Conditioning = field(default_factory=Conditioning)
     """Gaps of the finished motion that are filled, and its filter."""

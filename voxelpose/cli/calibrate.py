@@ -111,13 +111,13 @@ class CalibrateConvert:
     out: Annotated[Positional[Path], arg(metavar="OUT")]
     """Calibration to be written."""
     unit: arguments.Unit = None
-    size: Annotated[str | None, arg(metavar="WIDTHxHEIGHT", help_behavior_hint="")] = None
+    size: Annotated[str | None, arguments.optional("WIDTHxHEIGHT")] = None
     """Image size in pixels, where IN does not state it."""
     to: Literal["anipose", "easymocap", "json", "opencv", "projections", "qualisys"] | None = None
     """Format of OUT, where its suffix would select another."""
-    up: Annotated[str | None, arg(metavar="AXIS|cameras|person", help_behavior_hint="")] = None
+    up: Annotated[str | None, arguments.optional("AXIS|cameras|person")] = None
     """What becomes z: an axis of IN (-z, y ...), what is up for the cameras, or in --result."""
-    result: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
+    result: Annotated[Path | None, arguments.optional("RESULT")] = None
     """Result of a fit with IN, for --up person: up and the floor as found there."""
     cameras: arguments.Cameras = None
     picture: arguments.OptionalFile = None
@@ -190,7 +190,7 @@ class CalibrateCheck:
     """
 
     recording: arguments.RecordingFolder
-    repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    repair: Annotated[Path | None, arguments.optional("OUT")] = None
     """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
     png: arguments.OptionalFile = None
     """PNG to be written: every camera with the outlines that the others predict."""

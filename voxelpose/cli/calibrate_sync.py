@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from tyro.conf import arg
-
 from calib.errors import InputError
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
@@ -43,13 +41,13 @@ class CalibrateSync:
     a board (if --board is given), geometry, sound and silhouettes that there is."""
     reference: arguments.OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
-    most: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    most: Annotated[float | None, arguments.optional("S")] = None
     """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
     20 by a board, 60 by sound."""
-    seconds: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    seconds: Annotated[float | None, arguments.optional("S")] = None
     """Length of the part of the recording to use, around its middle. Default: 12 by geometry, 40 by
     silhouettes, 60 by a board; by sound the first 600."""
-    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
+    board: Annotated[str | None, arguments.optional("COLUMNSxROWS")] = None
     """Number of inner corners of the carried board, along and down."""
     square: arguments.OptionalLength = None
     """Side of its squares in metres; only needed with --marker."""
@@ -57,7 +55,7 @@ class CalibrateSync:
     dictionary: arguments.Dictionary = "DICT_4X4_50"
     intrinsics: arguments.OptionalFile = None
     """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
-    rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
+    rates: Annotated[str | None, arguments.optional("NAME=N,...")] = None
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
     cameras: arguments.Cameras = None
     unit: arguments.Unit = None

@@ -32,7 +32,7 @@ class Carve:
     """Number of voxels along the longest edge of the volume."""
     volume: Annotated[
         tuple[float, float, float, float, float, float] | None,
-        arg(metavar="X Y Z X Y Z", help_behavior_hint=""),
+        arguments.optional("X Y Z X Y Z"),
     ] = None
     """Minimum and maximum corner of the volume, metres. Default: from the silhouettes."""
     tolerance: Annotated[int, arg(metavar="N")] = 0

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import arg
-
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import plain, print_table, rich_console
 
 
@@ -19,7 +18,7 @@ class Doctor:
       voxelpose doctor --clean .
     """
 
-    clean: Annotated[tuple[Path, ...], arg(metavar="FOLDER...", help_behavior_hint="")] = ()
+    clean: Annotated[tuple[Path, ...], arguments.optional("FOLDER...")] = ()
     """Check nothing, but remove what killed runs left in these folders: results and files
     that were being written when they ended."""
 

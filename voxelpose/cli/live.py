@@ -83,13 +83,13 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
     """Number of a webcam, address of a stream (rtsp://, http://) or a video; may be repeated."""
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    camera: Annotated[str | None, arguments.optional("NAME")] = None
     """Use this camera alone."""
     cameras: arguments.Cameras = None
     people: Annotated[int, arg(metavar="N")] = 1
     """Number of people: each is followed, and keeps its number. 1: one, whoever else passes by."""
     method: arguments.Method = "learned"
-    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    library: Annotated[Path | None, arguments.optional("LIB")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
     start: Literal["facing", "any"] = "any"
     """Assumption about the first pose before one camera: facing it upright, or none."""
@@ -99,7 +99,7 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Receiver of the motion: vmc://HOST:PORT or ws://HOST:PORT/PATH; may be repeated."""
     page: bool = True
     """Serve the page that shows the figure; --no-page leaves it out."""
-    record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    record: Annotated[Path | None, arguments.optional("OUT")] = None
     """Recording folder to be made; --no-record-now leaves the beginning to the button, which
     without --record makes live_DATE_TIME in the current folder."""
     record_now: Annotated[bool, arg(name="record-now")] = True
@@ -110,7 +110,7 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Begin videos again at their end."""
     countdown: Annotated[float, arg(metavar="S")] = 5.0
     """Seconds to step out of the picture before the empty view is learned."""
-    duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    duration: Annotated[float | None, arguments.optional("S")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
 
     def run(self) -> None:

@@ -8,6 +8,7 @@ import os
 import types
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -36,9 +37,11 @@ class Option:
 
     name: str  # as on the command line, without the dashes before it
     field: str  # its field of the command's class
-    kind: Any
+    kind: Any  # its type, with its marks
     default: Any  # value where none is given; `dataclasses.MISSING` where one must be
     appended: bool  # whether it may be given several times, each time with one more value
+    help: str  # as on the command line
+    group: str  # of the command's `groups`, else "expert"
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
         """The value that a file gives; paths in it are relative to its folder.
@@ -77,17 +80,41 @@ def options_of(command: type, without: Container[str] = ()) -> dict[str, Option]
     """
     from tyro.conf import Positional, Suppress, UseAppendAction
 
-    marked = get_type_hints(command, include_extras=True)
-    kinds = get_type_hints(command)
+    hints = get_type_hints(command, include_extras=True)
+    groups = getattr(command, "groups", {})
+    group = {field: name for name, listed in groups.items() for field in listed.split()}
+    texts = _attribute_texts(command)
     options = {}
     for field in fields(command):
-        hint = marked[field.name]
-        marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+        _, *marks = _unmarked(hints[field.name])
         if Positional not in marks and Suppress not in marks and field.name not in without:
+            text = next((mark.help for mark in marks if getattr(mark, "help", None)), "")
             name = field.name.replace("_", "-")
-            appended = UseAppendAction in marks
-            options[name] = Option(name, field.name, kinds[field.name], field.default, appended)
+            options[name] = Option(
+                name,
+                field.name,
+                hints[field.name],
+                field.default,
+                UseAppendAction in marks,
+                " ".join(texts.get(field.name, text).split()),
+                group.get(field.name, "expert"),
+            )
     return options
+
+
+def _unmarked(hint: Any) -> tuple[Any, ...]:
+    """A type, and its marks."""
+    return (hint.__origin__, *hint.__metadata__) if get_origin(hint) is Annotated else (hint,)
+
+
+@cache
+def _attribute_texts(command: type) -> dict[str, str]:
+    """The docstrings of a class's fields, as tyro reads them."""
+    from docstring_parser import parse_from_object
+
+    classes = reversed(command.__mro__[:-1])
+    parameters = [each for kind in classes for each in parse_from_object(kind).params]
+    return {each.arg_name: each.description for each in parameters if each.description}
 
 
 def folder_of(command: Any) -> Path:
@@ -110,8 +137,19 @@ def nearest(word: str, names: Iterable[str]) -> str:
 
 def types_if_given(kind: Any) -> tuple[Any, ...]:
     """The types that a value may have, but for None."""
-    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
-    return tuple(part for part in parts if part is not types.NoneType)
+    return tuple(_unmarked(part)[0] for part in _parts(kind))
+
+
+def range_of(kind: Any) -> tuple[float | None, float | None]:
+    """Smallest and largest number that a value may be; None where there is no such bound."""
+    marks = [mark for part in _parts(kind) for mark in _unmarked(part)[1:]]
+    return next(((mark.ge, mark.le) for mark in marks if hasattr(mark, "ge")), (None, None))
+
+
+def _parts(kind: Any) -> list[Any]:
+    whole = _unmarked(kind)[0]
+    parts = get_args(whole) if get_origin(whole) in (Union, types.UnionType) else (kind,)
+    return [part for part in parts if part is not types.NoneType]
 
 
 def choices_of(kind: Any) -> tuple[str, ...]:
@@ -121,7 +159,10 @@ def choices_of(kind: Any) -> tuple[str, ...]:
 
 
 def _type_words(kind: Any) -> str:
+    least, most = range_of(kind)
     kind, *others = types_if_given(kind)
+    if least is not None and most is not None:
+        return f"{_WORDS[kind]} from {least:g} to {most:g}"
     if others:
         return ", or ".join(map(_type_words, (kind, *others)))
     if choices := choices_of(kind):
@@ -232,7 +273,9 @@ def parse_with_settings(
         return parsed(None), {}
     options = options_of(command)
     # First for the folder alone: what is missing may be in its files.
-    blanks = {o.field: o.kind() for o in options.values() if o.default is MISSING}
+    blanks = {
+        o.field: types_if_given(o.kind)[0]() for o in options.values() if o.default is MISSING
+    }
     typed = parsed(blanks)
     settings = folder_settings(section, folder_of(typed))
     for option in options.values():

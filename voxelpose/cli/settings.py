@@ -5,10 +5,10 @@ from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional
 
 from calib.errors import InputError
-from voxelpose.cli import options
+from voxelpose.cli import arguments, options
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
@@ -35,11 +35,9 @@ class ShowSettings:
       paper = "a3"
     """
 
-    recording: Annotated[
-        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
-    ] = None
+    recording: Annotated[Positional[Path | None], arguments.optional("RECORDING")] = None
     """Folder of the recording. Default: the current folder."""
-    command: Annotated[str | None, arg(metavar="COMMAND", help_behavior_hint="")] = None
+    command: Annotated[str | None, arguments.optional("COMMAND")] = None
     """Command whose settings are shown. Default: fit, and those that the files have sections of."""
     json: bool = False
     """Print JSON instead of a table."""

@@ -43,7 +43,7 @@ class Track(EstimationArguments):
     method: arguments.Method = "learned"
     estimator: arguments.OptionalName = None
     """Estimator to run; `voxelpose doctor` lists those that are installed. Default: --method's."""
-    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    library: Annotated[Path | None, arguments.optional("LIB")] = None
     """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
     that comes with the program."""
     start: Literal["facing", "any"] = "facing"

@@ -35,7 +35,7 @@ class View(arguments.PageArguments):
         Positional[tuple[Path, ...]], arg(metavar="OUT", help_behavior_hint="(required)")
     ]
     """Folder of a result, or a recording; or of several results."""
-    frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    frame: Annotated[int | None, arguments.optional("N")] = None
     """Number of the frame. Default: the middle one."""
     open3d: bool = False
     """Open a window with hull and skeleton of one frame instead of the browser."""
@@ -43,7 +43,7 @@ class View(arguments.PageArguments):
     """PNG of one frame to be written instead; no screen is needed."""
     video: arguments.OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
-    recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[Path | None, arguments.optional("RECORDING")] = None
     """The recording, if it was moved after the fit."""
     voxel: arguments.OptionalLength = None
     """Edge of a voxel in metres. Default: that of the fit."""

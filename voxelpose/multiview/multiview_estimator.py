@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.setting_types import VOXELS_M, Repair
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.people import PEOPLE_CAMERAS, require_cameras
@@ -38,8 +40,6 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import (
 from voxelpose.multiview.tracking.recording_track import OnePerson, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
-
-_REPAIRS = "auto", "say", "off"
 
 
 @dataclass(frozen=True)
@@ -59,17 +59,20 @@ class _Options:
     interference: bool = True
     voxel_size_m: float = CARVING.voxel_m
     tolerance: int = 0
-    repair: str = "auto"
+    repair: Repair = "auto"
     body: str = ""
 
     def __post_init__(self) -> None:
         """Refuses what does not exist, and voxels that cannot be matched."""
-        if self.repair not in _REPAIRS:
-            raise InputError(f"no repair {self.repair!r}: choose from {', '.join(_REPAIRS)}")
-        if not 0.005 <= self.voxel_size_m <= 0.1:
+        if self.repair not in get_args(Repair):
             raise InputError(
-                f"voxels of {self.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
-                " example 0.025"
+                f"no repair {self.repair!r}: choose from {', '.join(get_args(Repair))}"
+            )
+        low, high = VOXELS_M
+        if not low <= self.voxel_size_m <= high:
+            raise InputError(
+                f"voxels of {self.voxel_size_m} m cannot be matched: choose from {low} to {high},"
+                " for example 0.025"
             )
 
 

@@ -179,7 +179,8 @@ DAMAGED = [
     b'{"fit": {"out": "x"}}',
     b'{"fit": {"up": "sideways"}}',
     b'{"fit": {"voxel": 1e-9}}',
-    b'{"fit": {"cameras": []}}',
+    b'{"fit": {"cameras": ""}}',
+    b'{"fit": {"cameras": ["cam_1"]}}',
     b'{"fit": {"tolerance": true}}',
 ]
 

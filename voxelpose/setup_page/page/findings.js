@@ -30,10 +30,10 @@ function settingsGrid(app, state) {
     if (note) grid.append(make("div", { class: "note" }, note));
   };
   row("background", "Background", select(app, "background", ["auto", "uniform", "moving", "paper"], Boolean(state.refused.background)));
-  row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { min: 0, max: 60, step: 1 }, true));
+  row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { ...state.ranges.tolerance, step: 1 }, true));
   row("repair", "Repair cameras", select(app, "repair", ["auto", "say", "off"], false));
-  row("voxel", "Voxel, m", numeric(app, "voxel", { min: 0.002, max: 0.5, step: "any" }, false));
-  row("stature", "Stature, m", numeric(app, "stature", { min: 0.3, max: 3, step: "any" }, false));
+  row("voxel", "Voxel, m", numeric(app, "voxel", { ...state.ranges.voxel, step: "any" }, false));
+  row("stature", "Stature, m", numeric(app, "stature", { ...state.ranges.stature, step: "any" }, false));
   if (state.cameras.length > 1) {
     const chosen = app.store.doc.fit.cameras;
     const boxes = state.cameras.map(({ name }) => checkbox(name, !chosen || chosen.includes(name), (now) =>
