@@ -86,88 +86,79 @@ def findings_of(summary: Mapping[str, Any], motion: Motion | None = None) -> lis
     frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
     return worst_first(
         [
-            *_of_cameras(facts),
-            *_of_frames(summary, motion),
-            *_of_pieces(facts),
+            *_of_frames(frames, facts, motion),
             *_of_outlines(quality, facts, motion),
             *_of_one_camera(quality),
             *_of_estimator(quality, facts),
             *_of_silhouettes(quality, facts),
             *_of_parts(motion),
-            *_of_people(frames, motion),
         ]
     )
 
 
-def _of_cameras(facts: _Table) -> Iterator[Finding]:
+def _bad(about: str, words: str, remedy: str, where: str = "") -> Finding:
+    return Finding(about, "bad", words, where, remedy)
+
+
+def _of_frames(frames: _Table, facts: _Table, motion: Motion | None) -> Iterator[Finding]:
     if moving := facts.get("moving_cameras"):
-        yield Finding(
+        yield _bad(
             "Cameras",
-            "bad",
             f"the picture of {', '.join(moving)} moves as a whole, so that no background can be"
             " told from the person",
-            remedy="film from a tripod, or take --frames in which the camera stands still",
+            "film from a tripod, or take --frames in which the camera stands still",
         )
-
-
-def _of_frames(summary: _Table, motion: Motion | None) -> Iterator[Finding]:
-    lost = summary["frames"]["lost"]
-    count = summary["frames"]["with_pose"] + len(lost)
+    lost, where = frames["lost"], ""
+    count = frames["with_pose"] + len(lost)
     if lost:
         where = ranges_text(np.array(lost, np.int64))
         if motion is not None and (filled := int(motion.filled.sum())):
             where += f"; {filled} of them were filled by interpolation"
-        yield Finding(
-            "Frames",
-            "bad" if len(lost) > RELIABILITY.lost * count else "look",
-            f"{len(lost)} of {count} frames have no pose",
-            where,
-            "look at their silhouettes (voxelpose view)",
-        )
-    else:
-        yield Finding("Frames", "good", f"all {count} frames have a pose")
-    shared = summary.get("facts", {}).get("frames_merged", 0)
+    level = "bad" if len(lost) > RELIABILITY.lost * count else "look" if lost else "good"
+    words = f"{len(lost)} of {count} frames have no pose" if lost else "all frames have a pose"
+    remedy = "look at their silhouettes (voxelpose view)" if lost else ""
+    yield Finding("Frames", level, words, where, remedy)
+    shared = facts.get("frames_merged", 0)
     if shared > RELIABILITY.lost * count:
-        yield Finding(
+        yield _bad(
             "Frames",
-            "bad",
             f"in {shared} of {count} frames people have one silhouette, and what one hides of"
             " another is a guess",
-            remedy="look at the overlay",
+            "look at the overlay",
         )
-
-
-def _of_pieces(facts: _Table) -> Iterator[Finding]:
+    away = np.array(frames.get("away", ()), np.int64)
+    if len(away):
+        first, last = (0, 0) if motion is None else motion.frames[[0, -1]]
+        guess = ((away > first) & (away < last)).any()
+        words = "; that who came back is who left is a guess" if guess else ""
+        yield Finding("Presence", "good", f"away in {ranges_text(away)}{words}")
     seam_mm = max((seam for seam in facts.get("seams_mm", ()) if seam is not None), default=0.0)
     if seam_mm > RELIABILITY.seam_mm:
-        yield Finding(
+        yield _bad(
             "Pieces",
-            "bad",
             f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet",
-            remedy="look at the frames around it (facts in summary.json), or give longer --pieces",
+            "look at the frames around it (facts in summary.json), or give longer --pieces",
         )
 
 
 def _of_outlines(quality: _Table, facts: _Table, motion: Motion | None) -> Iterator[Finding]:
     agreement = _number_or(quality.get("outline_agreement", {}).get("median"), 1.0)
     right = quality.get("right_probability", {}).get("lower_quarter")
-    disagrees, turn = agreement < RELIABILITY.agreement, facts.get("half_turn_ratio")
+    limit, turn = RELIABILITY.agreement, facts.get("half_turn_ratio")
+    disagrees = agreement < limit
     # A quarter of the frames is more likely wrong than right.
     doubted = disagrees if right is None else right < 0.5
     if doubted and not disagrees and turn is not None and turn < RELIABILITY.half_turn:
-        yield Finding(
+        yield _bad(
             "Heading",
-            "bad",
             "turned half round, the body explains the silhouettes nearly as well",
-            remedy="look which way it faces",
+            "look which way it faces",
         )
     where = ""
     if motion is not None and "outline_agreement" in motion.quality:
-        below = np.asarray(motion.quality["outline_agreement"], float) < RELIABILITY.agreement
+        below = np.asarray(motion.quality["outline_agreement"], float) < limit
         if below.any():
-            where = (
-                f"below {100 * RELIABILITY.agreement:.0f} % in {ranges_text(motion.frames[below])}"
-            )
+            where = f"below {100 * limit:.0f} % in {ranges_text(motion.frames[below])}"
     level = "bad" if doubted else "look" if where or agreement < REPORT.sure else "good"
     if level != "good" or "outline_agreement" in quality:
         yield Finding(
@@ -191,12 +182,11 @@ def _of_one_camera(quality: _Table) -> Iterator[Finding]:
     listed = ", ".join(f"{_spaced(name)} ({each[name]:.0f} mm)" for name in worst)
     where = f"in the room, most for {listed}" if listed else ""
     if error_mm > RELIABILITY.open_mm:
-        yield Finding(
+        yield _bad(
             "Joints",
-            "bad",
             f"one camera leaves several poses open, and joints are likely {error_mm:.0f} mm off",
-            where,
             "look at hypotheses.csv and at the silhouettes, or add a second camera",
+            where,
         )
         return
     yield Finding(
@@ -211,65 +201,55 @@ def _of_one_camera(quality: _Table) -> Iterator[Finding]:
 def _of_estimator(quality: _Table, facts: _Table) -> Iterator[Finding]:
     turn_deg_s, frame = facts.get("fastest_turn") or (0.0, 0)
     if turn_deg_s > RELIABILITY.turn_deg_s:
-        yield Finding(
+        yield _bad(
             "Heading",
-            "bad",
             f"at frame {frame} the body turns faster than people do, by {turn_deg_s:.0f} degrees a"
             " second",
-            remedy="before or after it, front and back are exchanged; look at the overlay",
+            "before or after it, front and back are exchanged; look at the overlay",
         )
     if not quality.keys() & _STATED:
-        yield Finding(
+        yield _bad(
             "Joints",
-            "bad",
             "its estimator states no errors to be expected, so that nobody knows",
-            remedy="look at the contact sheet",
+            "look at the contact sheet",
         )
 
 
 def _of_silhouettes(quality: _Table, facts: _Table) -> Iterator[Finding]:
     """What is to be said of a result whose poses are plausible."""
     if facts.get("objects_share") and not facts.get("objects_apart"):
-        yield Finding(
+        yield _bad(
             "Objects",
-            "bad",
             "something that stands beside the person, as a chair does, was left out",
-            remedy="look at the contact sheet whether legs were taken for it; mark it as unknown to"
-            " be sure",
+            "look at the contact sheet whether legs were taken for it, and mark it as unknown",
         )
     shares = list(facts.get("by_texture", {}).values())
     if None in shares:
-        yield Finding(
+        yield _bad(
             "Colours",
-            "bad",
             "cameras without colour: how much of the person is as dark as a shadow was not looked"
             " at beforehand",
-            remedy="leave --no-smooth out, or look at the contact sheet",
+            "leave --no-smooth out, or look at the contact sheet",
         )
     share = sum(share or 0.0 for share in shares) / max(len(shares), 1)
     if share > 0.25:  # walk4 turned grey had 0.31, and 1.9 times the error of its colours
-        yield Finding(
+        yield _bad(
             "Colours",
-            "bad",
             f"cameras without colour: {100 * share:.0f} % of the person is as dark as a shadow,"
             " from which only its texture tells it",
-            remedy="look at the contact sheet; wear what is brighter than the walls, or much"
-            " darker",
+            "look at the contact sheet; wear what is brighter than the walls, or much darker",
         )
     share = facts.get("unexplained_frames", 0.0)
     if share > RELIABILITY.lost:
-        yield Finding(
+        yield _bad(
             "People",
-            "bad",
             f"in {100 * share:.0f} % of the frames something as large as a person is seen beside"
             " those who were found",
-            remedy="look at the contact sheet, and if it is somebody, tell by --people how many"
-            " there are",
+            "look at the contact sheet, and if it is somebody, tell by --people how many there are",
         )
     confidence, uncertain = quality.get("landmark_confidence", {}), _uncertain(quality)
     if _error_mm(quality) is None and uncertain:
-        # Of 13 right results of random recordings none has more than 3 of 15; wrong ones had 7 and
-        # 11.
+        # Of 13 right results of random recordings none has more than 3 of 15; wrong ones 7 and 11.
         yield Finding(
             "Joints",
             "bad" if len(uncertain) > len(confidence) / 3 else "look",
@@ -302,16 +282,6 @@ def _of_parts(motion: Motion | None) -> Iterator[Finding]:
         "thin parts are lost where one camera's silhouette has a hole: check it in voxelpose view;"
         " limbs beside the trunk are occluded by it: cameras at other heights help",
     )
-
-
-def _of_people(frames: _Table, motion: Motion | None) -> Iterator[Finding]:
-    away = np.array(frames.get("away", ()), np.int64)
-    if len(away):
-        words = f"away in {ranges_text(away)}"
-        posed = motion.frames if motion is not None else away
-        if ((away > posed[0]) & (away < posed[-1])).any():
-            words += "; that who came back is who left is a guess"
-        yield Finding("Presence", "good", words)
 
 
 def _uncertain(quality: _Table) -> tuple[str, ...]:

@@ -48,6 +48,18 @@ _Schema = TypeVar("_Schema")
 SUMMARY = "summary.json"
 CALIBRATION = "calibration.toml"
 SETTINGS = "settings.toml"
+FILES = {
+    "contact_sheet.png": "look here first: the fitted body over frames of every camera",
+    "overlay_*.webm": "the fitted body over the videos, for every browser and player",
+    "joints.csv": "positions of the joints, metres, with a confidence",
+    "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
+    "motion.safetensors": "joint angles, root and quality, for programs",
+    "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
+    "summary.json": "quality and timings, for programs",
+    "settings.toml": "settings of the fit",
+    "calibration.toml": "the cameras that were used",
+}
+"""What is in a result, by names, with * for a camera's."""
 _MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 
 
@@ -88,6 +100,11 @@ class _Facts(msgspec.Struct):
     fastest_turn: tuple[_Number, _Count] | None = None
     objects_share: dict[_Name, _Number] = {}
     objects_apart: bool = False
+    frames_merged: _Count = 0
+    unexplained_frames: _Number | None = None
+    moving_cameras: list[_Name] = []
+    by_texture: dict[_Name, _Number | None] = {}
+    stature_given: bool = True
     late_frames: dict[_Name, Annotated[int, Meta(ge=-_MOST_FRAMES, le=_MOST_FRAMES)]] = {}
 
 

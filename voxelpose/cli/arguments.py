@@ -247,6 +247,29 @@ class BoardArguments:
         return Board(*corner_counts(self.board), self.square, self.marker, self.dictionary)
 
 
+@dataclass(frozen=True, kw_only=True)
+class OptionalBoard:
+    """Arguments that describe a board, where there is one."""
+
+    board: Annotated[str | None, optional("COLUMNSxROWS")] = None
+    """Number of inner corners of the board, where four squares meet, along and down."""
+    square: OptionalLength = None
+    """Side of a square in metres, measured on the print; `sync` needs it with --marker alone."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+
+    def to_board(self, square: float | None = None) -> Board | None:
+        """The board, of a `square` where none is given; None without --board. InputError where the
+        arguments describe none.
+        """
+        side = square if self.square is None else self.square
+        if self.board is None or side is None:
+            return None
+        return BoardArguments(
+            board=self.board, square=side, marker=self.marker, dictionary=self.dictionary
+        ).to_board()
+
+
 def corner_counts(text: str) -> tuple[int, int]:
     """Reads the value of --board, such as 8x5."""
     return two_numbers(text, "--board", "inner corners along and down, as in 8x5")

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
 
 
-@dataclass(frozen=True)
-class CalibrateSync:
+@dataclass(frozen=True, kw_only=True)
+class CalibrateSync(arguments.OptionalBoard):
     """Estimates the time offsets of cameras, calibrated or not.
 
     Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who
@@ -47,12 +47,6 @@ class CalibrateSync:
     seconds: Annotated[float | None, arguments.optional("S")] = None
     """Length of the part of the recording to use, around its middle. Default: 12 by geometry, 40 by
     silhouettes, 60 by a board; by sound the first 600."""
-    board: Annotated[str | None, arguments.optional("COLUMNSxROWS")] = None
-    """Number of inner corners of the carried board, along and down."""
-    square: arguments.OptionalLength = None
-    """Side of its squares in metres; only needed with --marker."""
-    marker: arguments.MarkerSide = None
-    dictionary: arguments.Dictionary = "DICT_4X4_50"
     intrinsics: arguments.OptionalFile = None
     """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
     rates: Annotated[str | None, arguments.optional("NAME=N,...")] = None
@@ -81,13 +75,6 @@ class CalibrateSync:
         from calib.files import read_rig
         from voxelpose.calibration.sync import SyncSettings, sync_recording
 
-        board = None
-        if self.board is not None:
-            # Speeds are compared in shape, not in size: any square does.
-            square = 0.1 if self.square is None else self.square
-            board = arguments.BoardArguments(
-                board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
-            ).to_board()
         lenses = None
         if self.intrinsics is not None:
             lenses = read_rig(self.intrinsics, self.unit, lenses=True)
@@ -98,7 +85,7 @@ class CalibrateSync:
             camera_rates(self.rates),
             self.unit,
             None if self.by == "auto" else self.by,
-            board,
+            self.to_board(0.1),  # speeds are compared in shape, not in size: any square does
             lenses,
             self.label,
         )
