@@ -12,8 +12,8 @@ All estimators take the same frames and return the same Motion; nothing downstre
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol, TypeVar, get_type_hints, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -29,6 +29,7 @@ from silhouette_core.setting_types import (
     Sex,
     Stature,
     Threads,
+    checked,
 )
 
 if TYPE_CHECKING:
@@ -136,22 +137,22 @@ Options = TypeVar("Options")
 def read_options(
     kind: type[Options], options: Mapping[str, bool | int | float | str], estimator: str
 ) -> Options:
-    """Options of one estimator as its dataclass, which checks the values.
+    """Options of one estimator as its dataclass, checked by the types of its fields.
 
     Args:
         kind: the dataclass; its fields are the options that exist.
         options: options by name, see `Settings`.
 
     Raises:
-        InputError: an option does not exist, or has a value that the dataclass refuses.
+        InputError: an option does not exist, or has a value of another type or range.
     """
-    known = [option.name for option in fields(kind)]  # type: ignore[arg-type]
+    known = get_type_hints(kind, include_extras=True)
     unknown = sorted(set(options) - set(known))
     if unknown:
         raise InputError(
             f"the {estimator} estimator has no option {unknown[0]!r}: it has {', '.join(known)}"
         )
-    return kind(**options)
+    return kind(**{name: checked(value, known[name], name) for name, value in options.items()})
 
 
 @dataclass(frozen=True, eq=False)

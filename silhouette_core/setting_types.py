@@ -1,8 +1,17 @@
-"""Types of settings and their ranges, as of the command line, of files, of pages and of results."""
+"""Types of settings with their ranges, as of the command line, of files, of pages and of results,
+and the check of a value by its type.
+"""
 
-from typing import Annotated, Literal
+import difflib
+import types
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+import msgspec
 from msgspec import Meta
+
+from calib.errors import InputError
 
 STATURES_M = 50 / 100, 260 / 100  #: Smallest and largest stature of a person.
 CHESTS_M = 40 / 100, 180 / 100  #: Smallest and largest chest girth of a person.
@@ -24,3 +33,77 @@ BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
 """What the background of a camera without an empty view is taken from: a uniform backdrop where one
 is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
 is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
+Start = Literal["facing", "any"]
+"""Of the first frame before one camera: the person mostly faces it, or may be turned any way."""
+_WORDS = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    Path: "a path, as text",
+}
+
+
+def checked(
+    given: object, kind: Any, name: str, hook: Callable[[type, Any], Any] | None = None
+) -> Any:
+    """A value of a type; `hook` makes what JSON has not, see `msgspec.convert`. InputError, which
+    begins with the name, where it is none.
+    """
+    try:
+        return msgspec.convert(given, kind, dec_hook=hook)
+    except (msgspec.ValidationError, NotImplementedError, OverflowError):
+        expected = f"{type_words(kind)}{nearest(str(given), choices_of(kind))}"
+        raise InputError(f"{name} = {str(given)[:60]!r} must be {expected}") from None
+
+
+def unmarked(hint: Any) -> tuple[Any, ...]:
+    """A type, and its marks."""
+    return (hint.__origin__, *hint.__metadata__) if get_origin(hint) is Annotated else (hint,)
+
+
+def nearest(word: str, names: Iterable[str]) -> str:
+    """`: did you mean NAME?` where a name is like a word, else nothing."""
+    close = difflib.get_close_matches(word, list(names), 1)
+    return f": did you mean {close[0]}?" if close else ""
+
+
+def types_if_given(kind: Any) -> tuple[Any, ...]:
+    """The types that a value may have, but for None."""
+    return tuple(unmarked(part)[0] for part in _parts(kind))
+
+
+def range_of(kind: Any) -> tuple[float | None, float | None]:
+    """Smallest and largest number that a value may be; None where there is no such bound."""
+    marks = [mark for part in _parts(kind) for mark in unmarked(part)[1:]]
+    return next(((mark.ge, mark.le) for mark in marks if hasattr(mark, "ge")), (None, None))
+
+
+def _parts(kind: Any) -> list[Any]:
+    whole = unmarked(kind)[0]
+    parts = get_args(whole) if get_origin(whole) in (Union, types.UnionType) else (kind,)
+    return [part for part in parts if part is not types.NoneType]
+
+
+def choices_of(kind: Any) -> tuple[str, ...]:
+    """The words of which a value is one; none where it is any."""
+    first = types_if_given(kind)[0]
+    return get_args(first) if get_origin(first) is Literal else ()
+
+
+def type_words(kind: Any) -> str:
+    """What a value is, in words."""
+    least, most = range_of(kind)
+    kind, *others = types_if_given(kind)
+    if least is not None and most is not None:
+        return f"{_WORDS[kind]} from {least:g} to {most:g}"
+    if others:
+        return ", or ".join(map(type_words, (kind, *others)))
+    if choices := choices_of(kind):
+        return f"one of {', '.join(choices)}"
+    if get_origin(kind) is tuple:
+        first, *others = get_args(kind)
+        if others == [...]:
+            return f"a list in brackets, of which each is {type_words(first)}"
+        return f"a list of {len(others) + 1} numbers in brackets"
+    return _WORDS[kind]

@@ -8,11 +8,12 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
+from silhouette_core import setting_types
 from silhouette_core.network_files import POSE_NETWORK
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
@@ -91,7 +92,7 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     method: arguments.Method = "learned"
     library: Annotated[Path | None, arguments.optional("LIB")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
-    start: Literal["facing", "any"] = "any"
+    start: setting_types.Start = "any"
     """Assumption about the first pose before one camera: facing it upright, or none."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """With one camera, leave out the colours inside the outline."""

@@ -2,18 +2,22 @@
 folders above, the user.
 """
 
-import difflib
 import importlib
 import os
-import types
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError, check_name
+from silhouette_core.setting_types import (
+    checked,
+    nearest,
+    types_if_given,
+    unmarked,
+)
 
 _LOCATED = "body", "source"  # text that may name a file
 # Commands that stand above this folder, since they run others.
@@ -21,13 +25,6 @@ _ABOVE = {
     "batch": "voxelpose.batch.batch_command",
     "setup": "voxelpose.setup_page.setup_command",
     "studio": "voxelpose.studio.studio_command",
-}
-_WORDS = {
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    str: "text",
-    Path: "a path, as text",
 }
 
 
@@ -49,7 +46,6 @@ class Option:
         Raises:
             InputError: the value is none of this option; `where` names file and section.
         """
-        import msgspec
 
         def path_from(kind: type, text: Any) -> Path:
             if kind is not Path or not isinstance(text, str):
@@ -57,13 +53,7 @@ class Option:
             check_name(text)
             return folder / os.path.expanduser(text)  # noqa: PTH111, pathlib's raises
 
-        try:
-            value = msgspec.convert(given, self.kind, dec_hook=path_from)
-        except (msgspec.ValidationError, NotImplementedError, OverflowError):
-            expected = f"{_type_words(self.kind)}{nearest(str(given), choices_of(self.kind))}"
-            raise InputError(
-                f"{where}: {self.name} = {str(given)[:60]!r} must be {expected}"
-            ) from None
+        value = checked(given, self.kind, f"{where}: {self.name}", path_from)
         check_name(value)
         if self.name not in _LOCATED:
             return value
@@ -86,7 +76,7 @@ def options_of(command: type, without: Container[str] = ()) -> dict[str, Option]
     texts = _attribute_texts(command)
     options = {}
     for field in fields(command):
-        _, *marks = _unmarked(hints[field.name])
+        _, *marks = unmarked(hints[field.name])
         if Positional not in marks and Suppress not in marks and field.name not in without:
             text = next((mark.help for mark in marks if getattr(mark, "help", None)), "")
             name = field.name.replace("_", "-")
@@ -100,11 +90,6 @@ def options_of(command: type, without: Container[str] = ()) -> dict[str, Option]
                 group.get(field.name, "expert"),
             )
     return options
-
-
-def _unmarked(hint: Any) -> tuple[Any, ...]:
-    """A type, and its marks."""
-    return (hint.__origin__, *hint.__metadata__) if get_origin(hint) is Annotated else (hint,)
 
 
 @cache
@@ -127,52 +112,6 @@ def folder_of(command: Any) -> Path:
         if field.name not in named and isinstance(value, Path):
             return value.parent if value.is_file() else value
     return Path()
-
-
-def nearest(word: str, names: Iterable[str]) -> str:
-    """`: did you mean NAME?` where a name is like a word, else nothing."""
-    close = difflib.get_close_matches(word, list(names), 1)
-    return f": did you mean {close[0]}?" if close else ""
-
-
-def types_if_given(kind: Any) -> tuple[Any, ...]:
-    """The types that a value may have, but for None."""
-    return tuple(_unmarked(part)[0] for part in _parts(kind))
-
-
-def range_of(kind: Any) -> tuple[float | None, float | None]:
-    """Smallest and largest number that a value may be; None where there is no such bound."""
-    marks = [mark for part in _parts(kind) for mark in _unmarked(part)[1:]]
-    return next(((mark.ge, mark.le) for mark in marks if hasattr(mark, "ge")), (None, None))
-
-
-def _parts(kind: Any) -> list[Any]:
-    whole = _unmarked(kind)[0]
-    parts = get_args(whole) if get_origin(whole) in (Union, types.UnionType) else (kind,)
-    return [part for part in parts if part is not types.NoneType]
-
-
-def choices_of(kind: Any) -> tuple[str, ...]:
-    """The words of which a value is one; none where it is any."""
-    first = types_if_given(kind)[0]
-    return get_args(first) if get_origin(first) is Literal else ()
-
-
-def _type_words(kind: Any) -> str:
-    least, most = range_of(kind)
-    kind, *others = types_if_given(kind)
-    if least is not None and most is not None:
-        return f"{_WORDS[kind]} from {least:g} to {most:g}"
-    if others:
-        return ", or ".join(map(_type_words, (kind, *others)))
-    if choices := choices_of(kind):
-        return f"one of {', '.join(choices)}"
-    if get_origin(kind) is tuple:
-        first, *others = get_args(kind)
-        if others == [...]:
-            return f"a list in brackets, of which each is {_type_words(first)}"
-        return f"a list of {len(others) + 1} numbers in brackets"
-    return _WORDS[kind]
 
 
 def _path_below(text: str, folder: Path) -> str:

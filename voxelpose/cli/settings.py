@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional
 
 from calib.errors import InputError
+from silhouette_core.setting_types import nearest
 from voxelpose.cli import arguments, options
 
 COMMAND = "ShowSettings"
@@ -63,7 +64,7 @@ def _section(command: str) -> str:
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:
-        suggestion = options.nearest(section, sections) or f": there are {', '.join(sections)}"
+        suggestion = nearest(section, sections) or f": there are {', '.join(sections)}"
         raise InputError(f"--command {command}: there is no such command{suggestion}")
     return section
 

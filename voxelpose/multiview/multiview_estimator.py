@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
-from silhouette_core.setting_types import VOXELS_M, Repair
+from silhouette_core.setting_types import Repair, VoxelSize
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.people import PEOPLE_CAMERAS, require_cameras
@@ -48,7 +47,7 @@ class _Options:
 
     Attributes:
         interference: match interfering parts jointly.
-        voxel_size_m: size of the voxels that are matched, 0.005 to 0.1.
+        voxel_size_m: size of the voxels that are matched.
         tolerance: number of cameras that may be wrong about a voxel.
         repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
             it right where that is sure, "say" only tells, "off" does not look.
@@ -57,23 +56,10 @@ class _Options:
     """
 
     interference: bool = True
-    voxel_size_m: float = CARVING.voxel_m
+    voxel_size_m: VoxelSize = CARVING.voxel_m
     tolerance: int = 0
     repair: Repair = "auto"
     body: str = ""
-
-    def __post_init__(self) -> None:
-        """Refuses what does not exist, and voxels that cannot be matched."""
-        if self.repair not in get_args(Repair):
-            raise InputError(
-                f"no repair {self.repair!r}: choose from {', '.join(get_args(Repair))}"
-            )
-        low, high = VOXELS_M
-        if not low <= self.voxel_size_m <= high:
-            raise InputError(
-                f"voxels of {self.voxel_size_m} m cannot be matched: choose from {low} to {high},"
-                " for example 0.025"
-            )
 
 
 class MultiViewEstimator:

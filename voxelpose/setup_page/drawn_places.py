@@ -23,9 +23,10 @@ from tomlkit.exceptions import TOMLKitError
 from calib.atomic import unwritable, write_whole
 from calib.documents import load_text, parse_toml
 from calib.errors import InputError
+from silhouette_core.setting_types import range_of
 from voxelpose.cli.arguments import camera_names, up_direction
 from voxelpose.cli.fit import Fit
-from voxelpose.cli.options import checked_values, options_of, range_of
+from voxelpose.cli.options import checked_values, options_of
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.unknown_places import (

@@ -14,18 +14,16 @@ from typing import Any
 from calib.board import Board
 from calib.errors import InputError
 from silhouette_core.body.presets import body_preset
+from silhouette_core.setting_types import choices_of, range_of, types_if_given
 from voxelpose.cli.arguments import BoardArguments
 from voxelpose.cli.export import Export
 from voxelpose.cli.options import (
     Option,
     checked_values,
-    choices_of,
     folder_settings,
     load_command,
     made_of,
     options_of,
-    range_of,
-    types_if_given,
 )
 from voxelpose.studio.projects import StudioFolder
 

@@ -6,15 +6,10 @@ from typing import get_args, get_origin
 
 import pytest
 
+from silhouette_core.setting_types import choices_of, range_of, types_if_given
 from tests.sources import ring, write_recording
 from voxelpose.cli import COMMANDS, _parse, run
-from voxelpose.cli.options import (
-    choices_of,
-    load_command,
-    options_of,
-    range_of,
-    types_if_given,
-)
+from voxelpose.cli.options import load_command, options_of
 from voxelpose.cli.settings import all_sections
 from voxelpose.recording.subject import SETTINGS_FILE, settings_files
 
