@@ -78,9 +78,8 @@ def read_subject(path: Path) -> Subject:
             day = value.date() if isinstance(value, datetime.datetime) else value
             known[key] = msgspec.convert(day, kind)
         except (msgspec.ValidationError, OverflowError):
-            raise InputError(
-                f"{path}: {key} = {str(value)[:40]!r} is impossible: {remedy}"
-            ) from None
+            fault = f"{path}: {key} = {str(value)[:40]} is impossible"
+            raise InputError(f"{fault}: {remedy}") from None
     body = None if "body" not in known else _body_of(known["body"], path)
     return Subject(
         known.get("stature"),

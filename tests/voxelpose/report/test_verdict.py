@@ -84,6 +84,13 @@ def test_what_is_wrong_comes_first_with_what_to_do(tmp_path, change, level, word
     assert verdict.level == ("doubtful" if level == "bad" else "reliable")
 
 
+def test_frames_that_were_filled_are_told(tmp_path):
+    gapped = result(tmp_path, lost=[4, 5])
+    motion = replace(gapped.motion, filled=np.isin(np.arange(20), [4, 5]))
+    told = findings(replace(gapped, motion=motion), CameraCheck())[0]
+    assert told.where == "frames 4–5; 2 of them were filled by interpolation"
+
+
 def test_what_was_found_is_kept_in_the_result(tmp_path):
     faulty = result(tmp_path, outline_agreement=[0.9] * 18 + [0.6] * 2)
     found = findings_of(faulty.summary, faulty.motion)
