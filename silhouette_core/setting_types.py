@@ -18,10 +18,10 @@ CHESTS_M = 40 / 100, 180 / 100  #: Smallest and largest chest girth of a person.
 VOXELS_M = 5 / 1000, 100 / 1000  #: Smallest and largest edge of a voxel that is matched.
 ORDERS = 1, 8  #: Lowest and highest order of a filter.
 
-Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
-Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
-VoxelSize = Annotated[float, Meta(ge=VOXELS_M[0], le=VOXELS_M[1])]
-Tolerance = Annotated[int, Meta(ge=0, le=100)]  #: Of cameras.
+Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1], description="metres")]
+Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1], description="metres")]
+VoxelSize = Annotated[float, Meta(ge=VOXELS_M[0], le=VOXELS_M[1], description="metres")]
+Tolerance = Annotated[int, Meta(ge=0, le=100, description="cameras")]
 Threads = Annotated[int, Meta(ge=1, le=100_000)]
 Sex = Literal["male", "female", "unknown"]
 Repair = Literal["auto", "say", "off"]  #: See `voxelpose.multiview.multiview_estimator`.
@@ -75,8 +75,13 @@ def types_if_given(kind: Any) -> tuple[Any, ...]:
 
 def range_of(kind: Any) -> tuple[float | None, float | None]:
     """Smallest and largest number that a value may be; None where there is no such bound."""
+    bounds = _bounds(kind)
+    return (None, None) if bounds is None else (bounds.ge, bounds.le)
+
+
+def _bounds(kind: Any) -> Meta | None:
     marks = [mark for part in _parts(kind) for mark in unmarked(part)[1:]]
-    return next(((mark.ge, mark.le) for mark in marks if hasattr(mark, "ge")), (None, None))
+    return next((mark for mark in marks if isinstance(mark, Meta) and mark.le is not None), None)
 
 
 def _parts(kind: Any) -> list[Any]:
@@ -93,10 +98,11 @@ def choices_of(kind: Any) -> tuple[str, ...]:
 
 def type_words(kind: Any) -> str:
     """What a value is, in words."""
-    least, most = range_of(kind)
+    bounds = _bounds(kind)
     kind, *others = types_if_given(kind)
-    if least is not None and most is not None:
-        return f"{_WORDS[kind]} from {least:g} to {most:g}"
+    if bounds is not None:
+        range_words = f"{_WORDS[kind]} from {bounds.ge:g} to {bounds.le:g}"
+        return f"{range_words} {bounds.description or ''}".rstrip()
     if others:
         return ", or ".join(map(type_words, (kind, *others)))
     if choices := choices_of(kind):

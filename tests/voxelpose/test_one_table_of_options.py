@@ -35,6 +35,9 @@ def walk(tmp_path, monkeypatch) -> Path:
 
 def test_it_is_an_argument_and_a_setting_of_files(walk, capsys):
     assert _parse("fit", [str(walk), "--out", "x", "--patience", "3"]).patience == 3
+    assert run(["fit", str(walk), "--out", "x", "--patience", "61"]) == 2
+    line = "--patience = '61.0' must be a number from 0.5 to 60"
+    assert line in capsys.readouterr().err
     (walk / "voxelpose.toml").write_text("[fit]\npatience = 4\n")
     assert folder_settings("fit", walk)["patience"].value == 4
     assert run(["settings", str(walk)]) == 0

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
+from msgspec import Meta
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
@@ -109,7 +110,7 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Record silhouettes instead of pictures."""
     loop: bool = False
     """Begin videos again at their end."""
-    countdown: Annotated[float, arg(metavar="S")] = 5.0
+    countdown: Annotated[float, Meta(ge=0, le=3600), arg(metavar="S")] = 5.0
     """Seconds to step out of the picture before the empty view is learned."""
     duration: Annotated[float | None, arguments.optional("S")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
@@ -205,8 +206,6 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
             raise InputError(f"{self.record} exists: give --record another name")
         if self.duration is not None and not self.duration > 0:
             raise InputError(f"--duration {self.duration:g} is impossible: give seconds above 0")
-        if not 0 <= self.countdown <= 3600:
-            raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
             self.address()
         number_of_people(str(self.people), auto=False)

@@ -15,6 +15,7 @@ from calib.errors import InputError, check_name
 from silhouette_core.setting_types import (
     checked,
     nearest,
+    range_of,
     types_if_given,
     unmarked,
 )
@@ -193,7 +194,8 @@ def parse_with_settings(
     taken from files. The program's name is for messages.
 
     Raises:
-        InputError: a file cannot be read, or has an unknown section, option or value.
+        InputError: a file cannot be read, or has an unknown section, option or value, or a number
+            is out of its option's range.
         SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
     """
     import tyro
@@ -220,9 +222,11 @@ def parse_with_settings(
     for option in options.values():
         if option.appended and getattr(typed, option.field):
             settings.pop(option.name, None)  # the values would be added to the file's
-    if not settings:
-        return parsed(None), {}
-    done = parsed({options[name].field: setting.value for name, setting in settings.items()})
+    given = {options[name].field: setting.value for name, setting in settings.items()}
+    done = parsed(given or None)
+    for option in options.values():
+        if range_of(option.kind) != (None, None):
+            checked(getattr(done, option.field), option.kind, f"--{option.name}")
     taken = {
         name: setting
         for name, setting in settings.items()
