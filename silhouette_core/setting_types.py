@@ -50,8 +50,9 @@ def checked(
     """A value of a type; `hook` makes what JSON has not, see `msgspec.convert`. InputError, which
     begins with the name, where it is none.
     """
+    plain = getattr(given, "item", lambda: given)()  # of NumPy's numbers
     try:
-        return msgspec.convert(given, kind, dec_hook=hook)
+        return msgspec.convert(plain, kind, dec_hook=hook)
     except (msgspec.ValidationError, NotImplementedError, OverflowError):
         expected = f"{type_words(kind)}{nearest(str(given), choices_of(kind))}"
         raise InputError(f"{name} = {str(given)[:60]!r} must be {expected}") from None
