@@ -242,7 +242,7 @@ class CalibrateCheck:
 
 def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
-    from voxelpose.calibration.check import remedy, verdict_on
+    from voxelpose.calibration.check import check_findings, verdict_on
 
     rows = []
     for line in check.agreement.table:
@@ -253,19 +253,10 @@ def print_check(check: Check) -> None:
         rows.append((plain(line.camera), *errors, str(line.planes), verdict))
     print_table(rows, "camera", "off by, px", "the others, px", "planes", "")
     console = rich_console(soft_wrap=True)
-    console.print(plain(check.agreement.summary))
-    for repair in check.repairs:
-        console.print(f"[bold]{plain(repair.summary)}[/bold]")
-        console.print(f"  {plain(remedy(check, repair.camera))}")
-    if check.after is not None:
-        console.print(f"with that put right: {plain(check.after.summary)}")
-    if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
-        console.print(
-            "calibrate again; if the videos were not started together, first `voxelpose calibrate"
-            " sync`"
-        )
-    for note in check.notes:
-        console.print(f"note: {plain(note)}")
+    for finding in check_findings(check):
+        words, remedy = plain(finding.words), plain(finding.remedy)
+        line = f"note: {words}" if finding.about == "note" else words
+        console.print(f"[bold]{line}[/bold]\n  {remedy}" if remedy else line)
 
 
 SUBCOMMANDS = {
