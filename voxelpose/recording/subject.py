@@ -21,8 +21,8 @@ _METRES = "give metres between {:g} and {:g}, for example {} = {}"
 _TEXT = "give text of at most {} characters in quotation marks, or remove the line"
 # Types of the values by their keys, and what helps where one is none.
 _VALUES = {
-    "stature": (Stature, _METRES.format(*STATURES_M, "stature", 1.75)),
-    "chest_girth": (Chest, _METRES.format(*CHESTS_M, "chest_girth", 1.02)),
+    "stature": (Stature, _METRES.format(*STATURES_M, "stature", "1.75")),
+    "chest_girth": (Chest, _METRES.format(*CHESTS_M, "chest_girth", "1.02")),
     "sex": (Sex, 'use "male", "female" or "unknown"'),
     "body": (
         Annotated[str, Meta(min_length=1, max_length=200)],
