@@ -57,24 +57,18 @@ class CheckedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Result of a check.
-
-    Attributes:
-        moments: numbers of the frames compared.
-        repaired: the rig with these cameras corrected; None if none could be.
-        after: agreement of `repaired`.
-        checked_frames: moment -> camera name -> image, for some of the moments.
-    """
+    """Result of a check."""
 
     rig: Rig
     tracks: dict[str, OutlineTrack]
-    moments: NDArray[np.int64]
+    moments: NDArray[np.int64]  #: numbers of the frames compared.
     times_s: NDArray[np.float64]
     agreement: Agreement
     repairs: tuple[Repair, ...]
-    repaired: Rig | None
-    after: Agreement | None
+    repaired: Rig | None  #: the rig with these cameras corrected; None if none could be.
+    after: Agreement | None  #: agreement of `repaired`.
     checked_frames: dict[int, dict[str, CheckedFrame]]
+    """Moment -> camera name -> image, for some of the moments."""
     notes: tuple[str, ...]
 
 
