@@ -220,21 +220,13 @@ def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Result of a fit, read from its folder.
+    """Result of a fit, read from its folder."""
 
-    Attributes:
-        folder: the result folder.
-        motion: the poses, with their body.
-        rig: the cameras.
-        summary: contents of summary.json: version, frames, timings, quality.
-        settings: contents of settings.toml: the settings of the fit.
-    """
-
-    folder: Path
-    motion: Motion
-    rig: Rig
-    summary: Mapping[str, object]
-    settings: Mapping[str, object]
+    folder: Path  #: the result folder.
+    motion: Motion  #: the poses, with their body.
+    rig: Rig  #: the cameras.
+    summary: Mapping[str, object]  #: contents of summary.json: version, frames, timings, quality.
+    settings: Mapping[str, object]  #: contents of settings.toml: the settings of the fit.
 
     @classmethod
     def open(cls, folder: Path | str) -> Result:

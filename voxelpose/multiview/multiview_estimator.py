@@ -43,23 +43,17 @@ from voxelpose.multiview.tuning import CARVING
 
 @dataclass(frozen=True)
 class _Options:
-    """Options of this estimator only.
+    """Options of this estimator only."""
 
-    Attributes:
-        interference: match interfering parts jointly.
-        voxel_size_m: size of the voxels that are matched.
-        tolerance: number of cameras that may be wrong about a voxel.
-        repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
-            it right where that is sure, "say" only tells, "off" does not look.
-        body: the body, as `load_body` names it; empty: it is estimated. Of a person's, only the
-            clothes are, unless it is an earlier result, which wears those of its recording.
-    """
-
-    interference: bool = True
-    voxel_size_m: VoxelSize = CARVING.voxel_m
-    tolerance: int = 0
+    interference: bool = True  #: match interfering parts jointly.
+    voxel_size_m: VoxelSize = CARVING.voxel_m  #: size of the voxels that are matched.
+    tolerance: int = 0  #: number of cameras that may be wrong about a voxel.
     repair: Repair = "auto"
+    """What to do about a camera that was turned or whose pictures come late: "auto" puts it right
+    where that is sure, "say" only tells, "off" does not look."""
     body: str = ""
+    """The body, as `load_body` names it; empty: it is estimated. Of a person's, only the clothes
+    are, unless it is an earlier result, which wears those of its recording."""
 
 
 class MultiViewEstimator:

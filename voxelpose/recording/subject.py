@@ -39,25 +39,16 @@ SETTINGS_FILE = "voxelpose.toml"
 
 @dataclass(frozen=True)
 class Subject:
-    """The person that was filmed; None where subject.toml does not state a value.
+    """The person that was filmed; None where subject.toml does not state a value."""
 
-    Attributes:
-        stature_m: height, metres.
-        chest_girth_m: chest girth, metres.
-        sex: "male", "female" or "unknown".
-        body: the body, as `load_body` names it; `fit` and `track` take it where no other is given.
-        name: name or code of the person.
-        date: of the recording.
-        remarks: of whoever recorded.
-    """
-
-    stature_m: float | None = None
-    chest_girth_m: float | None = None
-    sex: Sex = "unknown"
+    stature_m: float | None = None  #: height, metres.
+    chest_girth_m: float | None = None  #: chest girth, metres.
+    sex: Sex = "unknown"  #: "male", "female" or "unknown".
     body: str | None = None
-    name: str | None = None
-    date: datetime.date | None = None
-    remarks: str | None = None
+    """The body, as `load_body` names it; `fit` and `track` take it where no other is given."""
+    name: str | None = None  #: name or code of the person.
+    date: datetime.date | None = None  #: of the recording.
+    remarks: str | None = None  #: of whoever recorded.
 
 
 def read_subject(path: Path) -> Subject:
