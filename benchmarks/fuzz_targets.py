@@ -530,8 +530,9 @@ def _use_result(folder: Path, thorough: bool) -> None:
     from voxelpose.batch.jobs import Job
     from voxelpose.batch.run import Outcome
     from voxelpose.cli.summary import print_result
+    from voxelpose.reliability import findings_of
     from voxelpose.report.page import _settings_table, _stages
-    from voxelpose.report.verdict import _lost, headline
+    from voxelpose.report.verdict import headline
     from voxelpose.results import Result
 
     if thorough:
@@ -540,7 +541,7 @@ def _use_result(folder: Path, thorough: bool) -> None:
     result = Result.open(folder / "out")
     with contextlib.redirect_stdout(io.StringIO()):
         print_result(result)
-    headline(result, [_lost(result)]), _stages(result.summary["seconds"])
+    headline(result, findings_of(result.summary, result.motion)), _stages(result.summary["seconds"])
     _settings_table(result.settings)
     outcome = Outcome(Job("a", "b", "fit", {}), "done", "", 1.0, result.summary, {})
     _lines(outcome)

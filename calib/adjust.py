@@ -22,50 +22,33 @@ Fixed = Literal["camera", "board"]
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Detected corners.
+    """Detected corners."""
 
-    Attributes:
-        camera: (N,) int64, number of the camera.
-        board: (N,) int64, number of the board.
-        points_m: (N, 3) float64, m, the corner in the board's frame.
-        pixels: (N, 2) float64, px, the detected corner.
-    """
-
-    camera: IntArray
-    board: IntArray
-    points_m: FloatArray
-    pixels: FloatArray
+    camera: IntArray  #: (N,) int64, number of the camera.
+    board: IntArray  #: (N,) int64, number of the board.
+    points_m: FloatArray  #: (N, 3) float64, m, the corner in the board's frame.
+    pixels: FloatArray  #: (N, 2) float64, px, the detected corner.
 
 
 @dataclass(frozen=True, eq=False)
 class BundleScene:
-    """Cameras and board poses.
-
-    Attributes:
-        rotations: (B, 3, 3) float64, world from board.
-        translations: (B, 3) float64, m, world from board.
-    """
+    """Cameras and board poses."""
 
     cameras: tuple[Camera, ...]
-    rotations: FloatArray
-    translations: FloatArray
+    rotations: FloatArray  #: (B, 3, 3) float64, world from board.
+    translations: FloatArray  #: (B, 3) float64, m, world from board.
 
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """A scene after adjustment.
-
-    Attributes:
-        residuals_px: (N, 2) float64, px, observed minus reprojected.
-        covariances: One (p, p) float64 per camera, of its free parameters: rotation (rad, about
-            camera axes) and translation (m), then focal lengths (as logarithms), centre and
-            distortion, or one of the two groups; zeros for fixed parameters. None where no
-            parameter of a camera is free.
-    """
+    """A scene after adjustment."""
 
     scene: BundleScene
-    residuals_px: FloatArray
+    residuals_px: FloatArray  #: (N, 2) float64, px, observed minus reprojected.
     covariances: tuple[FloatArray, ...]
+    """One (p, p) float64 per camera, of its free parameters: rotation (rad, about camera axes) and
+    translation (m), then focal lengths (as logarithms), centre and distortion, or one of the two
+    groups; zeros for fixed parameters. None where no parameter of a camera is free."""
 
 
 def adjust(

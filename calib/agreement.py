@@ -28,34 +28,23 @@ their estimate is off by."""
 
 @dataclass(frozen=True)
 class CameraAgreement:
-    """Agreement of one camera with the others.
-
-    Attributes:
-        error_px: Its error against the cameras that are not culprits.
-        others_px: Error of those among themselves, without it.
-        moments: Number of moments at which it saw somebody.
-    """
+    """Agreement of one camera with the others."""
 
     camera: str
-    error_px: float
-    others_px: float
-    moments: int
+    error_px: float  #: Its error against the cameras that are not culprits.
+    others_px: float  #: Error of those among themselves, without it.
+    moments: int  #: Number of moments at which it saw somebody.
     planes: int
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Result of the check.
+    """Result of the check."""
 
-    Attributes:
-        error_px: Error of all cameras.
-        culprits: The cameras without which the others agree; empty if all agree, or if no subset
-            does.
-    """
-
-    error_px: float
+    error_px: float  #: Error of all cameras.
     table: tuple[CameraAgreement, ...]
     culprits: tuple[str, ...]
+    """The cameras without which the others agree; empty if all agree, or if no subset does."""
     agrees: bool
 
     @property

@@ -26,42 +26,29 @@ _MAX_COARSE_PX = 1000
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """A board detected in an image.
+    """A board detected in an image."""
 
-    Attributes:
-        ids: (N,) int64, corner numbers.
-        pixels: (N, 2) float64, px, the corners.
-        size: Image (width, height), px.
-    """
-
-    ids: NDArray[np.int64]
-    pixels: FloatArray
-    size: tuple[int, int]
+    ids: NDArray[np.int64]  #: (N,) int64, corner numbers.
+    pixels: FloatArray  #: (N, 2) float64, px, the corners.
+    size: tuple[int, int]  #: Image (width, height), px.
 
 
 @dataclass(frozen=True)
 class Board:
     """A checkerboard, or a ChArUco board if `marker_m` is given.
 
-    Attributes:
-        columns: Inner corners along a row (one fewer than squares).
-        rows: Inner corners along a column.
-        square_m: Side of a square, m.
-        marker_m: Side of a ChArUco marker, m; None for a plain checkerboard.
-        dictionary: Name of OpenCV's ArUco dictionary.
-        legacy: Whether a ChArUco board with an even number of rows of squares begins with a marker,
-            as boards by OpenCV before 4.6 do.
-
     Raises:
         InputError: The board is impossible.
     """
 
-    columns: int
-    rows: int
-    square_m: float
-    marker_m: float | None = None
-    dictionary: str = "DICT_4X4_50"
+    columns: int  #: Inner corners along a row (one fewer than squares).
+    rows: int  #: Inner corners along a column.
+    square_m: float  #: Side of a square, m.
+    marker_m: float | None = None  #: Side of a ChArUco marker, m; None for a plain checkerboard.
+    dictionary: str = "DICT_4X4_50"  #: Name of OpenCV's ArUco dictionary.
     legacy: bool = False
+    """Whether a ChArUco board with an even number of rows of squares begins with a marker, as
+    boards by OpenCV before 4.6 do."""
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:

@@ -31,27 +31,20 @@ def _read_only(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Flo
 class Camera:
     """One calibrated camera.
 
-    Attributes:
-        name: Name, unique in its rig.
-        size: Image (width, height), px.
-        matrix: (3, 3) float64, upper triangular, px. A skew is respected (OpenCV ignores it).
-        distortion: (n,) float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty,
-            n = 0, 4, 5, 8, 12 or 14; k1 k2 k3 k4 if `fisheye`.
-        rotation: (3, 3) float64, camera from world.
-        translation: (3,) float64, m, camera from world.
-        fisheye: Whether `distortion` belongs to OpenCV's fisheye model.
-
     Raises:
         ValueError: A value has the wrong shape, is not finite, or is impossible.
     """
 
-    name: str
-    size: tuple[int, int]
+    name: str  #: Name, unique in its rig.
+    size: tuple[int, int]  #: Image (width, height), px.
     matrix: FloatArray
+    """(3, 3) float64, upper triangular, px. A skew is respected (OpenCV ignores it)."""
     distortion: FloatArray
-    rotation: FloatArray
-    translation: FloatArray
-    fisheye: bool = False
+    """(n,) float64 in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty, n = 0, 4, 5, 8, 12
+    or 14; k1 k2 k3 k4 if `fisheye`."""
+    rotation: FloatArray  #: (3, 3) float64, camera from world.
+    translation: FloatArray  #: (3,) float64, m, camera from world.
+    fisheye: bool = False  #: Whether `distortion` belongs to OpenCV's fisheye model.
 
     def __post_init__(self) -> None:
         who = f"camera {self.name}: "
@@ -186,15 +179,12 @@ class Camera:
 class Rig:
     """Cameras calibrated in one world, accessible by name.
 
-    Attributes:
-        notes: What its file holds and the rig does not, for messages.
-
     Raises:
         ValueError: No camera, or two of one name.
     """
 
     cameras: tuple[Camera, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: What its file holds and the rig does not, for messages.
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))

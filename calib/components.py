@@ -13,15 +13,11 @@ from calib.checks import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class MaskComponents:
-    """Connected components of a mask, numbered from 1; 0 is the background.
+    """Connected components of a mask, numbered from 1; 0 is the background."""
 
-    Attributes:
-        labels: int32, of the mask's shape: each element's component.
-        sizes: (N + 1,) int64, number of elements of each component; 0 for the background.
-    """
-
-    labels: NDArray[np.int32]
+    labels: NDArray[np.int32]  #: int32, of the mask's shape: each element's component.
     sizes: NDArray[np.int64]
+    """(N + 1,) int64, number of elements of each component; 0 for the background."""
 
     @cached_property
     def bounds(self) -> NDArray[np.int64]:

@@ -31,42 +31,29 @@ from calib.tuning import AGREEMENT, BOARDS
 
 @dataclass(frozen=True)
 class CameraError:
-    """Accuracy of one camera's pose.
-
-    Attributes:
-        seen: Number of boards (or points) it saw.
-        rms_px: Root mean square reprojection error.
-        position_mm: Standard error of its position relative to the first camera (NaN for that one),
-            or relative to the world if calibrated from points.
-        rotation_deg: Standard error of its rotation, likewise.
-    """
+    """Accuracy of one camera's pose."""
 
     camera: str
-    seen: int
-    rms_px: float
+    seen: int  #: Number of boards (or points) it saw.
+    rms_px: float  #: Root mean square reprojection error.
     position_mm: float
-    rotation_deg: float
+    """Standard error of its position relative to the first camera (NaN for that one), or relative
+    to the world if calibrated from points."""
+    rotation_deg: float  #: Standard error of its rotation, likewise.
 
 
 @dataclass(frozen=True, eq=False)
 class Extrinsics:
-    """A calibrated rig.
-
-    Attributes:
-        table: Accuracy of each camera.
-        rms_px: Root mean square reprojection error of all cameras.
-        shared_boards: Number of boards seen by each pair of cameras.
-        advice: Remarks on implausible results.
-        before_px: Root mean square reprojection error of an earlier calibration, in the same
-            pictures, by the names of its cameras; empty where there is none.
-    """
+    """A calibrated rig."""
 
     rig: Rig
-    table: tuple[CameraError, ...]
-    rms_px: float
-    shared_boards: Mapping[Pair, int]
-    advice: tuple[str, ...]
+    table: tuple[CameraError, ...]  #: Accuracy of each camera.
+    rms_px: float  #: Root mean square reprojection error of all cameras.
+    shared_boards: Mapping[Pair, int]  #: Number of boards seen by each pair of cameras.
+    advice: tuple[str, ...]  #: Remarks on implausible results.
     before_px: Mapping[str, float] = field(default_factory=dict)
+    """Root mean square reprojection error of an earlier calibration, in the same pictures, by the
+    names of its cameras; empty where there is none."""
 
 
 def calibrate_extrinsics(

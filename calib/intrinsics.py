@@ -23,35 +23,24 @@ _ROUNDED_PX = 1 / 2  # largest error of what is known to whole pixels
 
 @dataclass(frozen=True)
 class PictureError:
-    """Reprojection error of one picture.
-
-    Attributes:
-        left_out: Why the picture was not used; None if it was.
-    """
+    """Reprojection error of one picture."""
 
     picture: str
     corners: int
     rms_px: float
-    left_out: str | None = None
+    left_out: str | None = None  #: Why the picture was not used; None if it was.
 
 
 @dataclass(frozen=True, eq=False)
 class Intrinsics:
-    """A calibrated lens.
+    """A calibrated lens."""
 
-    Attributes:
-        camera: The camera with this lens, in the origin.
-        rms_px: Root mean square distance of detected and reprojected corners in the pictures used.
-        pictures: Error of each picture, in the given order.
-        focal_error_px: (2,) float64, standard errors of the focal lengths.
-        coverage: (8, 8) int64, number of corners in each cell of the image.
-    """
-
-    camera: Camera
+    camera: Camera  #: The camera with this lens, in the origin.
     rms_px: float
-    pictures: tuple[PictureError, ...]
-    focal_error_px: FloatArray
-    coverage: NDArray[np.int64]
+    """Root mean square distance of detected and reprojected corners in the pictures used."""
+    pictures: tuple[PictureError, ...]  #: Error of each picture, in the given order.
+    focal_error_px: FloatArray  #: (2,) float64, standard errors of the focal lengths.
+    coverage: NDArray[np.int64]  #: (8, 8) int64, number of corners in each cell of the image.
 
     @property
     def advice(self) -> list[str]:

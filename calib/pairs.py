@@ -21,19 +21,12 @@ _MIN_BOARDS = 4  # below, a pair is not tested for mirroring
 
 
 class PoseCandidate(NamedTuple):
-    """A possible pose of a board relative to a camera.
+    """A possible pose of a board relative to a camera."""
 
-    Attributes:
-        rotation: (3, 3) float64, camera from board.
-        translation: (3,) float64, m.
-        error: Root mean square error in ideal coordinates.
-        flipped: Whether the corners are numbered from the other end.
-    """
-
-    rotation: FloatArray
-    translation: FloatArray
-    error: float
-    flipped: bool
+    rotation: FloatArray  #: (3, 3) float64, camera from board.
+    translation: FloatArray  #: (3,) float64, m.
+    error: float  #: Root mean square error in ideal coordinates.
+    flipped: bool  #: Whether the corners are numbered from the other end.
 
 
 Candidates = Mapping[str, Mapping[str, list[PoseCandidate]]]  # moment -> camera -> candidates

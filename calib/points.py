@@ -32,15 +32,12 @@ _METRES = ("x_m", "y_m", "z_m")
 
 @dataclass(frozen=True, eq=False)
 class ScenePoints:
-    """Observed points of a scene.
-
-    Attributes:
-        pixels: Point -> camera -> (2,) float64, px, its image.
-        known_m: Point -> (3,) float64, m, world coordinates of the measured points; z is up.
-    """
+    """Observed points of a scene."""
 
     pixels: Mapping[str, Mapping[str, FloatArray]]
+    """Point -> camera -> (2,) float64, px, its image."""
     known_m: Mapping[str, FloatArray]
+    """Point -> (3,) float64, m, world coordinates of the measured points; z is up."""
 
     def cameras(self) -> set[str]:
         """Names of all cameras that see a point."""

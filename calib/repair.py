@@ -35,24 +35,17 @@ Kind = Literal[
 
 @dataclass(frozen=True, eq=False)
 class Repair:
-    """Explanation of a camera's disagreement, and its correction.
-
-    Attributes:
-        summary: Description of the change, one sentence.
-        after_px: Error of the camera against the others after correction.
-        offset_s: Clock offset: its frame of time t shows what the others showed at t - offset.
-        turned_deg: Angle of its rotation.
-        with_camera: The camera with which it is swapped, or None.
-    """
+    """Explanation of a camera's disagreement, and its correction."""
 
     camera: str
     kind: Kind
-    summary: str
-    after_px: float
+    summary: str  #: Description of the change, one sentence.
+    after_px: float  #: Error of the camera against the others after correction.
     after: Camera
     offset_s: float = 0.0
-    turned_deg: float = 0.0
-    with_camera: str | None = None
+    """Clock offset: its frame of time t shows what the others showed at t - offset."""
+    turned_deg: float = 0.0  #: Angle of its rotation.
+    with_camera: str | None = None  #: The camera with which it is swapped, or None.
 
     def rig(self, rig: Rig) -> Rig:
         """The rig with the camera corrected."""
@@ -61,20 +54,13 @@ class Repair:
 
 @dataclass(frozen=True, eq=False)
 class SuspectCamera:
-    """A camera that does not agree, and the data against which hypotheses are tested.
-
-    Attributes:
-        others: Outlines of the cameras that agree.
-        moments_s: (M,) float64, s, times of comparison.
-        others_px: Error of the others among themselves.
-        max_offset_s: Largest clock offset tried, in both directions.
-    """
+    """A camera that does not agree, and the data against which hypotheses are tested."""
 
     track: OutlineTrack
-    others: tuple[OutlineTrack, ...]
-    moments_s: FloatArray
-    others_px: float
-    max_offset_s: float
+    others: tuple[OutlineTrack, ...]  #: Outlines of the cameras that agree.
+    moments_s: FloatArray  #: (M,) float64, s, times of comparison.
+    others_px: float  #: Error of the others among themselves.
+    max_offset_s: float  #: Largest clock offset tried, in both directions.
 
     def residuals(self, camera: Camera, offset_s: float = 0.0) -> FloatArray:
         """Signed errors (planes,), px, for hypothetical parameters; NaN where undetermined."""

@@ -31,16 +31,11 @@ _BLOCKS = 6
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """What one camera measured over time.
-
-    Attributes:
-        time_s: (T,) float64, increasing: times by its own clock.
-        values: (T, K) float64, NaN where unknown; the same K things for all cameras.
-    """
+    """What one camera measured over time."""
 
     camera: str
-    time_s: FloatArray
-    values: FloatArray
+    time_s: FloatArray  #: (T,) float64, increasing: times by its own clock.
+    values: FloatArray  #: (T, K) float64, NaN where unknown; the same K things for all cameras.
 
     @property
     def period_s(self) -> float:
@@ -50,33 +45,23 @@ class Signal:
 
 @dataclass(frozen=True)
 class SignalSettings:
-    """How signals are compared.
+    """How signals are compared."""
 
-    Attributes:
-        max_offset_s: Largest offset between two cameras, s.
-        step_s: Step at which signals are sampled, s.
-        sigma_s: Standard deviation of the Gaussian by which they are smoothed, s.
-        lasting: Whether they say something all the time, so that parts of them can be left out to
-            estimate errors; a single clap cannot.
-    """
-
-    max_offset_s: float
-    step_s: float = SIGNALS.sigma_s / 6
+    max_offset_s: float  #: Largest offset between two cameras, s.
+    step_s: float = SIGNALS.sigma_s / 6  #: Step at which signals are sampled, s.
     sigma_s: float = SIGNALS.sigma_s
+    """Standard deviation of the Gaussian by which they are smoothed, s."""
     lasting: bool = True
+    """Whether they say something all the time, so that parts of them can be left out to estimate
+    errors; a single clap cannot."""
 
 
 @dataclass(frozen=True, eq=False)
 class Correlogram:
-    """Correlation of two cameras' signals by offset of the second relative to the first.
+    """Correlation of two cameras' signals by offset of the second relative to the first."""
 
-    Attributes:
-        offsets_s: (K,) float64, evenly increasing, s.
-        values: (K,) float64, -1 to 1; NaN where the signals hardly overlap.
-    """
-
-    offsets_s: FloatArray
-    values: FloatArray
+    offsets_s: FloatArray  #: (K,) float64, evenly increasing, s.
+    values: FloatArray  #: (K,) float64, -1 to 1; NaN where the signals hardly overlap.
 
     def at(self, offset_s: float) -> float:
         """Correlation at an offset, s; 0 where unknown."""
@@ -108,41 +93,28 @@ class Correlogram:
 
 @dataclass(frozen=True)
 class Offset:
-    """Clock offset of one camera.
-
-    Attributes:
-        offset_s: By how much its clock is ahead of the reference's: its frame of time t was taken
-            at t - offset.
-        error_s: Standard error of the offset; NaN if unknown.
-        frames: The offset in its frames.
-    """
+    """Clock offset of one camera."""
 
     camera: str
     offset_s: float
-    error_s: float
-    frames: float
+    """By how much its clock is ahead of the reference's: its frame of time t was taken at t -
+    offset."""
+    error_s: float  #: Standard error of the offset; NaN if unknown.
+    frames: float  #: The offset in its frames.
 
 
 @dataclass(frozen=True)
 class SignalOffsets:
-    """Clock offsets from signals.
+    """Clock offsets from signals."""
 
-    Attributes:
-        reference: The camera whose clock is the reference.
-        offsets: One row per camera.
-        correlation: Mean correlation of the pairs at these offsets.
-        disagreement_s: By how much the pairs' own offsets differ from these, root mean square; NaN
-            with two cameras.
-        unlike: Names of cameras whose signal is like none of the others'.
-        ambiguous: Names of cameras for which another offset is nearly as likely.
-    """
-
-    reference: str
-    offsets: tuple[Offset, ...]
-    correlation: float
+    reference: str  #: The camera whose clock is the reference.
+    offsets: tuple[Offset, ...]  #: One row per camera.
+    correlation: float  #: Mean correlation of the pairs at these offsets.
     disagreement_s: float
-    unlike: tuple[str, ...]
-    ambiguous: tuple[str, ...]
+    """By how much the pairs' own offsets differ from these, root mean square; NaN with two
+    cameras."""
+    unlike: tuple[str, ...]  #: Names of cameras whose signal is like none of the others'.
+    ambiguous: tuple[str, ...]  #: Names of cameras for which another offset is nearly as likely.
 
     @property
     def agreed(self) -> bool:

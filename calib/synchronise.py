@@ -41,22 +41,16 @@ _BLOCKS = 6
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """Clock offsets of all cameras.
+    """Clock offsets of all cameras."""
 
-    Attributes:
-        reference: The camera whose clock is the reference.
-        offsets: One row per camera.
-        before_px: Error of all cameras' tangent planes without offsets; NaN if none is comparable.
-        after_px: The same error with the offsets.
-        agreed: Whether the cameras agree at these offsets. If not, the offsets come from the
-            velocities of the outlines alone.
-    """
-
-    reference: str
-    offsets: tuple[Offset, ...]
+    reference: str  #: The camera whose clock is the reference.
+    offsets: tuple[Offset, ...]  #: One row per camera.
     before_px: float
-    after_px: float
+    """Error of all cameras' tangent planes without offsets; NaN if none is comparable."""
+    after_px: float  #: The same error with the offsets.
     agreed: bool
+    """Whether the cameras agree at these offsets. If not, the offsets come from the velocities of
+    the outlines alone."""
 
     @property
     def offset_s(self) -> dict[str, float]:

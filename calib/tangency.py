@@ -34,19 +34,14 @@ _CACHE_SIZE = 64
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The convex hull of one silhouette.
-
-    Attributes:
-        pixels: (N, 2) float64, px of the recorded image, the corners: half a pixel outside the
-            outermost pixel centres.
-        inside: (N,) bool, whether a corner is not at the image's border, where the body may be cut
-            off.
-        middle: (2,) float64, px, median of the silhouette's pixels.
-    """
+    """The convex hull of one silhouette."""
 
     pixels: FloatArray
+    """(N, 2) float64, px of the recorded image, the corners: half a pixel outside the outermost
+    pixel centres."""
     inside: NDArray[np.bool_]
-    middle: FloatArray
+    """(N,) bool, whether a corner is not at the image's border, where the body may be cut off."""
+    middle: FloatArray  #: (2,) float64, px, median of the silhouette's pixels.
 
     @classmethod
     def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
@@ -131,16 +126,11 @@ def main_components(mask: Mask) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class OutlineTrack:
-    """Outlines of one camera over time.
-
-    Attributes:
-        time_s: (T,) float64, increasing: times of its frames by its own clock.
-        outlines: T outlines; None where nobody is seen.
-    """
+    """Outlines of one camera over time."""
 
     camera: Camera
-    time_s: FloatArray
-    outlines: tuple[Outline | None, ...]
+    time_s: FloatArray  #: (T,) float64, increasing: times of its frames by its own clock.
+    outlines: tuple[Outline | None, ...]  #: T outlines; None where nobody is seen.
 
     @classmethod
     def from_masks(

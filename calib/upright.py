@@ -34,15 +34,10 @@ _POSSIBLE = UPRIGHT.ambiguous * UPRIGHT.on_its_side  # worth where all lie on th
 
 @dataclass(frozen=True, eq=False)
 class UprightFrame:
-    """The frame with z up and the floor at z = 0, beside the calibration's world.
+    """The frame with z up and the floor at z = 0, beside the calibration's world."""
 
-    Attributes:
-        rotation: (3, 3) float64, upright from world.
-        floor_m: height of the floor in the world, along up, metres.
-    """
-
-    rotation: FloatArray
-    floor_m: float = 0.0
+    rotation: FloatArray  #: (3, 3) float64, upright from world.
+    floor_m: float = 0.0  #: height of the floor in the world, along up, metres.
 
     @classmethod
     def from_up(cls, up: ArrayLike, floor_m: float = 0.0) -> "UprightFrame":

@@ -12,8 +12,8 @@ All estimators take the same frames and return the same Motion; nothing downstre
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, runtime_checkable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol, TypeVar, get_type_hints, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -21,8 +21,16 @@ from calib.checks import BoolArray, ByteArray, FloatArray
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.conditioning import Conditioning
-from silhouette_core.network_files import NetworkUse
 from silhouette_core.progress import Reporter
+from silhouette_core.setting_types import (
+    BackgroundKind,
+    Chest,
+    NetworkUse,
+    Sex,
+    Stature,
+    Threads,
+    checked,
+)
 
 if TYPE_CHECKING:
     from calib.camera import Rig
@@ -35,12 +43,6 @@ ONE_PERSONS = "what was told of the person is one person's, and is not used"
 """Note where several people are estimated, see `Settings.of_anybody`."""
 
 Frame = ByteArray  #: (H, W, 3) uint8, BGR, as the camera recorded it (lens distortion included).
-
-
-BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
-"""What the background of a camera without an empty view is taken from: a uniform backdrop where one
-is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
-is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
 
 
 class FrameSource(Protocol):
@@ -94,9 +96,9 @@ class FrameSource(Protocol):
 class Settings:
     """Settings of an estimation."""
 
-    stature_m: float | None = None  #: height of the person, metres; None: estimated.
-    chest_m: float | None = None  #: chest girth, metres; None: usual for the stature.
-    sex: Literal["male", "female", "unknown"] = "unknown"  #: It decides the proportions.
+    stature_m: Stature | None = None  #: height of the person, metres; None: estimated.
+    chest_m: Chest | None = None  #: chest girth, metres; None: usual for the stature.
+    sex: Sex = "unknown"  #: It decides the proportions.
     background: BackgroundKind = "auto"  #: see `BackgroundKind`.
     network: NetworkUse = "auto"
     """Either "auto", which uses the pose network where it is installed, see
@@ -105,7 +107,7 @@ class Settings:
     """Direction of up in the world, three numbers; None: as the calibration states, else found from
     the cameras and the person."""
     smooth: bool = True  #: Use later frames, and filter the finished motion (off line, no lag).
-    threads: int | None = None  #: number of threads; None: all cores.
+    threads: Threads | None = None  #: number of threads; None: all cores.
     backend: str = "cpu"  #: Scoring backend, a name as for `scoring.backend.load_backend`.
     conditioning: Conditioning = field(default_factory=Conditioning)
     """Gaps of the finished motion that are filled, and its filter."""
@@ -135,22 +137,22 @@ Options = TypeVar("Options")
 def read_options(
     kind: type[Options], options: Mapping[str, bool | int | float | str], estimator: str
 ) -> Options:
-    """Options of one estimator as its dataclass, which checks the values.
+    """Options of one estimator as its dataclass, checked by the types of its fields.
 
     Args:
         kind: the dataclass; its fields are the options that exist.
         options: options by name, see `Settings`.
 
     Raises:
-        InputError: an option does not exist, or has a value that the dataclass refuses.
+        InputError: an option does not exist, or has a value of another type or range.
     """
-    known = [option.name for option in fields(kind)]  # type: ignore[arg-type]
+    known = get_type_hints(kind, include_extras=True)
     unknown = sorted(set(options) - set(known))
     if unknown:
         raise InputError(
             f"the {estimator} estimator has no option {unknown[0]!r}: it has {', '.join(known)}"
         )
-    return kind(**options)
+    return kind(**{name: checked(value, known[name], name) for name, value in options.items()})
 
 
 @dataclass(frozen=True, eq=False)

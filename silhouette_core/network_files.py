@@ -7,13 +7,13 @@ import hashlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 from platformdirs import user_data_path
 
 from calib.errors import InputError
+from silhouette_core.setting_types import NetworkUse
 
-NetworkUse = Literal["auto", "off"]  #: Whether the network is used where it is installed.
 FOLDER_VARIABLE = "VOXELPOSE_NETWORK"
 
 

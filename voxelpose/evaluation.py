@@ -44,41 +44,29 @@ _BONES = np.array([[*map(LANDMARK_NAMES.index, ends.split())] for ends in _BONE_
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of an estimate; means are over the frames that have a pose.
+    """Errors of an estimate; means are over the frames that have a pose."""
 
-    Attributes:
-        frames: number of frames whose truth is known.
-        lost: fraction of frames without a pose or with a root-relative error over 300 mm.
-        mpjpe_mm: mean distance of the joints in the world, mm.
-        root_mm: mean distance of the joints relative to the first one (the pelvis), mm.
-        pa_mm: mean distance of the joints after the best similarity transform of each frame, mm.
-        pck150: fraction of joints within 150 mm, relative to the first one.
-        flips: fraction of frames that are nearer by over 30 mm with left and right exchanged; NaN
-            of a body whose joints have no sides.
-        jitter_mm: mean third difference of the joint positions over time, mm.
-        jitter_truth_mm: mean third difference of the true positions, mm.
-        angle_deg: mean angle between the directions of the bones (a person's ten), degrees.
-        joint_root_mm: root_mm of every joint, in the order of `joints`.
-        joints: names of the joints; of a person LANDMARK_NAMES.
-        joint_angle_deg: mean error of the joint angles, degrees; NaN unless both are known as
-            motions of one body.
-        each_joint_angle_deg: mean error of every joint angle that is estimated, by its name.
-    """
-
-    frames: int
-    lost: float
-    mpjpe_mm: float = float("nan")
+    frames: int  #: number of frames whose truth is known.
+    lost: float  #: fraction of frames without a pose or with a root-relative error over 300 mm.
+    mpjpe_mm: float = float("nan")  #: mean distance of the joints in the world, mm.
     root_mm: float = float("nan")
+    """Mean distance of the joints relative to the first one (the pelvis), mm."""
     pa_mm: float = float("nan")
-    pck150: float = float("nan")
+    """Mean distance of the joints after the best similarity transform of each frame, mm."""
+    pck150: float = float("nan")  #: fraction of joints within 150 mm, relative to the first one.
     flips: float = float("nan")
-    jitter_mm: float = float("nan")
-    jitter_truth_mm: float = float("nan")
+    """Fraction of frames that are nearer by over 30 mm with left and right exchanged; NaN of a body
+    whose joints have no sides."""
+    jitter_mm: float = float("nan")  #: mean third difference of the joint positions over time, mm.
+    jitter_truth_mm: float = float("nan")  #: mean third difference of the true positions, mm.
     angle_deg: float = float("nan")
-    joint_root_mm: tuple[float, ...] = ()
-    joints: tuple[str, ...] = LANDMARK_NAMES
+    """Mean angle between the directions of the bones (a person's ten), degrees."""
+    joint_root_mm: tuple[float, ...] = ()  #: root_mm of every joint, in the order of `joints`.
+    joints: tuple[str, ...] = LANDMARK_NAMES  #: names of the joints; of a person LANDMARK_NAMES.
     joint_angle_deg: float = float("nan")
+    """Mean error of the joint angles, degrees; NaN unless both are known as motions of one body."""
     each_joint_angle_deg: Mapping[str, float] = field(default_factory=dict)
+    """Mean error of every joint angle that is estimated, by its name."""
 
 
 def evaluate(

@@ -47,20 +47,13 @@ from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
 
 @dataclass(frozen=True)
 class Output:
-    """Destination and contents of a result.
+    """Destination and contents of a result."""
 
-    Attributes:
-        folder: the result folder to be made.
-        overwrite: whether an earlier result of this name is replaced.
-        pictures: whether overlay videos and the contact sheet are drawn.
-        sources: files that settings were taken from, by the names of the options; kept in
-            summary.json.
-    """
-
-    folder: Path | str
-    overwrite: bool = False
-    pictures: bool = True
+    folder: Path | str  #: the result folder to be made.
+    overwrite: bool = False  #: whether an earlier result of this name is replaced.
+    pictures: bool = True  #: whether overlay videos and the contact sheet are drawn.
     sources: Mapping[str, str] = field(default_factory=dict)
+    """Files that settings were taken from, by the names of the options; kept in summary.json."""
 
 
 def fit(

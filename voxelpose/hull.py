@@ -24,29 +24,21 @@ from voxelpose.recording.folder import Recording
 
 @dataclass(frozen=True)
 class CarveSettings:
-    """Settings of carving a frame and writing its hull.
+    """Settings of carving a frame and writing its hull."""
 
-    Attributes:
-        frame: Number of the frame.
-        voxel_size_m: Edge of a voxel, m; None divides the volume's longest edge by `resolution`.
-        resolution: Voxels along the longest edge where no size is given.
-        volume_m: Low corner x, y, z and high corner x, y, z, world, m; None finds the volume.
-        rule: Condition under which a voxel is occupied.
-        style: "surface" writes a triangle mesh, "voxels" the centres of the occupied voxels.
-        cameras: Names of the cameras to use; None means all.
-        unit: Unit of the calibration's lengths where its file does not say.
-        label: Labels of the person in masks/; None finds them.
-    """
-
-    frame: int = 0
+    frame: int = 0  #: Number of the frame.
     voxel_size_m: float | None = None
-    resolution: int = 192
+    """Edge of a voxel, m; None divides the volume's longest edge by `resolution`."""
+    resolution: int = 192  #: Voxels along the longest edge where no size is given.
     volume_m: tuple[float, float, float, float, float, float] | None = None
+    """Low corner x, y, z and high corner x, y, z, world, m; None finds the volume."""
     rule: CarveRule = field(default_factory=CarveRule)
+    """Condition under which a voxel is occupied."""
     style: Literal["surface", "voxels"] = "surface"
-    cameras: tuple[str, ...] | None = None
-    unit: str | None = None
-    label: str | None = None
+    """"surface" writes a triangle mesh, "voxels" the centres of the occupied voxels."""
+    cameras: tuple[str, ...] | None = None  #: Names of the cameras to use; None means all.
+    unit: str | None = None  #: Unit of the calibration's lengths where its file does not say.
+    label: str | None = None  #: Labels of the person in masks/; None finds them.
 
     def __post_init__(self) -> None:
         if self.frame < 0:
@@ -65,24 +57,16 @@ class CarveSettings:
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A carved frame.
+    """A carved frame."""
 
-    Attributes:
-        grid: Positions of the voxels.
-        occupancy: (nx, ny, nz) bool.
-        rig: The cameras used.
-        masks: (h, w) bool by camera name.
-        without_background: Cameras without frames of the empty scene, whose background was
-            estimated from the recording itself.
-        notes: What is worth telling about the recording's files.
-    """
-
-    grid: VoxelGrid
-    occupancy: NDArray[np.bool_]
-    rig: Rig
-    masks: dict[str, NDArray[np.bool_]]
+    grid: VoxelGrid  #: Positions of the voxels.
+    occupancy: NDArray[np.bool_]  #: (nx, ny, nz) bool.
+    rig: Rig  #: The cameras used.
+    masks: dict[str, NDArray[np.bool_]]  #: (h, w) bool by camera name.
     without_background: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    """Cameras without frames of the empty scene, whose background was estimated from the recording
+    itself."""
+    notes: tuple[str, ...] = ()  #: What is worth telling about the recording's files.
 
     @property
     def volume_l(self) -> float:

@@ -1,13 +1,21 @@
-"""How far a result can be relied on, from its own numbers: one word and the reason for it."""
+"""How far a result can be relied on, from its own numbers: what is found in it, and one word with
+the reason for it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from voxelpose.tuning import RELIABILITY
+import msgspec
+import numpy as np
+
+from voxelpose.findings import Finding, ranges_text, worst_first
+from voxelpose.tuning import RELIABILITY, REPORT
+
+if TYPE_CHECKING:
+    from silhouette_core.motion.motion import Motion
 
 Level = Literal["failed", "doubtful", "reliable"]
 LEVELS: tuple[Level, ...] = ("failed", "doubtful", "reliable")
@@ -15,6 +23,8 @@ LEVELS: tuple[Level, ...] = ("failed", "doubtful", "reliable")
 _Table = Mapping[str, Any]
 _STATED = {"pose_error_mm", "joint_sigma_mm", "right_probability", "landmark_confidence"}
 """Of the quality, what says how far off poses are; overlap with the silhouettes does not."""
+_WORST = 3  # joints that are named
+_SMALL = ("thumb", "fingers", "toes")
 
 
 @dataclass(frozen=True)
@@ -45,19 +55,15 @@ class Verdict:
 
 
 def verdict_of(summary: Mapping[str, Any]) -> Verdict:
-    """The verdict on a result, by `frames`, `quality` and `facts` of its summary.json: doubtful for
-    the first of the reasons below.
-    """
-    frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
-    error_mm = _error_mm(quality)
-    doubts = chain(_doubts_of_poses(frames, quality, facts), _doubts_of_silhouettes(quality, facts))
-    reason = next(doubts, "")
-    if reason:
-        is_open = reason == _open_poses(error_mm)
-        return Verdict("doubtful", reason, error_mm=error_mm if is_open else None)
+    """The verdict on a result, by what was found in it: doubtful for the first that is bad."""
+    quality, error_mm = summary["quality"], _error_mm(summary["quality"])
+    for finding in findings_of(summary):
+        if finding.level == "bad":
+            return Verdict("doubtful", str(finding), error_mm=error_mm)
     if error_mm is None:
         return Verdict("reliable", "", _uncertain(quality))
-    return Verdict("reliable", "", (), error_mm, not facts.get("stature_given", True))
+    given = summary.get("facts", {}).get("stature_given", True)
+    return Verdict("reliable", "", (), error_mm, not given)
 
 
 def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
@@ -71,103 +77,211 @@ def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
     return replace(worst, uncertain=tuple(uncertain))
 
 
-def _doubts_of_poses(frames: _Table, quality: _Table, facts: _Table) -> Iterator[str]:
-    """What speaks against the poses, of which the first is said."""
-    if moving := facts.get("moving_cameras"):
-        yield (
-            f"{', '.join(moving)}: the picture moves as a whole, so that no background can be told"
-            " from the person: film from a tripod, or take --frames in which the camera stands"
-            " still"
-        )
-    lost, posed = len(frames["lost"]), frames["with_pose"]
-    if lost > RELIABILITY.lost * (lost + posed):
-        yield (
-            f"{lost} of {lost + posed} frames have no pose: look at their silhouettes (voxelpose"
-            " view)"
-        )
-    shared = facts.get("frames_merged", 0)
-    if shared > RELIABILITY.lost * (lost + posed):
-        yield (
-            f"in {shared} of {lost + posed} frames people have one silhouette, and what one hides"
-            " of another is a guess: look at the overlay"
-        )
-    seam_mm = max((seam for seam in facts.get("seams_mm", ()) if seam is not None), default=0.0)
-    if seam_mm > RELIABILITY.seam_mm:
-        yield (
-            f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet: look at"
-            " the frames around it (facts in summary.json), or give longer --pieces"
-        )
-    agreement = _number_or(quality.get("outline_agreement", {}).get("median"), 1.0)
-    right = quality.get("right_probability", {}).get("lower_quarter")
-    disagrees, turn = agreement < RELIABILITY.agreement, facts.get("half_turn_ratio")
-    # A quarter of the frames is more likely wrong than right.
-    if disagrees if right is None else right < 0.5:
-        if not disagrees and turn is not None and turn < RELIABILITY.half_turn:
-            yield (
-                "turned half round, the body explains the silhouettes nearly as well: look which"
-                " way it faces"
-            )
-        yield (
-            f"body and silhouettes have only {100 * agreement:.0f} % in common: look at the contact"
-            " sheet, at silhouettes and calibration, and at clothes of the walls' colours"
-        )
-    error_mm = _error_mm(quality)
-    if error_mm is not None and error_mm > RELIABILITY.open_mm:
-        yield _open_poses(error_mm)
-    turn_deg_s, frame = facts.get("fastest_turn") or (0.0, 0)
-    if turn_deg_s > RELIABILITY.turn_deg_s:
-        yield (
-            f"at frame {frame} the body turns faster than people do, by {turn_deg_s:.0f} degrees a"
-            " second: before or after it, front and back are exchanged; look at the overlay"
-        )
-    if not quality.keys() & _STATED:
-        yield (
-            "its estimator states no errors to be expected, so that nobody knows: look at the"
-            " contact sheet"
-        )
-
-
-def _open_poses(error_mm: float | None) -> str:
-    return (
-        f"one camera leaves several poses open, and joints are likely {error_mm or 0:.0f} mm off:"
-        " look at hypotheses.csv and at the silhouettes, or add a second camera"
+def findings_of(summary: Mapping[str, Any], motion: Motion | None = None) -> list[Finding]:
+    """What is found in a result, worst first: what its summary.json holds, or, of results before
+    2026-12, by its `frames`, `quality` and `facts`, and by the motion where that is given.
+    """
+    if "findings" in summary:
+        return msgspec.convert(summary["findings"], list[Finding])
+    frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
+    return worst_first(
+        [
+            *_of_frames(frames, facts, motion),
+            *_of_outlines(quality, facts, motion),
+            *_of_one_camera(quality),
+            *_of_estimator(quality, facts),
+            *_of_silhouettes(quality, facts),
+            *_of_parts(motion),
+        ]
     )
 
 
-def _doubts_of_silhouettes(quality: _Table, facts: _Table) -> Iterator[str]:
-    """What speaks against a result whose poses are plausible."""
+def _bad(about: str, words: str, remedy: str, where: str = "") -> Finding:
+    return Finding(about, "bad", words, where, remedy)
+
+
+def _of_frames(frames: _Table, facts: _Table, motion: Motion | None) -> Iterator[Finding]:
+    if moving := facts.get("moving_cameras"):
+        yield _bad(
+            "Cameras",
+            f"the picture of {', '.join(moving)} moves as a whole, so that no background can be"
+            " told from the person",
+            "film from a tripod, or take --frames in which the camera stands still",
+        )
+    lost, where = frames["lost"], ""
+    count = frames["with_pose"] + len(lost)
+    if lost:
+        where = ranges_text(np.array(lost, np.int64))
+        if motion is not None and (filled := int(motion.filled.sum())):
+            where += f"; {filled} of them were filled by interpolation"
+    level = "bad" if len(lost) > RELIABILITY.lost * count else "look" if lost else "good"
+    words = f"{len(lost)} of {count} frames have no pose" if lost else "all frames have a pose"
+    remedy = "look at their silhouettes (voxelpose view)" if lost else ""
+    yield Finding("Frames", level, words, where, remedy)
+    shared = facts.get("frames_merged", 0)
+    if shared > RELIABILITY.lost * count:
+        yield _bad(
+            "Frames",
+            f"in {shared} of {count} frames people have one silhouette, and what one hides of"
+            " another is a guess",
+            "look at the overlay",
+        )
+    away = np.array(frames.get("away", ()), np.int64)
+    if len(away):
+        first, last = (0, 0) if motion is None else motion.frames[[0, -1]]
+        guess = ((away > first) & (away < last)).any()
+        words = "; that who came back is who left is a guess" if guess else ""
+        yield Finding("Presence", "good", f"away in {ranges_text(away)}{words}")
+    seam_mm = max((seam for seam in facts.get("seams_mm", ()) if seam is not None), default=0.0)
+    if seam_mm > RELIABILITY.seam_mm:
+        yield _bad(
+            "Pieces",
+            f"two pieces of the recording are {seam_mm:.0f} mm apart where they meet",
+            "look at the frames around it (facts in summary.json), or give longer --pieces",
+        )
+
+
+def _of_outlines(quality: _Table, facts: _Table, motion: Motion | None) -> Iterator[Finding]:
+    agreement = _number_or(quality.get("outline_agreement", {}).get("median"), 1.0)
+    right = quality.get("right_probability", {}).get("lower_quarter")
+    limit, turn = RELIABILITY.agreement, facts.get("half_turn_ratio")
+    disagrees = agreement < limit
+    # A quarter of the frames is more likely wrong than right.
+    doubted = disagrees if right is None else right < 0.5
+    if doubted and not disagrees and turn is not None and turn < RELIABILITY.half_turn:
+        yield _bad(
+            "Heading",
+            "turned half round, the body explains the silhouettes nearly as well",
+            "look which way it faces",
+        )
+    where = ""
+    if motion is not None and "outline_agreement" in motion.quality:
+        below = np.asarray(motion.quality["outline_agreement"], float) < limit
+        if below.any():
+            where = f"below {100 * limit:.0f} % in {ranges_text(motion.frames[below])}"
+    level = "bad" if doubted else "look" if where or agreement < REPORT.sure else "good"
+    if level != "good" or "outline_agreement" in quality:
+        yield Finding(
+            "Outlines",
+            level,
+            f"body and silhouettes have {'only ' * doubted}{100 * agreement:.0f} % in common",
+            where,
+            "look at the contact sheet, at silhouettes and calibration (a body that is shifted in"
+            " one camera only: that one was moved), and at clothes of the walls' colours"
+            if level != "good"
+            else "",
+        )
+
+
+def _of_one_camera(quality: _Table) -> Iterator[Finding]:
+    error_mm = _error_mm(quality)
+    if error_mm is None:
+        return
+    each: dict[str, float] = quality.get("joint_error_mm", {})
+    worst = sorted(each, key=lambda name: -each[name])[:_WORST]
+    listed = ", ".join(f"{_spaced(name)} ({each[name]:.0f} mm)" for name in worst)
+    where = f"in the room, most for {listed}" if listed else ""
+    if error_mm > RELIABILITY.open_mm:
+        yield _bad(
+            "Joints",
+            f"one camera leaves several poses open, and joints are likely {error_mm:.0f} mm off",
+            "look at hypotheses.csv and at the silhouettes, or add a second camera",
+            where,
+        )
+        return
+    yield Finding(
+        "Joints",
+        "look",
+        f"to be expected from one camera: joints {error_mm:.0f} mm off relative to the pelvis",
+        where,
+        "most of it lies along the line of sight: a second camera from the side settles it",
+    )
+
+
+def _of_estimator(quality: _Table, facts: _Table) -> Iterator[Finding]:
+    turn_deg_s, frame = facts.get("fastest_turn") or (0.0, 0)
+    if turn_deg_s > RELIABILITY.turn_deg_s:
+        yield _bad(
+            "Heading",
+            f"at frame {frame} the body turns faster than people do, by {turn_deg_s:.0f} degrees a"
+            " second",
+            "before or after it, front and back are exchanged; look at the overlay",
+        )
+    if not quality.keys() & _STATED:
+        yield _bad(
+            "Joints",
+            "its estimator states no errors to be expected, so that nobody knows",
+            "look at the contact sheet",
+        )
+
+
+def _of_silhouettes(quality: _Table, facts: _Table) -> Iterator[Finding]:
+    """What is to be said of a result whose poses are plausible."""
     if facts.get("objects_share") and not facts.get("objects_apart"):
-        yield (
-            "something that stands beside the person, as a chair does, was left out: look at the"
-            " contact sheet whether legs were taken for it; mark it as unknown to be sure"
+        yield _bad(
+            "Objects",
+            "something that stands beside the person, as a chair does, was left out",
+            "look at the contact sheet whether legs were taken for it, and mark it as unknown",
         )
     shares = list(facts.get("by_texture", {}).values())
     if None in shares:
-        yield (
+        yield _bad(
+            "Colours",
             "cameras without colour: how much of the person is as dark as a shadow was not looked"
-            " at beforehand: leave --no-smooth out, or look at the contact sheet"
+            " at beforehand",
+            "leave --no-smooth out, or look at the contact sheet",
         )
     share = sum(share or 0.0 for share in shares) / max(len(shares), 1)
     if share > 0.25:  # walk4 turned grey had 0.31, and 1.9 times the error of its colours
-        yield (
+        yield _bad(
+            "Colours",
             f"cameras without colour: {100 * share:.0f} % of the person is as dark as a shadow,"
-            " from which only its texture tells it: look at the contact sheet; wear what is"
-            " brighter than the walls, or much darker"
+            " from which only its texture tells it",
+            "look at the contact sheet; wear what is brighter than the walls, or much darker",
         )
     share = facts.get("unexplained_frames", 0.0)
     if share > RELIABILITY.lost:
-        yield (
+        yield _bad(
+            "People",
             f"in {100 * share:.0f} % of the frames something as large as a person is seen beside"
-            " those who were found: look at the contact sheet, and if it is somebody, tell by"
-            " --people how many there are"
+            " those who were found",
+            "look at the contact sheet, and if it is somebody, tell by --people how many there are",
         )
     confidence, uncertain = quality.get("landmark_confidence", {}), _uncertain(quality)
-    # Of 13 right results of random recordings none has more than 3 of 15; wrong ones had 7 and 11.
-    if _error_mm(quality) is None and len(uncertain) > len(confidence) / 3:
-        yield (
-            f"{len(uncertain)} of {len(confidence)} joints are likely over 30 mm off: look at the"
-            " contact sheet, and at whether the cameras see the person from different sides"
+    if _error_mm(quality) is None and uncertain:
+        # Of 13 right results of random recordings none has more than 3 of 15; wrong ones 7 and 11.
+        yield Finding(
+            "Joints",
+            "bad" if len(uncertain) > len(confidence) / 3 else "look",
+            f"{len(uncertain)} of {len(confidence)} joints are likely over 30 mm off",
+            ", ".join(map(_spaced, uncertain)),
+            "look at the contact sheet, and at whether the cameras see the person, and limbs held"
+            " against the body, from different sides",
         )
+
+
+def _of_parts(motion: Motion | None) -> Iterator[Finding]:
+    overlap = None if motion is None else motion.quality.get("part_overlap")
+    if motion is None or overlap is None:
+        return
+    # Parts too small to be measured are nan.
+    uncovered = np.mean(np.asarray(overlap) < REPORT.covered, axis=0).tolist()
+    weak = [
+        f"{_spaced(name)} ({100 * share:.0f} % of frames)"
+        for name, share in zip(motion.model.names, uncovered, strict=True)
+        if share > RELIABILITY.lost and not name.endswith(_SMALL)
+    ]
+    if not weak:
+        yield Finding("Body parts", "good", "every limb lies inside the carved hull")
+        return
+    yield Finding(
+        "Body parts",
+        "look",
+        "often outside the carved hull",
+        ", ".join(weak),
+        "thin parts are lost where one camera's silhouette has a hole: check it in voxelpose view;"
+        " limbs beside the trunk are occluded by it: cameras at other heights help",
+    )
 
 
 def _uncertain(quality: _Table) -> tuple[str, ...]:
@@ -183,3 +297,7 @@ def _error_mm(quality: _Table) -> float | None:
 def _number_or(value: float | None, otherwise: float) -> float:
     """A number of the summary, where null stands for one that is not known."""
     return otherwise if value is None else value
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")

@@ -18,7 +18,7 @@ from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.heading import fastest_turn
 from silhouette_core.motion.motion import Motion
 from voxelpose.recording.folder import Recording
-from voxelpose.reliability import verdict_of
+from voxelpose.reliability import findings_of, verdict_of
 from voxelpose.version import __version__
 
 
@@ -111,6 +111,7 @@ def summary_document(
     if is_person_tree(motion.model.tree):
         speed, frame = fastest_turn(motion)
         summary["facts"] = {**estimate.facts, "fastest_turn": [round(speed, 1), frame]}
+    summary["findings"] = [asdict(finding) for finding in findings_of(summary, motion)]
     summary["verdict"] = asdict(verdict_of(summary))
     return summary
 

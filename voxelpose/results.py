@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -18,12 +18,20 @@ from calib.errors import InputError
 from calib.files import read_rig
 from calib.storage.atomic import FolderWriter
 from calib.storage.documents import load_text, parse_json, parse_toml
-from silhouette_core.body.sizes import CHESTS_M, STATURES_M
-from silhouette_core.estimator import BackgroundKind
+from silhouette_core.estimator import Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
-from silhouette_core.network_files import NetworkUse
+from silhouette_core.setting_types import (
+    BackgroundKind,
+    Chest,
+    Sex,
+    Stature,
+    Tolerance,
+    VoxelSize,
+)
+from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
+from voxelpose.reliability import Verdict
 
 _LARGEST_BYTES = 50_000_000  # a million lost frames take a fifth of it
 _MOST_FRAMES = 10_000_000
@@ -35,14 +43,23 @@ _Seconds = Annotated[float, Meta(ge=0, le=10**9)]
 _Count = Annotated[int, Meta(ge=0, le=_MOST_FRAMES)]
 _Name = Annotated[str, Meta(max_length=1000, pattern="^[^\\x00]*$")]
 _Names = Annotated[list[_Name], Meta(min_length=1, max_length=1000)]
-_Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1])]
-_Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1])]
-_Sex = Literal["male", "female", "unknown"]
 _Up = Annotated[list[_Number], Meta(min_length=3, max_length=3)]
 _Schema = TypeVar("_Schema")
 SUMMARY = "summary.json"
 CALIBRATION = "calibration.toml"
 SETTINGS = "settings.toml"
+FILES = {
+    "contact_sheet.png": "look here first: the fitted body over frames of every camera",
+    "overlay_*.webm": "the fitted body over the videos, for every browser and player",
+    "joints.csv": "positions of the joints, metres, with a confidence",
+    "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
+    "motion.safetensors": "joint angles, root and quality, for programs",
+    "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
+    "summary.json": "quality and timings, for programs",
+    "settings.toml": "settings of the fit",
+    "calibration.toml": "the cameras that were used",
+}
+"""What is in a result, by names, with * for a camera's."""
 _MARK = "voxelpose"  # key of summary.json that marks a folder as a result
 
 
@@ -56,9 +73,9 @@ class _Frames(msgspec.Struct):
 
 
 class _Body(msgspec.Struct):
-    stature_m: _Stature | None = None
-    chest_girth_m: _Chest | None = None
-    sex: _Sex = "unknown"
+    stature_m: Stature | None = None
+    chest_girth_m: Chest | None = None
+    sex: Sex = "unknown"
     parts: _Count | None = None  # of a body that is not made from a person's measurements
     extent_m: _Positive | None = None
 
@@ -83,14 +100,12 @@ class _Facts(msgspec.Struct):
     fastest_turn: tuple[_Number, _Count] | None = None
     objects_share: dict[_Name, _Number] = {}
     objects_apart: bool = False
+    frames_merged: _Count = 0
+    unexplained_frames: _Number | None = None
+    moving_cameras: list[_Name] = []
+    by_texture: dict[_Name, _Number | None] = {}
+    stature_given: bool = True
     late_frames: dict[_Name, Annotated[int, Meta(ge=-_MOST_FRAMES, le=_MOST_FRAMES)]] = {}
-
-
-class _Verdict(msgspec.Struct):
-    level: Literal["failed", "doubtful", "reliable"] = "reliable"
-    reason: Annotated[str, Meta(max_length=10_000)] = ""
-    uncertain: Annotated[list[_Name], Meta(max_length=100)] = []
-    error_mm: _Number | None = None
 
 
 class _Conditioned(msgspec.Struct):
@@ -114,7 +129,8 @@ class _Summary(msgspec.Struct):
     floor_m: _Number | None = None
     facts: _Facts = msgspec.field(default_factory=_Facts)
     conditioning: _Conditioned = msgspec.field(default_factory=_Conditioned)
-    verdict: _Verdict = msgspec.field(default_factory=_Verdict)
+    verdict: Verdict | None = None
+    findings: list[Finding] = []  # none until 2026-12
     inputs: dict[_Name, _Name] = {}  # digests; none until 2026-11
 
 
@@ -129,36 +145,23 @@ class _Index(msgspec.Struct):  # of several people's results
 
 
 class _Options(msgspec.Struct):
-    voxel_size_m: Annotated[float, Meta(ge=0.005, le=0.1)] | None = None
-    tolerance: Annotated[int, Meta(ge=0, le=100)] | None = None
+    voxel_size_m: VoxelSize | None = None
+    tolerance: Tolerance | None = None
     body: _Name = ""
 
 
-class _Conditioning(msgspec.Struct):
-    filter: Literal["auto", "butterworth", "savgol", "gaussian", "none"] = "auto"
-    cutoff_hz: _Positive = 7
-    filter_order: Annotated[int, Meta(ge=1, le=8)] | None = None
-    gap_limit: _Count | Annotated[str, Meta(max_length=20)] = 0
-    gap_method: Literal["linear", "pchip", "none"] = "linear"
+@dataclass(frozen=True)
+class _Recorded(Settings):
+    """Settings of an estimation, and of what."""
 
-
-class _Settings(msgspec.Struct):
     recording: _Name = ""
     frames: Annotated[list[_Count], Meta(min_length=2, max_length=2)] | None = None
     cameras: _Names | None = None
     estimator: _Name = ""
     label: _Name | None = None
-    stature_m: _Stature | None = None
-    chest_m: _Chest | None = None
-    sex: _Sex = "unknown"
-    background: BackgroundKind | Literal["refined"] = "auto"  # refined: auto, until 2026-11
-    network: NetworkUse = "auto"
-    up: _Up | None = None
-    smooth: bool = True
-    threads: Annotated[int, Meta(ge=1, le=100_000)] | None = None
-    backend: _Name = "cpu"
-    conditioning: _Conditioning = msgspec.field(default_factory=_Conditioning)
-    options: _Options = msgspec.field(default_factory=_Options)
+    # refined: auto, until 2026-11
+    background: BackgroundKind | Literal["refined"] = "auto"  # type: ignore[assignment]
+    options: _Options = field(default_factory=_Options)  # type: ignore[assignment]
 
 
 def load_summary(path: Path) -> dict[str, Any]:
@@ -193,7 +196,7 @@ def load_settings(path: Path) -> dict[str, Any]:
         InputError: it is no TOML, or an entry is impossible; the message names it.
     """
     content = parse_toml(load_text(path, _LARGEST_BYTES), path)
-    known = _checked(content, _Settings, path)
+    known = _checked(content, _Recorded, path)
     if known.frames is not None and known.frames[0] > known.frames[1]:
         raise InputError(f"{path}: frames {known.frames} end before they begin: {_REMEDY}")
     tolerance = known.options.tolerance or 0
@@ -210,28 +213,20 @@ def load_settings(path: Path) -> dict[str, Any]:
 def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
     try:
         return msgspec.convert(content, schema)
-    except (msgspec.ValidationError, OverflowError) as error:
+    except (msgspec.ValidationError, OverflowError, InputError) as error:
         reason = " ".join(str(error).replace("`", "").replace("$.", "").split())
         raise InputError(f"{path}: {reason[:300]}: {_REMEDY}") from None
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Result of a fit, read from its folder.
+    """Result of a fit, read from its folder."""
 
-    Attributes:
-        folder: the result folder.
-        motion: the poses, with their body.
-        rig: the cameras.
-        summary: contents of summary.json: version, frames, timings, quality.
-        settings: contents of settings.toml: the settings of the fit.
-    """
-
-    folder: Path
-    motion: Motion
-    rig: Rig
-    summary: Mapping[str, object]
-    settings: Mapping[str, object]
+    folder: Path  #: the result folder.
+    motion: Motion  #: the poses, with their body.
+    rig: Rig  #: the cameras.
+    summary: Mapping[str, object]  #: contents of summary.json: version, frames, timings, quality.
+    settings: Mapping[str, object]  #: contents of settings.toml: the settings of the fit.
 
     @classmethod
     def open(cls, folder: Path | str) -> Result:

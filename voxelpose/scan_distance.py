@@ -27,44 +27,30 @@ _ALIKE = 3  # times as large as the body, or as small, a scan in the right unit 
 
 @dataclass(frozen=True)
 class SurfaceDistance:
-    """Distances of points, spread evenly over one surface, from another surface.
+    """Distances of points, spread evenly over one surface, from another surface."""
 
-    Attributes:
-        mean_mm: signed: above 0 where the points lie outside of the other surface.
-        rms_mm: root of the mean square.
-        p95_mm: of 95 % of the points, at most, on either side.
-        worst_mm: the largest, on either side.
-    """
-
-    mean_mm: float
-    rms_mm: float
-    p95_mm: float
-    worst_mm: float
+    mean_mm: float  #: signed: above 0 where the points lie outside of the other surface.
+    rms_mm: float  #: root of the mean square.
+    p95_mm: float  #: of 95 % of the points, at most, on either side.
+    worst_mm: float  #: the largest, on either side.
 
 
 @dataclass(frozen=True)
 class ScanScore:
-    """A fitted body against a scan.
+    """A fitted body against a scan."""
 
-    Attributes:
-        frame: number of the frame whose pose is compared.
-        body_to_scan: of the body's surface from the scan: what is too large is outside.
-        scan_to_body: of the scan from the body, which also sees what the body lacks.
-        hull_to_scan: of the carved hull, which no body's proportions bound; None without a hull.
-        scan_to_hull: likewise.
-        moved_mm: how far the scan's middle was moved onto the body; 0 if it was not to be.
-        turned_deg: by how much it was turned.
-        notes: what is missing, in words.
-    """
-
-    frame: int
+    frame: int  #: number of the frame whose pose is compared.
     body_to_scan: SurfaceDistance
+    """Of the body's surface from the scan: what is too large is outside."""
     scan_to_body: SurfaceDistance
+    """Of the scan from the body, which also sees what the body lacks."""
     hull_to_scan: SurfaceDistance | None = None
-    scan_to_hull: SurfaceDistance | None = None
+    """Of the carved hull, which no body's proportions bound; None without a hull."""
+    scan_to_hull: SurfaceDistance | None = None  #: likewise.
     moved_mm: float = 0
-    turned_deg: float = 0
-    notes: tuple[str, ...] = ()
+    """How far the scan's middle was moved onto the body; 0 if it was not to be."""
+    turned_deg: float = 0  #: by how much it was turned.
+    notes: tuple[str, ...] = ()  #: what is missing, in words.
 
 
 def evaluate_scan(

@@ -34,17 +34,12 @@ from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json, 
 
 
 class RigFormat(NamedTuple):
-    """A calibration format.
+    """A calibration format."""
 
-    Attributes:
-        read: Reads a file or folder of this format.
-        write: Writes a rig, in metres; None where the format is only read.
-        suffixes: Suffixes by which `write_rig` chooses this format.
-    """
-
-    read: Callable[[Source], Rig]
+    read: Callable[[Source], Rig]  #: Reads a file or folder of this format.
     write: Callable[..., None] | None = None
-    suffixes: tuple[str, ...] = ()
+    """Writes a rig, in metres; None where the format is only read."""
+    suffixes: tuple[str, ...] = ()  #: Suffixes by which `write_rig` chooses this format.
 
 
 RIG_FORMATS = {

@@ -24,21 +24,16 @@ _PICTURES = frozenset(".jpg .jpeg .png .tif .tiff .bmp .webp .mp4 .mov .avi .mkv
 
 @dataclass(frozen=True)
 class Source:
-    """A calibration file to be read, with values that the file may lack.
-
-    Attributes:
-        unit: Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None.
-        size: Image (width, height), px, as given by the caller, or None.
-        cameras: Names of the cameras that are wanted; None for all. One that is not may lack its
-            position.
-        lenses: Whether lenses alone are wanted: positions and the unit may be missing.
-    """
+    """A calibration file to be read, with values that the file may lack."""
 
     path: Path
     unit: str | None = None
+    """Unit of its lengths ("m", "cm" or "mm") as given by the caller, or None."""
     size: tuple[int, int] | None = None
+    """Image (width, height), px, as given by the caller, or None."""
     cameras: Sequence[str] | None = None
-    lenses: bool = False
+    """Names of the cameras that are wanted; None for all. One that is not may lack its position."""
+    lenses: bool = False  #: Whether lenses alone are wanted: positions and the unit may be missing.
 
     def error(self, message: str, camera: str | None = None) -> InputError:
         """Error with a message of one line that names the file and the camera."""

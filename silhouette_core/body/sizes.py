@@ -6,9 +6,8 @@ import numpy as np
 
 from calib.checks import check_array
 from calib.errors import InputError
+from silhouette_core.setting_types import CHESTS_M, STATURES_M
 
-STATURES_M = 50 / 100, 260 / 100  #: Smallest and largest stature of a person.
-CHESTS_M = 40 / 100, 180 / 100  #: Smallest and largest chest girth of a person.
 TEMPLATE_CHANGES = -80 / 100, 200 / 100
 """Smallest and largest change of the template's chest, waist and hips; thighs only up to 0.95."""
 

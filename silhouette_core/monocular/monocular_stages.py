@@ -26,33 +26,20 @@ from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.scoring.backend import load_backend
+from silhouette_core.setting_types import Start
 from silhouette_core.tuning import MEASURING
-
-STARTS = "facing", "any"
 
 
 @dataclass(frozen=True)
 class MonocularOptions:
-    """Options of this estimator only, checked."""
+    """Options of this estimator only."""
 
     library: str = ""  #: Path of a pose library, whose proposal is used; empty: the program's.
-    start: str = "facing"
-    """Either "facing" (the person mostly faces the camera in the first frame) or "any"."""
+    start: Start = "facing"
     outline_only: bool = False  #: whether what lies inside the outline is left out.
     body: str = ""
     """The person's body, as `load_body` names it, which is kept as it is; empty: the body is
     adapted to the person."""
-
-    def __post_init__(self) -> None:
-        for name, kind, what in (
-            ("outline_only", bool, "true or false"),
-            ("library", str, "the path of a file"),
-            ("body", str, "a name, or the path of a file"),
-        ):
-            if not isinstance(getattr(self, name), kind):
-                raise InputError(f"{name} {getattr(self, name)!r} must be {what}")
-        if self.start not in STARTS:
-            raise InputError(f"start {self.start!r} is not known: use {' or '.join(STARTS)}")
 
 
 @dataclass(frozen=True, eq=False)

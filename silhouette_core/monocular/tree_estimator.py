@@ -23,7 +23,7 @@ from silhouette_core.monocular.monocular_estimator import (
     check_person,
     upright_frame,
 )
-from silhouette_core.monocular.monocular_stages import STARTS, assumed_stature
+from silhouette_core.monocular.monocular_stages import assumed_stature
 from silhouette_core.monocular.person import find_person, upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.base_poses import base_poses
@@ -44,6 +44,7 @@ from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.scoring.backend import Backend, load_backend
 from silhouette_core.scoring.silhouette_error import mask_errors
+from silhouette_core.setting_types import Start
 
 _SAMPLES = 24_000  # of a dictionary of the program's own movements
 _PITCH_STEP_DEG = 5
@@ -53,20 +54,16 @@ _HYPOTHESES = 5  # samples that are stored of a frame, at most
 
 @dataclass(frozen=True)
 class TreeOptions:
-    """Options of this estimator only, checked."""
+    """Options of this estimator only."""
 
     library: str = ""
     """Path of a pose library, which is used as it is; empty: one of the program's own movements is
     built for the body, and kept."""
-    start: str = "facing"
+    start: Start = "facing"
     """Either "facing" (a Gaussian about the upright pose that faces the camera) or "any"."""
     body: str = ""
     """The person's body, as `load_body` names it; empty: of the paper's 24 the one nearest in
     stature and chest girth."""
-
-    def __post_init__(self) -> None:
-        if self.start not in STARTS:
-            raise InputError(f"start {self.start!r} is not known: use {' or '.join(STARTS)}")
 
 
 class TreeEstimator:

@@ -6,18 +6,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
 from calib.errors import InputError
 from silhouette_core.motion.smoothing import LowPass, continuous_quaternions, runs_of, smooth_runs
+from silhouette_core.setting_types import FilterKind, FilterOrder, GapMethod
 from silhouette_core.tuning import DYNAMICS
 
 if TYPE_CHECKING:
     from silhouette_core.motion.motion import Motion
 
-GAP_METHODS = "linear", "pchip", "none"
 _LIMIT = re.compile(r"(\d{1,9})|(\d{0,9}\.?\d{1,9})\s*s")
 _NAMES = {
     "butterworth": "Butterworth low-pass",
@@ -30,11 +30,11 @@ _NAMES = {
 class Conditioning:
     """What is done to the poses of a motion after the estimation."""
 
-    filter: str = "auto"  #: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
+    filter: FilterKind = "auto"  #: kind of the filter, as of `LowPass`; `auto`: see `chosen`.
     cutoff_hz: float = DYNAMICS.cutoff_hz  #: its cut-off, Hz: half of the amplitude is left there.
-    filter_order: int | None = None  #: its order; None: the usual one.
+    filter_order: FilterOrder | None = None  #: its order; None: the usual one.
     gap_limit: int | str = 0  #: Longest gap that is filled: frames, or text such as `0.2s`.
-    gap_method: str = "linear"  #: `linear`, `pchip`, or `none`, which fills none.
+    gap_method: GapMethod = "linear"  #: `linear`, `pchip`, or `none`, which fills none.
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -43,9 +43,9 @@ class Conditioning:
             InputError: a value is none that can be used.
         """
         gap_limit_frames(self.gap_limit, 1.0)
-        if self.gap_method not in GAP_METHODS:
+        if self.gap_method not in get_args(GapMethod):
             raise InputError(
-                f"no gap method {self.gap_method!r}: choose from {', '.join(GAP_METHODS)}"
+                f"no gap method {self.gap_method!r}: choose from {', '.join(get_args(GapMethod))}"
             )
         self.low_pass  # noqa: B018 (checks its values)
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.errors import InputError
+from silhouette_core.setting_types import ORDERS
 from silhouette_core.tuning import DYNAMICS
 
 FILTERS = "butterworth", "savgol", "gaussian", "none"
 
 _CUTOFFS_HZ = 1 / 10, 1000
 _ORDERS = {"butterworth": 2, "savgol": 3}
-_HIGHEST_ORDER = 8
 _SHORTEST = 16  # frames
 _HALF = 1 / 2  # of the amplitude is left at the cut-off
 _SIGMA_HZ = math.sqrt(math.log(2) / 2) / math.pi  # of the Gaussian with that response at 1 Hz
@@ -47,8 +47,9 @@ class LowPass:
             return
         if self.kind not in _ORDERS:
             raise InputError(f"the filter {self.kind!r} has no order: leave the order out")
-        if not 1 <= self.order <= _HIGHEST_ORDER:
-            raise InputError(f"order {self.order} is not from 1 to {_HIGHEST_ORDER}: give 2 or 3")
+        low, high = ORDERS
+        if not low <= self.order <= high:
+            raise InputError(f"order {self.order} is not from {low} to {high}: give 2 or 3")
 
     @property
     def usual_order(self) -> int | None:

@@ -15,19 +15,13 @@ from silhouette_core.tuning import REFINEMENT
 
 @dataclass(frozen=True, eq=False)
 class LandmarkPrior:
-    """Prior of the 15 landmarks: Student's t about each, relative to the pelvis.
+    """Prior of the 15 landmarks: Student's t about each, relative to the pelvis."""
 
-    Attributes:
-        relative_m: (15, 3) float64, means relative to the pelvis, in the world.
-        precision: (15, 3, 3) float64, inverse squared scales, 1/m²; the pelvis's own is not used.
-        pelvis_m: (3,) float64, mean of the pelvis, in the world.
-        pelvis_precision: (3, 3) float64, its inverse covariance, 1/m².
-    """
-
-    relative_m: NDArray[np.float64]
+    relative_m: NDArray[np.float64]  #: (15, 3) float64, means relative to the pelvis, in the world.
     precision: NDArray[np.float64]
-    pelvis_m: NDArray[np.float64]
-    pelvis_precision: NDArray[np.float64]
+    """(15, 3, 3) float64, inverse squared scales, 1/m²; the pelvis's own is not used."""
+    pelvis_m: NDArray[np.float64]  #: (3,) float64, mean of the pelvis, in the world.
+    pelvis_precision: NDArray[np.float64]  #: (3, 3) float64, its inverse covariance, 1/m².
 
     @property
     def landmarks_m(self) -> NDArray[np.float64]:

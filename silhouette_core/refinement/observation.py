@@ -18,23 +18,16 @@ _UNKNOWN_PX = _BORDER_PX + _TANGENT_PX  # contour points this near to what is un
 
 @dataclass(frozen=True, eq=False)
 class PinholeViews:
-    """Cameras without distortion, as plain arrays for kernels. C cameras.
-
-    Attributes:
-        intrinsics: (C, 4) float64, fx, fy, cx, cy in px.
-        rotation: (C, 3, 3) float64, camera from world.
-        translation_m: (C, 3) float64, camera from world.
-        center_m: (C, 3) float64, world positions of the cameras.
-        unknown: C arrays (h, w) bool, pixels about which nothing is known, where silhouettes are
-            empty; None: there are none.
-    """
+    """Cameras without distortion, as plain arrays for kernels. C cameras."""
 
     rig: Rig
-    intrinsics: np.ndarray
-    rotation: np.ndarray
-    translation_m: np.ndarray
-    center_m: np.ndarray
+    intrinsics: np.ndarray  #: (C, 4) float64, fx, fy, cx, cy in px.
+    rotation: np.ndarray  #: (C, 3, 3) float64, camera from world.
+    translation_m: np.ndarray  #: (C, 3) float64, camera from world.
+    center_m: np.ndarray  #: (C, 3) float64, world positions of the cameras.
     unknown: tuple[np.ndarray, ...] | None = None
+    """C arrays (h, w) bool, pixels about which nothing is known, where silhouettes are empty; None:
+    there are none."""
 
     @classmethod
     def from_rig(cls, rig: Rig, unknown: Sequence[np.ndarray] | None = None) -> "PinholeViews":
@@ -68,22 +61,16 @@ class Observation:
     """One frame's silhouettes in C pinhole views, with N contour points.
 
     A contour point's viewing ray and its tangent span a plane that touches the body from outside.
-
-    Attributes:
-        masks: C arrays (h, w) bool.
-        outside_px: C arrays (h, w) float32, distance to the silhouette and to what is unknown, see
-            `outside_distances`.
-        camera: (N,) int32, the camera of each contour point.
-        ray: (N, 3) float64, unit viewing directions in the world.
-        normal: (N, 3) float64, unit normals of the tangent planes, away from the body.
     """
 
     views: PinholeViews
-    masks: tuple[np.ndarray, ...]
+    masks: tuple[np.ndarray, ...]  #: C arrays (h, w) bool.
     outside_px: tuple[np.ndarray, ...]
-    camera: np.ndarray
-    ray: np.ndarray
-    normal: np.ndarray
+    """C arrays (h, w) float32, distance to the silhouette and to what is unknown, see
+    `outside_distances`."""
+    camera: np.ndarray  #: (N,) int32, the camera of each contour point.
+    ray: np.ndarray  #: (N, 3) float64, unit viewing directions in the world.
+    normal: np.ndarray  #: (N, 3) float64, unit normals of the tangent planes, away from the body.
 
     @classmethod
     def from_masks(

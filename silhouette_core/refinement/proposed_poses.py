@@ -29,15 +29,10 @@ GROUP = "silhouette_core.pose_proposers"
 
 @dataclass(frozen=True, eq=False)
 class ProposedPoses:
-    """M probable poses of one frame.
+    """M probable poses of one frame."""
 
-    Attributes:
-        probability: (M,) float64, summing to 1.
-        priors: M priors of the joints' positions.
-    """
-
-    probability: NDArray[np.float64]
-    priors: list[LandmarkPrior]
+    probability: NDArray[np.float64]  #: (M,) float64, summing to 1.
+    priors: list[LandmarkPrior]  #: M priors of the joints' positions.
 
     @property
     def likeliest(self) -> NDArray[np.float64]:

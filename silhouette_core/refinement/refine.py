@@ -34,62 +34,44 @@ from silhouette_core.tuning import REFINEMENT
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Steps and weights of the refinement.
-
-    Attributes:
-        reaches_m: largest accepted distance between contour and surface, one entry per step, m.
-        contour_m: standard deviation of a contour residual with the right correspondence, m.
-        independence: fraction of contour points that count as independent of their neighbours.
-        usual: weight of the prior around the resting stance.
-    """
+    """Steps and weights of the refinement."""
 
     reaches_m: tuple[float, ...] = REFINEMENT.reaches_m(REFINEMENT.searched_m)
+    """Largest accepted distance between contour and surface, one entry per step, m."""
     contour_m: float = REFINEMENT.contour_m
+    """Standard deviation of a contour residual with the right correspondence, m."""
     independence: float = REFINEMENT.independence
-    usual: float = 1.0
+    """Fraction of contour points that count as independent of their neighbours."""
+    usual: float = 1.0  #: weight of the prior around the resting stance.
 
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """Gaussian prior of the pose.
+    """Gaussian prior of the pose."""
 
-    Attributes:
-        pose: the mean.
-        sigma: (6 + D,) float64, standard deviations in the order of `Pose.moved`, m and rad;
-            infinite where nothing is known.
-    """
-
-    pose: Pose
+    pose: Pose  #: the mean.
     sigma: np.ndarray
+    """(6 + D,) float64, standard deviations in the order of `Pose.moved`, m and rad; infinite where
+    nothing is known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Residuals between a posed surface and the silhouettes, N of them.
+    """Residuals between a posed surface and the silhouettes, N of them."""
 
-    Attributes:
-        index: (N,) int64, surface point of each residual.
-        direction: (N, 3) float64, world direction along which the residual is measured.
-        gap_m: (N,) float64, the residual.
-        weight: (N,) float64, its robust weight, 1/m².
-    """
-
-    index: np.ndarray
-    direction: np.ndarray
-    gap_m: np.ndarray
-    weight: np.ndarray
+    index: np.ndarray  #: (N,) int64, surface point of each residual.
+    direction: np.ndarray  #: (N, 3) float64, world direction along which the residual is measured.
+    gap_m: np.ndarray  #: (N,) float64, the residual.
+    weight: np.ndarray  #: (N,) float64, its robust weight, 1/m².
 
 
 @dataclass(frozen=True)
 class RefinedPose:
-    """Result of a refinement.
-
-    Attributes:
-        normal_matrix: (6 + D, 6 + D) float64, of the last step's normal equations.
-    """
+    """Result of a refinement."""
 
     pose: Pose
     normal_matrix: np.ndarray = field(repr=False)
+    """(6 + D, 6 + D) float64, of the last step's normal equations."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,21 +17,14 @@ from silhouette_core.refinement.kernels.refine import (
 
 @dataclass(frozen=True, eq=False)
 class PosedSurface:
-    """Parts, rotation axes and surface points in one pose; in K poses with a first axis of K.
+    """Parts, rotation axes and surface points in one pose; in K poses with a first axis of K."""
 
-    Attributes:
-        part_rotation: (27, 3, 3) float64, world from body, as `kinematics.forward`.
-        part_origin: (27, 3) float64, world positions of the joints, m.
-        world_axis: (D, 3) float64, angle d moves x at the rate world_axis[d] x (x - its origin).
-        points: (V, 3) float64, world, m.
-        normals: (V, 3) float64, unit, world.
-    """
-
-    part_rotation: np.ndarray
-    part_origin: np.ndarray
+    part_rotation: np.ndarray  #: (27, 3, 3) float64, world from body, as `kinematics.forward`.
+    part_origin: np.ndarray  #: (27, 3) float64, world positions of the joints, m.
     world_axis: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
+    """(D, 3) float64, angle d moves x at the rate world_axis[d] x (x - its origin)."""
+    points: np.ndarray  #: (V, 3) float64, world, m.
+    normals: np.ndarray  #: (V, 3) float64, unit, world.
 
     @property
     def placed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -23,19 +23,14 @@ from silhouette_core.tuning import STEPS
 
 @dataclass(frozen=True, eq=False)
 class StepCosts:
-    """What steps between the hypotheses of consecutive frames cost.
+    """What steps between the hypotheses of consecutive frames cost."""
 
-    Attributes:
-        tree: the body's.
-        sigma_rad: (D,) float64, standard deviations of the joint angles within 1 / `FPS`.
-        magnification: factor on those of occluded parts, eq. (5); 1: the motion model DM1.
-        restart: largest cost of a step, nats; what costs more is no movement.
-    """
-
-    tree: KinematicTree
+    tree: KinematicTree  #: the body's.
     sigma_rad: NDArray[np.float64]
+    """(D,) float64, standard deviations of the joint angles within 1 / `FPS`."""
     magnification: float = 1.0
-    restart: float = STEPS.restart
+    """Factor on those of occluded parts, eq. (5); 1: the motion model DM1."""
+    restart: float = STEPS.restart  #: largest cost of a step, nats; what costs more is no movement.
 
     def expected(self, previous: Beam, before_previous: Beam | None) -> list[Pose]:
         """Hypotheses of the previous frame moved on by one frame; restarted ones, and those of a

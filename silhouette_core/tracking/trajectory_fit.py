@@ -43,18 +43,14 @@ _ANKLES = "left_ankle", "right_ankle"
 
 @dataclass(frozen=True, eq=False)
 class FrameEvidence:
-    """What a frame says of its pose.
-
-    Attributes:
-        landmark_prior: of the joints' positions; None: there is none.
-        scale: factor on the standard deviation of contour residuals, of a frame whose silhouettes
-            are worse than usual.
-    """
+    """What a frame says of its pose."""
 
     observation: Observation
     time_s: float
-    landmark_prior: LandmarkPrior | None = None
+    landmark_prior: LandmarkPrior | None = None  #: of the joints' positions; None: there is none.
     scale: float = 1.0
+    """Factor on the standard deviation of contour residuals, of a frame whose silhouettes are worse
+    than usual."""
 
 
 def fit_trajectory(

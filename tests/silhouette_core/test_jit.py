@@ -39,11 +39,11 @@ def test_kernels_are_kept_in_a_private_folder(tmp_path):
     assert locked(where, tmp_path) == f"{kept} True {kept}\n"
     compile_one = (
         "from voxelpose.machine_checks import examine\n"
-        "found = {check.name: check for check in examine()}\n"
-        "print(found['compiled code'].state, found['compilation cache'])\n"
+        "found = {check.about: check for check in examine()}\n"
+        "print(found['compiled code'].level, found['compilation cache'])\n"
     )
     said = locked(compile_one, tmp_path)
-    assert said.startswith("works HealthCheck(name='compilation cache', state='limited'")
+    assert said.startswith("good Finding(about='compilation cache', level='look'")
     assert str(kept) in said and "set NUMBA_CACHE_DIR to a lasting folder" in said
     assert any(kept.rglob("*.nbi"))
     assert kept.parent.stat().st_mode & 0o777 == 0o700

@@ -129,8 +129,8 @@ def check_report(summary, motion):
     ("options", "message"),
     [
         ({"voxels": 3}, "no option 'voxels'.*voxel_size_m"),
-        ({"voxel_size_m": 2.5}, "voxels of 2.5 m cannot be matched.*0.025"),
-        ({"voxel_size_m": 0.0}, "cannot be matched"),
+        ({"voxel_size_m": 2.5}, "voxel_size_m = '2.5' must be a number from 0.005 to 0.1"),
+        ({"voxel_size_m": 0.0}, "must be a number from 0.005"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options, message):

@@ -91,7 +91,7 @@ def test_a_camera_that_moves_is_doubted_before_all_else():
     numbers = summary(right=0.9)
     numbers["facts"] |= {"moving_cameras": ["cam_1"], "by_texture": {"cam_1": 0.9}}
     assert verdict_of(numbers).level == "doubtful"
-    assert verdict_of(numbers).reason.startswith("cam_1: the picture moves as a whole")
+    assert verdict_of(numbers).reason.startswith("the picture of cam_1 moves as a whole")
 
 
 def test_numbers_that_are_not_known_leave_no_doubt():

@@ -56,6 +56,8 @@ def test_unknown_entries_are_kept_and_unknown_facts_left_out(tmp_path):
         ("seconds/stages/hulls/median", 1.0, "seconds.stages.hulls lacks min, median or max"),
         ("seconds/total", float("nan"), "at seconds.total"),
         ("facts", {"seams_mm": 3}, "at facts.seams_mm"),
+        ("facts", {"unexplained_frames": "x"}, "at facts.unexplained_frames"),
+        ("findings", [{"about": "Frames", "level": "fine", "words": ""}], "at findings[0].level"),
         ("facts", {"late_frames": {"cam_1": "two"}}, "at facts.late_frames"),
         ("verdict", {"level": "fine"}, "at verdict.level"),
         ("recording", "a\x00b", "at recording"),

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from voxelpose.cli import arguments
+
 if TYPE_CHECKING:
     from voxelpose.batch.run import Outcome
 
@@ -46,12 +48,12 @@ class Batch:
     """What to do where a list does not say: several cameras (fit) or one (track)."""
     set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=VALUE")] = ()
     """Setting for all: an option of `fit` or `track` by its name; may be repeated."""
-    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    jobs: Annotated[int | None, arguments.optional("N")] = None
     """Recordings at a time. Default: as many as there are cores, and as memory allows."""
-    pieces: Annotated[float | None, arg(metavar="SECONDS", help_behavior_hint="")] = None
+    pieces: Annotated[float | None, arguments.optional("SECONDS")] = None
     """Divide recordings of several cameras that are longer into pieces of about so many seconds,
     estimated side by side and joined; all have the body that the first piece finds."""
-    cluster: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
+    cluster: Annotated[str | None, arguments.optional("ADDRESS")] = None
     """Scheduler of a Dask cluster that works instead; it must see the same folders."""
     pictures: bool = True
     """Draw overlay videos and contact sheets."""

@@ -19,6 +19,7 @@ from calib.upright import axis_name, other_up
 from silhouette_core.estimator import Frame
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.findings import Finding
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
@@ -56,24 +57,18 @@ class CheckedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Result of a check.
-
-    Attributes:
-        moments: numbers of the frames compared.
-        repaired: the rig with these cameras corrected; None if none could be.
-        after: agreement of `repaired`.
-        checked_frames: moment -> camera name -> image, for some of the moments.
-    """
+    """Result of a check."""
 
     rig: Rig
     tracks: dict[str, OutlineTrack]
-    moments: NDArray[np.int64]
+    moments: NDArray[np.int64]  #: numbers of the frames compared.
     times_s: NDArray[np.float64]
     agreement: Agreement
     repairs: tuple[Repair, ...]
-    repaired: Rig | None
-    after: Agreement | None
+    repaired: Rig | None  #: the rig with these cameras corrected; None if none could be.
+    after: Agreement | None  #: agreement of `repaired`.
     checked_frames: dict[int, dict[str, CheckedFrame]]
+    """Moment -> camera name -> image, for some of the moments."""
     notes: tuple[str, ...]
 
 
@@ -266,11 +261,26 @@ def verdict_on(check: Check, camera: str) -> str:
     return "agrees" if check.agreement.agrees or check.agreement.culprits else "?"
 
 
-def remedy(check: Check, camera: str, repairing: str = "run with --repair") -> str:
-    """Returns what the user can do about a camera that does not agree; `repairing`: how the
-    repaired files are written.
+def check_findings(check: Check, repairing: str = "run with --repair") -> list[Finding]:
+    """What a check found of the cameras, of each that does not agree, and, about `note`, of itself,
+    in the order in which it is told. `repairing`: how the repaired files are written.
     """
-    repair = next(repair for repair in check.repairs if repair.camera == camera)
+    agreement = check.agreement
+    found = [Finding("cameras", "good" if agreement.agrees else "bad", agreement.summary)]
+    for repair in check.repairs:
+        help_words = _remedy(repair, repairing)
+        found.append(Finding(repair.camera, "bad", repair.summary, remedy=help_words))
+    if check.after is not None:
+        level = "good" if check.after.agrees else "bad"
+        found.append(Finding("cameras", level, f"with that put right: {check.after.summary}"))
+    if not agreement.agrees and not check.repairs and len(agreement.table) > 2:
+        words = "calibrate again; if the videos were not started together, first"
+        found.append(Finding("cameras", "bad", f"{words} `voxelpose calibrate sync`"))
+    return found + [Finding("note", "look", note) for note in check.notes]
+
+
+def _remedy(repair: Repair, repairing: str) -> str:
+    camera = repair.camera
     remedies = {
         "swapped": f"rename the two videos (and backgrounds): {camera} <-> {repair.with_camera}",
         "out of step": f"{repairing} for a timestamps.csv, or `voxelpose calibrate sync`",

@@ -23,20 +23,16 @@ from voxelpose.recording.timestamps import TIMESTAMPS, Times, rates_differ
 
 @dataclass(frozen=True)
 class ExtrinsicsSettings:
-    """Settings of the calibration of poses.
-
-    Attributes:
-        floor: Frame at which the board lies on the floor, of the first camera if there are time
-            stamps; None if there is none.
-        cameras: Names of the cameras used; None for all.
-        earlier: A calibration whose error in the same pictures is told; None if there is none.
-    """
+    """Settings of the calibration of poses."""
 
     floor: int | None = None
+    """Frame at which the board lies on the floor, of the first camera if there are time stamps;
+    None if there is none."""
     max_moments: int = 150
-    cameras: Sequence[str] | None = None
+    cameras: Sequence[str] | None = None  #: Names of the cameras used; None for all.
     refine_lenses: bool = False
     earlier: Rig | None = None
+    """A calibration whose error in the same pictures is told; None if there is none."""
 
 
 def extrinsics_from_recording(

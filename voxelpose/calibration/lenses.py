@@ -15,17 +15,14 @@ from voxelpose.recording.frame_reader import FrameReader
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's lens and the views by picture name from which it was calibrated.
-
-    Attributes:
-        before_px: error of an earlier calibration of it in the views that were used; None where
-            there is none.
-    """
+    """A camera's lens and the views by picture name from which it was calibrated."""
 
     camera: str
     intrinsics: Intrinsics
     views: Mapping[str, BoardView | str]
     before_px: float | None = None
+    """Error of an earlier calibration of it in the views that were used; None where there is
+    none."""
 
     def used(self) -> dict[str, BoardView]:
         """The views that were used."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from calib.signals import SignalOffsets
 from voxelpose.calibration.sync import Sync
+from voxelpose.findings import Finding
 
 _NAMES = {
     "board": "the board's speed",
@@ -21,13 +22,14 @@ _REMEDIES = {
 }
 
 
-def sync_remedy(sync: Sync) -> str:
-    """What the user can do where the offsets are not sure."""
-    return _REMEDIES[sync.by]
+def sync_findings(sync: Sync) -> list[Finding]:
+    """What offsets were found from, and how well the cameras agree: bad where they are not sure."""
+    agreed = sync.result.agreed
+    level, remedy = ("good", "") if agreed else ("bad", _REMEDIES[sync.by])
+    return [Finding("Offsets", level, words, remedy=remedy) for words in _words(sync)]
 
 
-def sync_verdict(sync: Sync) -> Iterator[str]:
-    """Lines that tell what offsets were found from, and how well the cameras agree."""
+def _words(sync: Sync) -> Iterator[str]:
     result = sync.result
     if not isinstance(result, SignalOffsets):
         yield (

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from silhouette_core import setting_types
 
 if TYPE_CHECKING:
     from calib.board import Board
@@ -33,7 +34,7 @@ CALIBRATION_GROUPS = {
 """Those of `calibrate board`, `intrinsics`, `extrinsics` and `sync`."""
 
 
-def _optional(metavar: str, words: str | None = None) -> Any:
+def optional(metavar: str, words: str | None = None) -> Any:
     """Marks an option whose value, where none is given, is not shown in its help."""
     return arg(metavar=metavar, help=words, help_behavior_hint="")
 
@@ -41,29 +42,27 @@ def _optional(metavar: str, words: str | None = None) -> Any:
 RecordingFolder = Annotated[
     Positional[Path], arg(metavar="RECORDING", help="Folder of the recording.")
 ]
-OptionalFile = Annotated[Path | None, _optional("FILE")]
-OptionalLength = Annotated[float | None, _optional("M")]
-OptionalName = Annotated[str | None, _optional("NAME")]
-Sex = Annotated[Literal["male", "female", "unknown"], arg(help="Sex, for the body's proportions.")]
+OptionalFile = Annotated[Path | None, optional("FILE")]
+OptionalLength = Annotated[float | None, optional("M")]
+OptionalName = Annotated[str | None, optional("NAME")]
+Sex = Annotated[setting_types.Sex, arg(help="Sex, for the body's proportions.")]
 BodyName = Annotated[
     str | None,
-    _optional(
+    optional(
         "BODY",
         "The person's body, kept as it is: a name of `voxelpose body list`, a body.toml, an"
         " earlier result of the same person, or a rig. Default: found in the pictures.",
     ),
 ]
-Frames = Annotated[str | None, _optional("A:B", "First frame and one past the last. Default: all.")]
-Cameras = Annotated[
-    str | None, _optional("NAME,NAME", "Names of the cameras to use. Default: all.")
-]
+Frames = Annotated[str | None, optional("A:B", "First frame and one past the last. Default: all.")]
+Cameras = Annotated[str | None, optional("NAME,NAME", "Names of the cameras to use. Default: all.")]
 Unit = Annotated[
     Literal["m", "cm", "mm"] | None,
-    _optional("m|cm|mm", "Unit of the calibration's lengths, where the file does not state it."),
+    optional("m|cm|mm", "Unit of the calibration's lengths, where the file does not state it."),
 ]
 Label = Annotated[
     str | None,
-    _optional(
+    optional(
         "N,N",
         "Labels of the person in masks/, numbers or colours as rrggbb; 0: where it is black."
         " Default: found.",
@@ -71,12 +70,14 @@ Label = Annotated[
 ]
 Fps = Annotated[
     float | None,
-    _optional("N", "Frames per second, where the files do not state it or state it wrongly."),
+    optional("N", "Frames per second, where the files do not state it or state it wrongly."),
 ]
-Threads = Annotated[int | None, _optional("N", "Number of processor threads. Default: all.")]
+Threads = Annotated[
+    setting_types.Threads | None, optional("N", "Number of processor threads. Default: all.")
+]
 MarkerSide = Annotated[
     float | None,
-    _optional(
+    optional(
         "M", "Side of a marker in metres, for a ChArUco board. Default: a plain checkerboard."
     ),
 ]
@@ -93,18 +94,18 @@ OverwriteResult = Annotated[
 class PosingArguments:
     """Arguments of the commands that look for a person in pictures."""
 
-    stature: OptionalLength = None
+    stature: Annotated[setting_types.Stature | None, optional("M")] = None
     """Height in metres. Default: from subject.toml, else estimated, or 1.70 with one camera."""
-    chest: OptionalLength = None
+    chest: Annotated[setting_types.Chest | None, optional("M")] = None
     """Chest girth in metres. Default: from subject.toml, else average for the stature."""
     sex: Sex = "unknown"
     unit: Unit = None
     fps: Fps = None
     label: Label = None
-    up: Annotated[str | None, _optional("AXIS")] = None
+    up: Annotated[str | None, optional("AXIS")] = None
     """Direction of up in the calibration's world: an axis (z, -z, y ...) or three numbers
     (0,0.1,-1). Default: [metadata] up of the calibration, else found."""
-    network: Literal["auto", "off"] = "auto"
+    network: setting_types.NetworkUse = "auto"
     """Pose network as evidence beside the silhouettes, where `voxelpose network install` has put
     one."""
     backend: Annotated[str, arg(metavar="NAME")] = "cpu"
@@ -119,7 +120,7 @@ class PageArguments:
     """Address at which the page is served; any but this machine's own needs --token."""
     port: Annotated[int, arg(metavar="N")] = 8080
     """Port of the page; the next free one if it is taken."""
-    token: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="")] = None
+    token: Annotated[str | None, optional("TEXT")] = None
     """Word without which the page is not shown; part of the address that is printed."""
     browser: bool = True
     """Open the page; --no-browser only prints its address."""
@@ -244,6 +245,29 @@ class BoardArguments:
                 f" {self.square / 1000:g} for millimetres"
             )
         return Board(*corner_counts(self.board), self.square, self.marker, self.dictionary)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptionalBoard:
+    """Arguments that describe a board, where there is one."""
+
+    board: Annotated[str | None, optional("COLUMNSxROWS")] = None
+    """Number of inner corners of the board, where four squares meet, along and down."""
+    square: OptionalLength = None
+    """Side of a square in metres, measured on the print; `sync` needs it with --marker alone."""
+    marker: MarkerSide = None
+    dictionary: Dictionary = "DICT_4X4_50"
+
+    def to_board(self, square: float | None = None) -> Board | None:
+        """The board, of a `square` where none is given; None without --board. InputError where the
+        arguments describe none.
+        """
+        side = square if self.square is None else self.square
+        if self.board is None or side is None:
+            return None
+        return BoardArguments(
+            board=self.board, square=side, marker=self.marker, dictionary=self.dictionary
+        ).to_board()
 
 
 def corner_counts(text: str) -> tuple[int, int]:

@@ -165,7 +165,7 @@ class MakeBody:
     """Inside leg, from the crotch to the sole, metres."""
     shoulders: arguments.OptionalLength = None
     """Breadth between the tips of the shoulders, metres."""
-    mass: Annotated[float | None, arg(metavar="KG", help_behavior_hint="")] = None
+    mass: Annotated[float | None, arguments.optional("KG")] = None
     """Mass in kilograms."""
     overwrite: arguments.OverwriteFile = False
 

@@ -111,13 +111,13 @@ class CalibrateConvert:
     out: Annotated[Positional[Path], arg(metavar="OUT")]
     """Calibration to be written."""
     unit: arguments.Unit = None
-    size: Annotated[str | None, arg(metavar="WIDTHxHEIGHT", help_behavior_hint="")] = None
+    size: Annotated[str | None, arguments.optional("WIDTHxHEIGHT")] = None
     """Image size in pixels, where IN does not state it."""
     to: Literal["anipose", "easymocap", "json", "opencv", "projections", "qualisys"] | None = None
     """Format of OUT, where its suffix would select another."""
-    up: Annotated[str | None, arg(metavar="AXIS|cameras|person", help_behavior_hint="")] = None
+    up: Annotated[str | None, arguments.optional("AXIS|cameras|person")] = None
     """What becomes z: an axis of IN (-z, y ...), what is up for the cameras, or in --result."""
-    result: Annotated[Path | None, arg(metavar="RESULT", help_behavior_hint="")] = None
+    result: Annotated[Path | None, arguments.optional("RESULT")] = None
     """Result of a fit with IN, for --up person: up and the floor as found there."""
     cameras: arguments.Cameras = None
     picture: arguments.OptionalFile = None
@@ -190,7 +190,7 @@ class CalibrateCheck:
     """
 
     recording: arguments.RecordingFolder
-    repair: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    repair: Annotated[Path | None, arguments.optional("OUT")] = None
     """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
     png: arguments.OptionalFile = None
     """PNG to be written: every camera with the outlines that the others predict."""
@@ -242,7 +242,7 @@ class CalibrateCheck:
 
 def print_check(check: Check) -> None:
     """Prints one line per camera, the faults and their remedies."""
-    from voxelpose.calibration.check import remedy, verdict_on
+    from voxelpose.calibration.check import check_findings, verdict_on
 
     rows = []
     for line in check.agreement.table:
@@ -253,19 +253,10 @@ def print_check(check: Check) -> None:
         rows.append((plain(line.camera), *errors, str(line.planes), verdict))
     print_table(rows, "camera", "off by, px", "the others, px", "planes", "")
     console = rich_console(soft_wrap=True)
-    console.print(plain(check.agreement.summary))
-    for repair in check.repairs:
-        console.print(f"[bold]{plain(repair.summary)}[/bold]")
-        console.print(f"  {plain(remedy(check, repair.camera))}")
-    if check.after is not None:
-        console.print(f"with that put right: {plain(check.after.summary)}")
-    if not check.agreement.agrees and not check.repairs and len(check.agreement.table) > 2:
-        console.print(
-            "calibrate again; if the videos were not started together, first `voxelpose calibrate"
-            " sync`"
-        )
-    for note in check.notes:
-        console.print(f"note: {plain(note)}")
+    for finding in check_findings(check):
+        words, remedy = plain(finding.words), plain(finding.remedy)
+        line = f"note: {words}" if finding.about == "note" else words
+        console.print(f"[bold]{line}[/bold]\n  {remedy}" if remedy else line)
 
 
 SUBCOMMANDS = {

@@ -34,9 +34,7 @@ class CalibrateIntrinsics(arguments.BoardArguments):
     """  # noqa: E501
 
     groups: ClassVar = arguments.CALIBRATION_GROUPS
-    pictures: Annotated[
-        Positional[tuple[Path, ...]], arg(metavar="PICTURES", help_behavior_hint="")
-    ]
+    pictures: Annotated[Positional[tuple[Path, ...]], arguments.optional("PICTURES")]
     """Folders of images, videos, images, or a folder of these."""
     out: Annotated[Path, arg(metavar="OUT")]
     """Calibration to be written; .toml preserves most."""
@@ -151,7 +149,7 @@ def print_lenses(lenses: list[Lens]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrateExtrinsics:
+class CalibrateExtrinsics(arguments.OptionalBoard):
     """Calibrates positions and directions of cameras.
 
     They are determined from a board that is carried through the view of all cameras, or from a list
@@ -169,21 +167,13 @@ class CalibrateExtrinsics:
     """  # noqa: E501
 
     groups: ClassVar = arguments.CALIBRATION_GROUPS
-    recording: Annotated[
-        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
-    ] = None
+    recording: Annotated[Positional[Path | None], arguments.optional("RECORDING")] = None
     """Folder with a video (or an image) of the board per camera."""
     intrinsics: Annotated[Path, arg(metavar="FILE")]
     """Calibration of the lenses; positions in it do not count, and may be missing."""
     out: Annotated[Path, arg(metavar="OUT")]
     """Calibration to be written; .toml preserves most."""
-    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
-    """Number of inner corners, where four squares meet, along and down."""
-    square: arguments.OptionalLength = None
-    """Side of a square in metres, measured on the print."""
-    marker: arguments.MarkerSide = None
-    dictionary: arguments.Dictionary = "DICT_4X4_50"
-    floor: Annotated[int | None, arg(metavar="FRAME", help_behavior_hint="")] = None
+    floor: Annotated[int | None, arguments.optional("FRAME")] = None
     """Frame (of the first camera) in which the board lies on the floor. Default: the first camera
     is the world."""
     points: arguments.OptionalFile = None
@@ -250,14 +240,12 @@ class CalibrateExtrinsics:
             return replace(extrinsics, before_px=before)
         from voxelpose.calibration.extrinsics import ExtrinsicsSettings, extrinsics_from_recording
 
-        if self.board is None or self.square is None or self.recording is None:
+        board = self.to_board()
+        if board is None or self.recording is None:
             raise InputError(
                 "what does the board look like? give --board, as in 8x5, and --square in metres, as"
                 " in 0.029"
             )
-        board = arguments.BoardArguments(
-            board=self.board, square=self.square, marker=self.marker, dictionary=self.dictionary
-        ).to_board()
         settings = ExtrinsicsSettings(
             self.floor,
             self.moments,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from tyro.conf import arg
-
 from calib.errors import InputError
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
@@ -16,8 +14,8 @@ if TYPE_CHECKING:
     from voxelpose.calibration.sync import Sync
 
 
-@dataclass(frozen=True)
-class CalibrateSync:
+@dataclass(frozen=True, kw_only=True)
+class CalibrateSync(arguments.OptionalBoard):
     """Estimates the time offsets of cameras, calibrated or not.
 
     Videos may differ in length and rate. Offsets are found from the silhouettes of somebody who
@@ -43,21 +41,15 @@ class CalibrateSync:
     a board (if --board is given), geometry, sound and silhouettes that there is."""
     reference: arguments.OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
-    most: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    most: Annotated[float | None, arguments.optional("S")] = None
     """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
     20 by a board, 60 by sound."""
-    seconds: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    seconds: Annotated[float | None, arguments.optional("S")] = None
     """Length of the part of the recording to use, around its middle. Default: 12 by geometry, 40 by
     silhouettes, 60 by a board; by sound the first 600."""
-    board: Annotated[str | None, arg(metavar="COLUMNSxROWS", help_behavior_hint="")] = None
-    """Number of inner corners of the carried board, along and down."""
-    square: arguments.OptionalLength = None
-    """Side of its squares in metres; only needed with --marker."""
-    marker: arguments.MarkerSide = None
-    dictionary: arguments.Dictionary = "DICT_4X4_50"
     intrinsics: arguments.OptionalFile = None
     """Calibration of the lenses, by which a board's speed is seen. Default: the recording's own."""
-    rates: Annotated[str | None, arg(metavar="NAME=N,...", help_behavior_hint="")] = None
+    rates: Annotated[str | None, arguments.optional("NAME=N,...")] = None
     """Frames per second, where files do not state it correctly, as in cam_1=30,cam_2=15."""
     cameras: arguments.Cameras = None
     unit: arguments.Unit = None
@@ -83,13 +75,6 @@ class CalibrateSync:
         from calib.files import read_rig
         from voxelpose.calibration.sync import SyncSettings, sync_recording
 
-        board = None
-        if self.board is not None:
-            # Speeds are compared in shape, not in size: any square does.
-            square = 0.1 if self.square is None else self.square
-            board = arguments.BoardArguments(
-                board=self.board, square=square, marker=self.marker, dictionary=self.dictionary
-            ).to_board()
         lenses = None
         if self.intrinsics is not None:
             lenses = read_rig(self.intrinsics, self.unit, lenses=True)
@@ -100,7 +85,7 @@ class CalibrateSync:
             camera_rates(self.rates),
             self.unit,
             None if self.by == "auto" else self.by,
-            board,
+            self.to_board(0.1),  # speeds are compared in shape, not in size: any square does
             lenses,
             self.label,
         )
@@ -109,11 +94,11 @@ class CalibrateSync:
 
     def write(self, sync: Sync) -> None:
         """Writes the time of every frame. InputError where the offsets are not sure."""
-        from voxelpose.calibration.sync_verdict import sync_remedy
+        from voxelpose.calibration.sync_verdict import sync_findings
 
         if self.out is not None:
             if not sync.result.agreed:
-                raise InputError(f"{self.out} was not written: {sync_remedy(sync)}")
+                raise InputError(f"{self.out} was not written: {sync_findings(sync)[0].remedy}")
             sync.write(self.out)
 
 
@@ -136,7 +121,7 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from voxelpose.calibration.sync_verdict import sync_verdict
+    from voxelpose.calibration.sync_verdict import sync_findings
 
     rows = []
     for line in sync.result.offsets:
@@ -147,5 +132,6 @@ def print_sync(sync: Sync) -> None:
         rows.append((plain(line.camera), f"{sync.fps[line.camera]:g}", *cells))
     print_table(rows, "camera", "fps", "late by, frames", "ms", "+- ms (95 %)")
     console = rich_console(soft_wrap=True)
-    for line in (*sync_verdict(sync), *(f"note: {note}" for note in sync.notes)):
+    lines = [finding.words for finding in sync_findings(sync)]
+    for line in (*lines, *(f"note: {note}" for note in sync.notes)):
         console.print(plain(line))

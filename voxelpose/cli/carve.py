@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from calib.errors import InputError
+from silhouette_core import setting_types
 from voxelpose.cli import arguments
 
 
@@ -32,10 +32,10 @@ class Carve:
     """Number of voxels along the longest edge of the volume."""
     volume: Annotated[
         tuple[float, float, float, float, float, float] | None,
-        arg(metavar="X Y Z X Y Z", help_behavior_hint=""),
+        arguments.optional("X Y Z X Y Z"),
     ] = None
     """Minimum and maximum corner of the volume, metres. Default: from the silhouettes."""
-    tolerance: Annotated[int, arg(metavar="N")] = 0
+    tolerance: Annotated[setting_types.Tolerance, arg(metavar="N")] = 0
     """Number of cameras that may see background where a voxel is kept."""
     outside: Literal["keep", "carve"] = "keep"
     """Whether a voxel outside a camera's image is kept."""
@@ -51,8 +51,6 @@ class Carve:
         from voxelpose.hull import CarveSettings, carve_recording
         from voxelpose.multiview.carving.carver import CarveRule
 
-        if self.tolerance < 0:
-            raise InputError(f"--tolerance {self.tolerance} is impossible: give 0 or more cameras")
         settings = CarveSettings(
             frame=self.frame,
             voxel_size_m=self.voxel,

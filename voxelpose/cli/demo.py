@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
+from msgspec import Meta
 from tyro.conf import arg
 
 from calib.errors import InputError
@@ -32,7 +33,7 @@ class Demo:
 
     out: Annotated[Path, arg(metavar="OUT")]
     """Folder to be made."""
-    frames: Annotated[int, arg(metavar="N")] = 60
+    frames: Annotated[int, Meta(ge=1, le=600), arg(metavar="N")] = 60
     """Number of frames, at 20 per second; the performance repeats after 60."""
     track: bool = True
     """Estimate the motion from one camera as well, once that from four is shown."""
@@ -49,8 +50,6 @@ class Demo:
         """Renders, fits and scores the recording."""
         from voxelpose.results import Result, ResultWriter, as_json
 
-        if not 1 <= self.frames <= 600:
-            raise InputError(f"--frames {self.frames} is impossible: give 1 to 600")
         if self.live and self.body is not None:
             raise InputError("--body does not go with --live: leave one of them out")
         if self.live:

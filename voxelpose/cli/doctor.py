@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import arg
-
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import plain, print_table, rich_console
 
 
@@ -19,7 +18,7 @@ class Doctor:
       voxelpose doctor --clean .
     """
 
-    clean: Annotated[tuple[Path, ...], arg(metavar="FOLDER...", help_behavior_hint="")] = ()
+    clean: Annotated[tuple[Path, ...], arguments.optional("FOLDER...")] = ()
     """Check nothing, but remove what killed runs left in these folders: results and files
     that were being written when they ended."""
 
@@ -34,22 +33,25 @@ class Doctor:
         console = rich_console()
         with console.status("checking ..."):
             checks = examine()
-        colours = {"works": "green", "limited": "yellow", "fails": "red"}
+        states = {
+            "good": "[green]works[/]",
+            "look": "[yellow]limited[/]",
+            "bad": "[red]fails[/]",
+        }
         rows = []
         for check in checks:
-            state = f"[{colours[check.state]}]{check.state}[/]"
-            rows.append((state, check.name, plain(check.finding)))
+            rows.append((states[check.level], check.about, plain(check.words)))
             if check.remedy:
                 rows.append(("", "", f"[bold]-> {plain(check.remedy)}[/bold]"))
         console.print(f"voxelpose {__version__}")
         print_table(rows)
-        states = [check.state for check in checks]
-        failing = states.count("fails")
+        levels = [check.level for check in checks]
+        failing = levels.count("bad")
         if failing:
             console.print(
                 f"{failing} of {len(checks)} do not work: fitting will fail until they do"
             )
-        elif "limited" in states:
+        elif "look" in levels:
             console.print("fitting works, with the limits above")
         else:
             console.print("everything works")

@@ -52,23 +52,23 @@ class Evaluate:
         Positional[tuple[Path, ...]], arg(metavar="RESULT", help_behavior_hint="(required)")
     ]
     """Folder of a result, or a joints.csv; several results are printed as a table."""
-    truth: Annotated[tuple[Path, ...], arg(metavar="FILE", help_behavior_hint="")] = ()
+    truth: Annotated[tuple[Path, ...], arguments.optional("FILE")] = ()
     """File of the known positions: one for all results, or one for each."""
     offset: Annotated[int, arg(metavar="FRAMES")] = 0
     """Number added to the result's frame numbers before the comparison."""
-    markers: Annotated[str | None, arg(metavar="JOINT=NAME,...", help_behavior_hint="")] = None
+    markers: Annotated[str | None, arguments.optional("JOINT=NAME,...")] = None
     """Markers of a TRC by joint, where their names are not recognised."""
     axes: Annotated[str, arg(metavar="AXES")] = "yzx"
     """World axes to which x, y and z of a TRC correspond; yzx for Pose2Sim and voxelpose."""
     scan: arguments.OptionalFile = None
     """Closed mesh of the person, PLY, STL, OBJ or DAE, with which the result is compared."""
-    frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    frame: Annotated[int | None, arguments.optional("N")] = None
     """Number of the frame in which the pose is the scan's. Default: the first with a pose."""
     unit: Literal["m", "cm", "mm"] = "m"
     """Unit of the scan's lengths."""
     align: bool = False
     """Move the scan, which may be in any upright frame, onto the body first (ICP)."""
-    recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[Path | None, arguments.optional("RECORDING")] = None
     """The recording, from which the hull of --scan is carved, if it was moved after the fit."""
     markdown: bool = False
     """Print a Markdown table, as for several results."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import message
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Export:
     """Folder of a result."""
     to: Annotated[str, arg(metavar="NAME,NAME")] = _FORMATS
     """Formats to write: of those above; by default all but html and opensim."""
-    out: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
+    out: Annotated[Path | None, arguments.optional("FOLDER")] = None
     """Folder to write to. Default: RESULT, where an earlier export is replaced."""
     overwrite: bool = False
     """Replace files of the same names in FOLDER."""
@@ -55,11 +56,11 @@ class Export:
         Literal["butterworth", "savgol", "gaussian", "none"] | None, arg(help_behavior_hint="")
     ] = None
     """Another low-pass filter than the result's."""
-    cutoff: Annotated[float | None, arg(metavar="HZ", help_behavior_hint="")] = None
+    cutoff: Annotated[float | None, arguments.optional("HZ")] = None
     """Another cut-off."""
-    filter_order: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    filter_order: Annotated[int | None, arguments.optional("N")] = None
     """Another order of the filter."""
-    gap_limit: Annotated[str | None, arg(metavar="N|SECONDSs", help_behavior_hint="")] = None
+    gap_limit: Annotated[str | None, arguments.optional("N|SECONDSs")] = None
     """Another longest gap that is filled, frames or seconds."""
     gap_method: Annotated[Literal["linear", "pchip", "none"] | None, arg(help_behavior_hint="")] = (
         None

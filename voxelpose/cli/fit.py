@@ -6,10 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from tyro.conf import Suppress, arg
 
+from silhouette_core import setting_types
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
@@ -80,19 +81,19 @@ class EstimationArguments(arguments.PosingArguments, ABC):
     overwrite: arguments.OverwriteResult = False
     smooth: bool = True
     """Filter the motion over time; with track, --no-smooth uses previous frames only."""
-    filter: Literal["auto", "butterworth", "savgol", "gaussian", "none"] = "auto"
+    filter: setting_types.FilterKind = "auto"
     """Low-pass filter of the finished motion, without lag; savgol: Savitzky-Golay; auto:
     butterworth, or none with --method paper."""
     cutoff: Annotated[float, arg(metavar="HZ")] = 7.0
     """Cut-off: the frequency at which half of the amplitude is left."""
-    filter_order: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    filter_order: Annotated[setting_types.FilterOrder | None, arguments.optional("N")] = None
     """Order of the Butterworth filter, applied forward and backward, or degree of Savitzky-Golay's
     polynomial. Default: 2 or 3."""
     gap_limit: Annotated[int | str, arg(metavar="N|SECONDSs")] = "0"
     """Longest gap of frames without a pose that is filled: frames, 12, or seconds, 0.2s."""
-    gap_method: Literal["linear", "pchip", "none"] = "linear"
+    gap_method: setting_types.GapMethod = "linear"
     """How gaps are filled: straight (rotations by slerp), by a monotone cubic, or not."""
-    background: Literal["auto", "uniform", "moving", "paper"] = "auto"
+    background: setting_types.BackgroundKind = "auto"
     """Background of cameras without an empty view: a uniform backdrop where there is one (auto),
     one known to be uniform, or what is seen while the person moves. paper: as auto, silhouettes as
     in Okada and Stenger 5.1, which --method paper has anyway."""
@@ -228,11 +229,11 @@ class Fit(EstimationArguments):
     cameras: arguments.Cameras = None
     interference: bool = True
     """Match body parts jointly where their movable areas overlap; else one after the other."""
-    voxel: arguments.OptionalLength = None
+    voxel: Annotated[setting_types.VoxelSize | None, arguments.optional("M")] = None
     """Edge of a voxel in metres. Default: chosen by the program."""
-    tolerance: Annotated[int, arg(metavar="N")] = 0
+    tolerance: Annotated[setting_types.Tolerance, arg(metavar="N")] = 0
     """Number of cameras that may see background where the body is; 1 tolerates one bad camera."""
-    repair: Literal["auto", "say", "off"] = "auto"
+    repair: setting_types.Repair = "auto"
     """Cameras that were turned or come late, by the silhouettes: put right where that is sure, only
     say so, or do not look."""
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from voxelpose.cli.arguments import BodyName, OptionalFile, OptionalLength, Sex, Threads
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 
@@ -32,10 +32,10 @@ class Build:
     """File to be made. An earlier library of this name is replaced once the new one is complete."""
     stature: Annotated[float, arg(metavar="M")] = 1.75
     """Height of the person in metres, unless --body states it."""
-    chest: OptionalLength = None
+    chest: arguments.OptionalLength = None
     """Chest girth in metres. Default: average for the stature."""
-    sex: Sex = "unknown"
-    body: BodyName = None
+    sex: arguments.Sex = "unknown"
+    body: arguments.BodyName = None
     poses: Annotated[int, arg(metavar="N")] = 60000
     """Maximum number of samples: poses times views. Similar poses are left out until it is met."""
     yaw_step: Annotated[float, arg(metavar="DEG")] = 15.0
@@ -44,11 +44,11 @@ class Build:
     """Angle by which the camera looks down; may be given several times. Default: 8."""
     mirror: bool = True
     """Add the mirror image of every pose."""
-    names: Annotated[Path | None, arg(metavar="MAP.toml", help_behavior_hint="")] = None
+    names: Annotated[Path | None, arguments.optional("MAP.toml")] = None
     """Names of the joints, for a skeleton whose names are not recognised."""
     leave_out: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME")] = ()
     """Clip that is not used, by the name of its file; may be given several times."""
-    threads: Threads = None
+    threads: arguments.Threads = None
 
     def run(self) -> None:
         """Builds the library."""
@@ -97,7 +97,7 @@ class Info:
 
     library: Annotated[Positional[Path], arg(metavar="LIB")]
     """The library."""
-    png: OptionalFile = None
+    png: arguments.OptionalFile = None
     """PNG to be written: a contact sheet of its silhouettes."""
 
     def run(self) -> None:

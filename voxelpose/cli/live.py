@@ -8,11 +8,13 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
+from msgspec import Meta
 from tyro.conf import Positional, UseAppendAction, arg
 
 from calib.errors import InputError
+from silhouette_core import setting_types
 from silhouette_core.network_files import POSE_NETWORK
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
@@ -83,15 +85,15 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Folder with calibration.toml, background/ and subject.toml, as of a recording."""
     source: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=ADDRESS")] = ()
     """Number of a webcam, address of a stream (rtsp://, http://) or a video; may be repeated."""
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    camera: Annotated[str | None, arguments.optional("NAME")] = None
     """Use this camera alone."""
     cameras: arguments.Cameras = None
     people: Annotated[int, arg(metavar="N")] = 1
     """Number of people: each is followed, and keeps its number. 1: one, whoever else passes by."""
     method: arguments.Method = "learned"
-    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    library: Annotated[Path | None, arguments.optional("LIB")] = None
     """Pose library of one camera. Default: the network that comes with the program."""
-    start: Literal["facing", "any"] = "any"
+    start: setting_types.Start = "any"
     """Assumption about the first pose before one camera: facing it upright, or none."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """With one camera, leave out the colours inside the outline."""
@@ -99,7 +101,7 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Receiver of the motion: vmc://HOST:PORT or ws://HOST:PORT/PATH; may be repeated."""
     page: bool = True
     """Serve the page that shows the figure; --no-page leaves it out."""
-    record: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    record: Annotated[Path | None, arguments.optional("OUT")] = None
     """Recording folder to be made; --no-record-now leaves the beginning to the button, which
     without --record makes live_DATE_TIME in the current folder."""
     record_now: Annotated[bool, arg(name="record-now")] = True
@@ -108,9 +110,9 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
     """Record silhouettes instead of pictures."""
     loop: bool = False
     """Begin videos again at their end."""
-    countdown: Annotated[float, arg(metavar="S")] = 5.0
+    countdown: Annotated[float, Meta(ge=0, le=3600), arg(metavar="S")] = 5.0
     """Seconds to step out of the picture before the empty view is learned."""
-    duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
+    duration: Annotated[float | None, arguments.optional("S")] = None
     """End after so many seconds. Default: with the videos, or at Ctrl-C."""
 
     def run(self) -> None:
@@ -204,8 +206,6 @@ class Live(arguments.PageArguments, arguments.PosingArguments):
             raise InputError(f"{self.record} exists: give --record another name")
         if self.duration is not None and not self.duration > 0:
             raise InputError(f"--duration {self.duration:g} is impossible: give seconds above 0")
-        if not 0 <= self.countdown <= 3600:
-            raise InputError(f"--countdown {self.countdown:g} is impossible: give 0 to 3600 s")
         if self.page:
             self.address()
         number_of_people(str(self.people), auto=False)

@@ -2,17 +2,23 @@
 folders above, the user.
 """
 
-import difflib
 import importlib
 import os
-import types
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, make_dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from calib.errors import InputError, check_name
 from calib.storage.documents import load_text, parse_toml
+from silhouette_core.setting_types import (
+    checked,
+    nearest,
+    range_of,
+    types_if_given,
+    unmarked,
+)
 
 _LOCATED = "body", "source"  # text that may name a file
 # Commands that stand above this folder, since they run others.
@@ -20,13 +26,6 @@ _ABOVE = {
     "batch": "voxelpose.batch.batch_command",
     "setup": "voxelpose.setup_page.setup_command",
     "studio": "voxelpose.studio.studio_command",
-}
-_WORDS = {
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    str: "text",
-    Path: "a path, as text",
 }
 
 
@@ -36,9 +35,11 @@ class Option:
 
     name: str  # as on the command line, without the dashes before it
     field: str  # its field of the command's class
-    kind: Any
+    kind: Any  # its type, with its marks
     default: Any  # value where none is given; `dataclasses.MISSING` where one must be
     appended: bool  # whether it may be given several times, each time with one more value
+    help: str  # as on the command line
+    group: str  # of the command's `groups`, else "expert"
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
         """The value that a file gives; paths in it are relative to its folder.
@@ -46,7 +47,6 @@ class Option:
         Raises:
             InputError: the value is none of this option; `where` names file and section.
         """
-        import msgspec
 
         def path_from(kind: type, text: Any) -> Path:
             if kind is not Path or not isinstance(text, str):
@@ -54,13 +54,7 @@ class Option:
             check_name(text)
             return folder / os.path.expanduser(text)  # noqa: PTH111, pathlib's raises
 
-        try:
-            value = msgspec.convert(given, self.kind, dec_hook=path_from)
-        except (msgspec.ValidationError, NotImplementedError, OverflowError):
-            expected = f"{_type_words(self.kind)}{nearest(str(given), choices_of(self.kind))}"
-            raise InputError(
-                f"{where}: {self.name} = {str(given)[:60]!r} must be {expected}"
-            ) from None
+        value = checked(given, self.kind, f"{where}: {self.name}", path_from)
         check_name(value)
         if self.name not in _LOCATED:
             return value
@@ -77,17 +71,36 @@ def options_of(command: type, without: Container[str] = ()) -> dict[str, Option]
     """
     from tyro.conf import Positional, Suppress, UseAppendAction
 
-    marked = get_type_hints(command, include_extras=True)
-    kinds = get_type_hints(command)
+    hints = get_type_hints(command, include_extras=True)
+    groups = getattr(command, "groups", {})
+    group = {field: name for name, listed in groups.items() for field in listed.split()}
+    texts = _attribute_texts(command)
     options = {}
     for field in fields(command):
-        hint = marked[field.name]
-        marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+        _, *marks = unmarked(hints[field.name])
         if Positional not in marks and Suppress not in marks and field.name not in without:
+            text = next((mark.help for mark in marks if getattr(mark, "help", None)), "")
             name = field.name.replace("_", "-")
-            appended = UseAppendAction in marks
-            options[name] = Option(name, field.name, kinds[field.name], field.default, appended)
+            options[name] = Option(
+                name,
+                field.name,
+                hints[field.name],
+                field.default,
+                UseAppendAction in marks,
+                " ".join(texts.get(field.name, text).split()),
+                group.get(field.name, "expert"),
+            )
     return options
+
+
+@cache
+def _attribute_texts(command: type) -> dict[str, str]:
+    """The docstrings of a class's fields, as tyro reads them."""
+    from docstring_parser import parse_from_object
+
+    classes = reversed(command.__mro__[:-1])
+    parameters = [each for kind in classes for each in parse_from_object(kind).params]
+    return {each.arg_name: each.description for each in parameters if each.description}
 
 
 def folder_of(command: Any) -> Path:
@@ -100,38 +113,6 @@ def folder_of(command: Any) -> Path:
         if field.name not in named and isinstance(value, Path):
             return value.parent if value.is_file() else value
     return Path()
-
-
-def nearest(word: str, names: Iterable[str]) -> str:
-    """`: did you mean NAME?` where a name is like a word, else nothing."""
-    close = difflib.get_close_matches(word, list(names), 1)
-    return f": did you mean {close[0]}?" if close else ""
-
-
-def types_if_given(kind: Any) -> tuple[Any, ...]:
-    """The types that a value may have, but for None."""
-    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
-    return tuple(part for part in parts if part is not types.NoneType)
-
-
-def choices_of(kind: Any) -> tuple[str, ...]:
-    """The words of which a value is one; none where it is any."""
-    first = types_if_given(kind)[0]
-    return get_args(first) if get_origin(first) is Literal else ()
-
-
-def _type_words(kind: Any) -> str:
-    kind, *others = types_if_given(kind)
-    if others:
-        return ", or ".join(map(_type_words, (kind, *others)))
-    if choices := choices_of(kind):
-        return f"one of {', '.join(choices)}"
-    if get_origin(kind) is tuple:
-        first, *others = get_args(kind)
-        if others == [...]:
-            return f"a list in brackets, of which each is {_type_words(first)}"
-        return f"a list of {len(others) + 1} numbers in brackets"
-    return _WORDS[kind]
 
 
 def _path_below(text: str, folder: Path) -> str:
@@ -213,7 +194,8 @@ def parse_with_settings(
     taken from files. The program's name is for messages.
 
     Raises:
-        InputError: a file cannot be read, or has an unknown section, option or value.
+        InputError: a file cannot be read, or has an unknown section, option or value, or a number
+            is out of its option's range.
         SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
     """
     import tyro
@@ -232,15 +214,19 @@ def parse_with_settings(
         return parsed(None), {}
     options = options_of(command)
     # First for the folder alone: what is missing may be in its files.
-    blanks = {o.field: o.kind() for o in options.values() if o.default is MISSING}
+    blanks = {
+        o.field: types_if_given(o.kind)[0]() for o in options.values() if o.default is MISSING
+    }
     typed = parsed(blanks)
     settings = folder_settings(section, folder_of(typed))
     for option in options.values():
         if option.appended and getattr(typed, option.field):
             settings.pop(option.name, None)  # the values would be added to the file's
-    if not settings:
-        return parsed(None), {}
-    done = parsed({options[name].field: setting.value for name, setting in settings.items()})
+    given = {options[name].field: setting.value for name, setting in settings.items()}
+    done = parsed(given or None)
+    for option in options.values():
+        if range_of(option.kind) != (None, None):
+            checked(getattr(done, option.field), option.kind, f"--{option.name}")
     taken = {
         name: setting
         for name, setting in settings.items()

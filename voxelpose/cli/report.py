@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from voxelpose.cli.arguments import OptionalFile
+from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 
@@ -23,9 +23,9 @@ class Report:
 
     folder: Annotated[Positional[Path], arg(metavar="OUT")]
     """Folder of a result."""
-    out: OptionalFile = None
+    out: arguments.OptionalFile = None
     """File to be written. Default: report.html in the folder."""
-    recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[Path | None, arguments.optional("RECORDING")] = None
     """The recording, if it was moved after the fit."""
     overwrite: bool = False
     """Replace FILE even if it is not a report."""

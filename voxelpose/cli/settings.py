@@ -5,10 +5,11 @@ from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import Positional
 
 from calib.errors import InputError
-from voxelpose.cli import options
+from silhouette_core.setting_types import nearest
+from voxelpose.cli import arguments, options
 
 COMMAND = "ShowSettings"
 _OF_THE_SUBJECT = {"stature": "stature_m", "chest": "chest_girth_m", "sex": "sex", "body": "body"}
@@ -35,11 +36,9 @@ class ShowSettings:
       paper = "a3"
     """
 
-    recording: Annotated[
-        Positional[Path | None], arg(metavar="RECORDING", help_behavior_hint="")
-    ] = None
+    recording: Annotated[Positional[Path | None], arguments.optional("RECORDING")] = None
     """Folder of the recording. Default: the current folder."""
-    command: Annotated[str | None, arg(metavar="COMMAND", help_behavior_hint="")] = None
+    command: Annotated[str | None, arguments.optional("COMMAND")] = None
     """Command whose settings are shown. Default: fit, and those that the files have sections of."""
     json: bool = False
     """Print JSON instead of a table."""
@@ -65,7 +64,7 @@ def _section(command: str) -> str:
     section = ".".join(command.replace(".", " ").split())
     sections = all_sections()
     if section not in sections:
-        suggestion = options.nearest(section, sections) or f": there are {', '.join(sections)}"
+        suggestion = nearest(section, sections) or f": there are {', '.join(sections)}"
         raise InputError(f"--command {command}: there is no such command{suggestion}")
     return section
 

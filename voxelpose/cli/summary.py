@@ -12,23 +12,14 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.cli.terminal import plain, print_table, rich_console
 from voxelpose.reliability import verdict_of
+from voxelpose.results import FILES
 
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
     from voxelpose.results import Result
     from voxelpose.scan_distance import ScanScore
 
-_OF_ALL = (
-    ("contact_sheet.png", "look here first: the fitted body over frames of every camera"),
-    ("overlay_*.webm", "the fitted body over the videos"),
-    ("joints.csv", "positions of the joints, metres"),
-)
-_FILES = (
-    *_OF_ALL,
-    ("motion.bvh", "the skeleton for Blender, Maya, ..."),
-    ("motion.safetensors", "joint angles, root and quality, for programs"),
-    ("summary.json", "quality and timings"),
-)
+_OF_ALL = "contact_sheet.png", "overlay_*.webm", "joints.csv"
 
 
 def print_result(result: Result, verbose: bool = False) -> None:
@@ -51,7 +42,7 @@ def print_result(result: Result, verbose: bool = False) -> None:
         _print_stages(seconds["stages"])
     if verbose:
         _print_quality(summary["quality"])
-    _print_files(result.folder, _FILES)
+    _print_files(result.folder, FILES)
 
 
 def _verdict_markup(summary: Any) -> str:
@@ -61,10 +52,10 @@ def _verdict_markup(summary: Any) -> str:
     return f"[bold {colour}]{verdict.level}[/]{plain(str(verdict).removeprefix(verdict.level))}"
 
 
-def _print_files(folder: Path, files: Sequence[tuple[str, str]]) -> None:
+def _print_files(folder: Path, files: Mapping[str, str]) -> None:
     console, folder_text = rich_console(soft_wrap=True), plain(folder)
     console.print(f"[bold]{folder_text}[/bold]")
-    for pattern, meaning in files:
+    for pattern, meaning in files.items():
         if any(folder.glob(pattern.replace("N/", "*"))):
             console.print(f"  {pattern:<20}[dim]{meaning}[/dim]")
     console.print(f"to see it in three dimensions: voxelpose view {folder_text}")
@@ -84,7 +75,8 @@ def print_people(folder: Path, results: Sequence[Result]) -> None:
             + _verdict_markup(summary),
             soft_wrap=True,
         )
-    _print_files(folder, (*_OF_ALL, ("person_N/", "joints.csv, motion.bvh, … of each")))
+    files = {name: FILES[name] for name in _OF_ALL}
+    _print_files(folder, {**files, "person_N/": "joints.csv, motion.bvh, … of each"})
 
 
 def _print_stages(stages: Mapping[str, Any]) -> None:

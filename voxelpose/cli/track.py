@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
+from silhouette_core import setting_types
 from voxelpose.cli import arguments
 from voxelpose.cli.fit import EstimationArguments
 
@@ -41,10 +42,10 @@ class Track(EstimationArguments):
     method: arguments.Method = "learned"
     estimator: arguments.OptionalName = None
     """Estimator to run; `voxelpose doctor` lists those that are installed. Default: --method's."""
-    library: Annotated[Path | None, arg(metavar="LIB", help_behavior_hint="")] = None
+    library: Annotated[Path | None, arguments.optional("LIB")] = None
     """Pose library made by `voxelpose library build`, of motion like yours. Default: the network
     that comes with the program."""
-    start: Literal["facing", "any"] = "facing"
+    start: setting_types.Start = "facing"
     """Assumption about the first frame: upright and mostly facing the camera, or none."""
     outline_only: Annotated[bool, arg(name="outline-only")] = False
     """Leave out the colours inside the outline, which show arms before the body."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from msgspec import Meta
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
@@ -35,7 +36,7 @@ class View(arguments.PageArguments):
         Positional[tuple[Path, ...]], arg(metavar="OUT", help_behavior_hint="(required)")
     ]
     """Folder of a result, or a recording; or of several results."""
-    frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    frame: Annotated[int | None, arguments.optional("N")] = None
     """Number of the frame. Default: the middle one."""
     open3d: bool = False
     """Open a window with hull and skeleton of one frame instead of the browser."""
@@ -43,9 +44,9 @@ class View(arguments.PageArguments):
     """PNG of one frame to be written instead; no screen is needed."""
     video: arguments.OptionalFile = None
     """WebM of all frames to be written instead; no screen is needed."""
-    recording: Annotated[Path | None, arg(metavar="RECORDING", help_behavior_hint="")] = None
+    recording: Annotated[Path | None, arguments.optional("RECORDING")] = None
     """The recording, if it was moved after the fit."""
-    voxel: arguments.OptionalLength = None
+    voxel: Annotated[Annotated[float, Meta(ge=4e-3, le=0.2)] | None, arguments.optional("M")] = None
     """Edge of a voxel in metres. Default: that of the fit."""
     unit: arguments.Unit = None
     overwrite: arguments.OverwriteFile = False
@@ -60,11 +61,6 @@ class View(arguments.PageArguments):
             from voxelpose.view.open3d_import import import_open3d
 
             import_open3d(screen=True)  # before the work, not after
-        if self.voxel is not None and not 0.004 <= self.voxel <= 0.2:
-            raise InputError(
-                f"voxels of {self.voxel:g} m cannot be shown: choose from 0.004 to 0.2, for"
-                " example 0.02"
-            )
         from voxelpose.view.viewer.result_scenes import ResultScenes
 
         if not self.folders:

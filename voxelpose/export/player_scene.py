@@ -28,20 +28,16 @@ _ONE = 32767  # of quaternions as 16 bits
 
 @dataclass(frozen=True)
 class Stage:
-    """What stands around the bodies.
+    """What stands around the bodies."""
 
-    Attributes:
-        name: of the result, shown as the title.
-        rig: the cameras, in the bodies' world, z up; without distortion. None: none is shown.
-        frames: (first, stop) of those that are shown; None: those that have a pose.
-        results: of several results side by side their names, each with the number of motions that
-            are its own; (): they are of one.
-    """
-
-    name: str = "motion"
+    name: str = "motion"  #: of the result, shown as the title.
     rig: Rig | None = None
+    """The cameras, in the bodies' world, z up; without distortion. None: none is shown."""
     frames: tuple[int, int] | None = None
+    """(first, stop) of those that are shown; None: those that have a pose."""
     results: tuple[tuple[str, int], ...] = ()
+    """Of several results side by side their names, each with the number of motions that are its
+    own; (): they are of one."""
 
     @classmethod
     def from_cameras(cls, name: str, rig: Rig, motion: Motion) -> "Stage":

@@ -25,6 +25,7 @@ from silhouette_core.motion.floor import floor_height
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, StageClock
+from silhouette_core.setting_types import Repair, VoxelSize
 from voxelpose.multiview.carving.bounds import check_tolerance
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.people import PEOPLE_CAMERAS, require_cameras
@@ -39,38 +40,20 @@ from voxelpose.multiview.tracking.recording_track import OnePerson, TrackWork
 from voxelpose.multiview.tracking.tracking import PoseTracker
 from voxelpose.multiview.tuning import CARVING
 
-_REPAIRS = "auto", "say", "off"
-
 
 @dataclass(frozen=True)
 class _Options:
-    """Options of this estimator only.
+    """Options of this estimator only."""
 
-    Attributes:
-        interference: match interfering parts jointly.
-        voxel_size_m: size of the voxels that are matched, 0.005 to 0.1.
-        tolerance: number of cameras that may be wrong about a voxel.
-        repair: what to do about a camera that was turned or whose pictures come late: "auto" puts
-            it right where that is sure, "say" only tells, "off" does not look.
-        body: the body, as `load_body` names it; empty: it is estimated. Of a person's, only the
-            clothes are, unless it is an earlier result, which wears those of its recording.
-    """
-
-    interference: bool = True
-    voxel_size_m: float = CARVING.voxel_m
-    tolerance: int = 0
-    repair: str = "auto"
+    interference: bool = True  #: match interfering parts jointly.
+    voxel_size_m: VoxelSize = CARVING.voxel_m  #: size of the voxels that are matched.
+    tolerance: int = 0  #: number of cameras that may be wrong about a voxel.
+    repair: Repair = "auto"
+    """What to do about a camera that was turned or whose pictures come late: "auto" puts it right
+    where that is sure, "say" only tells, "off" does not look."""
     body: str = ""
-
-    def __post_init__(self) -> None:
-        """Refuses what does not exist, and voxels that cannot be matched."""
-        if self.repair not in _REPAIRS:
-            raise InputError(f"no repair {self.repair!r}: choose from {', '.join(_REPAIRS)}")
-        if not 0.005 <= self.voxel_size_m <= 0.1:
-            raise InputError(
-                f"voxels of {self.voxel_size_m} m cannot be matched: choose from 0.005 to 0.1, for"
-                " example 0.025"
-            )
+    """The body, as `load_body` names it; empty: it is estimated. Of a person's, only the clothes
+    are, unless it is an earlier result, which wears those of its recording."""
 
 
 class MultiViewEstimator:

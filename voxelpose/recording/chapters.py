@@ -40,15 +40,11 @@ _OFF_S = (1, 1, 2)  # by which `_Facts` may be off: the last are whole seconds
 
 @dataclass(frozen=True)
 class FilmReader(FrameReader):
-    """Frames of a film that lies in other files than a video of its name.
-
-    Attributes:
-        files: readers of the files, in their order.
-        note: what is to be told.
-    """
+    """Frames of a film that lies in other files than a video of its name."""
 
     files: tuple[FrameReader, ...] = field(default=(), compare=False)
-    note: str = ""
+    """Readers of the files, in their order."""
+    note: str = ""  #: what is to be told.
 
     @classmethod
     def of(cls, path: Path, files: Sequence[FrameReader], note: str) -> "FilmReader":

@@ -23,20 +23,14 @@ _FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter 
 
 @dataclass(frozen=True, eq=False)
 class CodedPictures:
-    """What a video's file tells of its pictures; hardly any is decoded.
+    """What a video's file tells of its pictures; hardly any is decoded."""
 
-    Attributes:
-        count: number of those that are shown; 0 without FFmpeg.
-        shown_s: (count,) float64, s, increasing, when they are; None where it does not tell.
-        interlaced: whether the first is flagged as two fields.
-        may_repeat: whether some are coded in so few bytes, or so alike, that they may be those
-            before them.
-    """
-
-    count: int = 0
+    count: int = 0  #: number of those that are shown; 0 without FFmpeg.
     shown_s: NDArray[np.float64] | None = None
-    interlaced: bool = False
+    """(count,) float64, s, increasing, when they are; None where it does not tell."""
+    interlaced: bool = False  #: whether the first is flagged as two fields.
     may_repeat: bool = False
+    """Whether some are coded in so few bytes, or so alike, that they may be those before them."""
 
 
 def coded_pictures(path: Path) -> CodedPictures:

@@ -59,15 +59,10 @@ def recorded_times(
 
 @dataclass(frozen=True, eq=False)
 class FileTimes:
-    """Times of the frames of cameras whose frames of one number were not all taken at once.
+    """Times of the frames of cameras whose frames of one number were not all taken at once."""
 
-    Attributes:
-        times: (frames,) float64, s, by camera name.
-        faults: what the cameras lost, or how they differ, and what tells so, in words.
-    """
-
-    times: dict[str, Times]
-    faults: str
+    times: dict[str, Times]  #: (frames,) float64, s, by camera name.
+    faults: str  #: what the cameras lost, or how they differ, and what tells so, in words.
 
     @property
     def note(self) -> str:

@@ -54,42 +54,31 @@ class Recording:
     """Synchronous frames of calibrated cameras, opened by `Recording.open`.
 
     Iterating yields the frames in order and may be repeated.
-
-    Attributes:
-        calibration_path: the calibration file; None where a single camera has none and
-            `default_camera` is assumed.
-        rig: the cameras in use, in the calibration's order.
-        readers: frame readers by camera name.
-        first: where the first frame in use is among those of the readers.
-        frame_count: number of frames in use.
-        fps: frames per second.
-        times_s: (frame_count,) float64, seconds since the recording's first frame.
-        silhouettes_given: whether the frames are silhouettes already (white on black, from
-            masks/) and not camera images.
-        up: (3,) float64, unit, direction of up in the world as the calibration states it; None:
-            not stated.
-        camera_names: all cameras of the recording, in use or not.
-        notes: what is worth telling about its files.
-        numbers: (frame_count,) int64, numbers of the frames, increasing; those that a camera lost
-            are left out.
-        label: of the person in masks/ as it was asked for.
     """
 
     folder: Path
     calibration_path: Path | None
-    rig: Rig
-    readers: Mapping[str, FrameReader]
-    first: int
-    frame_count: int
-    fps: float
+    """The calibration file; None where a single camera has none and `default_camera` is assumed."""
+    rig: Rig  #: the cameras in use, in the calibration's order.
+    readers: Mapping[str, FrameReader]  #: frame readers by camera name.
+    first: int  #: where the first frame in use is among those of the readers.
+    frame_count: int  #: number of frames in use.
+    fps: float  #: frames per second.
     times_s: NDArray[np.float64]
+    """(frame_count,) float64, seconds since the recording's first frame."""
     subject: Subject
     silhouettes_given: bool = False
+    """Whether the frames are silhouettes already (white on black, from masks/) and not camera
+    images."""
     up: NDArray[np.float64] | None = None
-    camera_names: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    """(3,) float64, unit, direction of up in the world as the calibration states it; None: not
+    stated."""
+    camera_names: tuple[str, ...] = ()  #: all cameras of the recording, in use or not.
+    notes: tuple[str, ...] = ()  #: what is worth telling about its files.
     numbers: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    label: str | None = None
+    """(frame_count,) int64, numbers of the frames, increasing; those that a camera lost are left
+    out."""
+    label: str | None = None  #: of the person in masks/ as it was asked for.
 
     @classmethod
     def open(

@@ -45,38 +45,27 @@ _AHEAD = 3  # frames that a camera may be read ahead of the others
 
 @dataclass(frozen=True)
 class FrameReader:
-    """Frames of one camera; iterating reads them from the start and may be repeated.
+    """Frames of one camera; iterating reads them from the start and may be repeated."""
 
-    Attributes:
-        path: video, image, or folder of images.
-        stills: the image files where path is an image or a folder; empty for a video.
-        size: image (width, height), px, after the rotation stated in the video.
-        frame_count: number of frames that can be read.
-        fps: frames per second; None where the files do not state it.
-        numbers: selected frames of the file in ascending order, possibly repeated; None selects
-            all.
-        promised: number of frames that the file says it has; 0 where it says none.
-        shown_s: (frame_count,) float64, s, increasing, when a video shows its frames; None where it
-            does not tell, or some are selected.
-        bits: of the brightest value in images of 16 bits, of which the upper 8 are used; else 8.
-        sensor: whether images are read as the sensor has them, since their EXIF data turn them
-            differently: a lens belongs to the sensor.
-        interlaced: whether a video is flagged as interlaced, and read by FFmpeg.
-        may_repeat: whether the files tell that some frames may be those before them.
-    """
-
-    path: Path
+    path: Path  #: video, image, or folder of images.
     stills: tuple[Path, ...]
-    size: tuple[int, int]
-    frame_count: int
-    fps: float | None
+    """The image files where path is an image or a folder; empty for a video."""
+    size: tuple[int, int]  #: image (width, height), px, after the rotation stated in the video.
+    frame_count: int  #: number of frames that can be read.
+    fps: float | None  #: frames per second; None where the files do not state it.
     numbers: tuple[int, ...] | None = None
-    promised: int = 0
+    """Selected frames of the file in ascending order, possibly repeated; None selects all."""
+    promised: int = 0  #: number of frames that the file says it has; 0 where it says none.
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
+    """(frame_count,) float64, s, increasing, when a video shows its frames; None where it does not
+    tell, or some are selected."""
     bits: int = 8
+    """Of the brightest value in images of 16 bits, of which the upper 8 are used; else 8."""
     sensor: bool = False
-    interlaced: bool = False
-    may_repeat: bool = False
+    """Whether images are read as the sensor has them, since their EXIF data turn them differently:
+    a lens belongs to the sensor."""
+    interlaced: bool = False  #: whether a video is flagged as interlaced, and read by FFmpeg.
+    may_repeat: bool = False  #: whether the files tell that some frames may be those before them.
 
     @classmethod
     def open(cls, path: Path) -> Self:

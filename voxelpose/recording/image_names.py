@@ -42,19 +42,13 @@ Kind = Literal["number", "ticks", "time"]
 
 @dataclass(frozen=True, eq=False)
 class NameReading:
-    """A way of reading the names of a camera's images.
+    """A way of reading the names of a camera's images."""
 
-    Attributes:
-        kind: "number", of a counter; "ticks", of a clock of unknown unit; "time", s.
-        order: (n,) int64, places of the images in their order.
-        values: (n,) float64, what the images' names tell, in that order, increasing.
-        words: how the first name is read.
-    """
-
-    kind: Kind
-    order: NDArray[np.int64]
+    kind: Kind  #: "number", of a counter; "ticks", of a clock of unknown unit; "time", s.
+    order: NDArray[np.int64]  #: (n,) int64, places of the images in their order.
     values: NDArray[np.float64]
-    words: str
+    """(n,) float64, what the images' names tell, in that order, increasing."""
+    words: str  #: how the first name is read.
 
     @property
     def lost(self) -> NDArray[np.int64]:
@@ -74,17 +68,12 @@ class NameReading:
 
 @dataclass(frozen=True, eq=False)
 class _ImageNames:
-    """The names of a camera's images.
+    """The names of a camera's images."""
 
-    Attributes:
-        order: (n,) int64, places of the images in their order.
-        reading: what the names tell; None: no number or time of each image.
-        question: why that is not sure, and the remedy, in words; "" where it is.
-    """
-
-    order: NDArray[np.int64]
+    order: NDArray[np.int64]  #: (n,) int64, places of the images in their order.
     reading: NameReading | None = None
-    question: str = ""
+    """What the names tell; None: no number or time of each image."""
+    question: str = ""  #: why that is not sure, and the remedy, in words; "" where it is.
 
     @classmethod
     def of(cls, paths: Sequence[Path], clock: bool = False) -> "_ImageNames":
@@ -116,18 +105,12 @@ class _ImageNames:
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Groups of digits in names that are alike but for these.
-
-    Attributes:
-        words: each group in all names.
-        before: what stands between each group and the one before it.
-        spans: where each group stands in the first name.
-    """
+    """Groups of digits in names that are alike but for these."""
 
     stems: list[str]
-    words: list[list[str]]
-    before: list[str]
-    spans: list[tuple[int, int]]
+    words: list[list[str]]  #: each group in all names.
+    before: list[str]  #: what stands between each group and the one before it.
+    spans: list[tuple[int, int]]  #: where each group stands in the first name.
 
     @classmethod
     def of(cls, stems: list[str]) -> "_Columns":

@@ -41,17 +41,11 @@ class Layers(NamedTuple):
 
 @dataclass(frozen=True)
 class MaskForm:
-    """What of the pictures tells the person apart.
+    """What of the pictures tells the person apart."""
 
-    Attributes:
-        alpha: whether their opacity does.
-        coloured: whether colours do.
-        scale: factor that makes whole numbers of values that are none.
-    """
-
-    alpha: bool
-    coloured: bool
-    scale: float | None = None
+    alpha: bool  #: whether their opacity does.
+    coloured: bool  #: whether colours do.
+    scale: float | None = None  #: factor that makes whole numbers of values that are none.
 
     @classmethod
     def of(cls, layers: Sequence[Layers], labels: bool = True) -> "MaskForm":
@@ -141,25 +135,17 @@ def _subsampled(picture: NDArray) -> NDArray:
 
 @dataclass(frozen=True, eq=False)
 class MaskLevels:
-    """Values that the masks of a camera hold.
-
-    Attributes:
-        values: (L, C) float64, the background first, the others by the area that they fill.
-        exact: whether there are no others, but for edges.
-        bordered: whether the background is plain and fills most of the pictures' borders.
-        compact: whether most of what is no background has one of these values.
-        top: the largest value.
-        noise: largest difference, from the background, of what is background all the same.
-        indices: (h, w) int16 for each picture, every so many pixels: which value is nearest.
-    """
+    """Values that the masks of a camera hold."""
 
     values: NDArray[np.float64]
-    exact: bool
-    bordered: bool
-    compact: bool
-    top: float
-    noise: float
+    """(L, C) float64, the background first, the others by the area that they fill."""
+    exact: bool  #: whether there are no others, but for edges.
+    bordered: bool  #: whether the background is plain and fills most of the pictures' borders.
+    compact: bool  #: whether most of what is no background has one of these values.
+    top: float  #: the largest value.
+    noise: float  #: largest difference, from the background, of what is background all the same.
     indices: list[NDArray[np.int16]]
+    """(h, w) int16 for each picture, every so many pixels: which value is nearest."""
 
     @classmethod
     def of(cls, planes: Sequence[Plane], labels: bool = True) -> "MaskLevels":

@@ -39,21 +39,14 @@ _MOST_COLOURS = 64  # of a palette whose numbers are labels
 
 @dataclass(frozen=True, eq=False)
 class MaskRule:
-    """Which pixels are the person.
+    """Which pixels are the person."""
 
-    Attributes:
-        form: what of the pictures counts.
-        inside: (N, C) values of the person; None: all that is not the background.
-        outside: (M, C) other values, the background first.
-        noise: largest difference from the background of what is background all the same.
-        exact: whether a colour is another one if it differs at all.
-    """
-
-    form: MaskForm
+    form: MaskForm  #: what of the pictures counts.
     inside: NDArray[np.float64] | None
-    outside: NDArray[np.float64]
-    noise: float
-    exact: bool
+    """(N, C) values of the person; None: all that is not the background."""
+    outside: NDArray[np.float64]  #: (M, C) other values, the background first.
+    noise: float  #: largest difference from the background of what is background all the same.
+    exact: bool  #: whether a colour is another one if it differs at all.
 
     def mask(self, layers: Layers) -> NDArray[np.bool_]:
         """The person (H, W) bool in a picture."""
@@ -81,13 +74,9 @@ class MaskRule:
 
 @dataclass(frozen=True)
 class MaskReader(FrameReader):
-    """Masks of one camera; as frames they are white where the person is.
+    """Masks of one camera; as frames they are white where the person is."""
 
-    Attributes:
-        rule: which pixels are the person.
-    """
-
-    rule: MaskRule | None = field(default=None, compare=False)
+    rule: MaskRule | None = field(default=None, compare=False)  #: which pixels are the person.
 
     def layers(self, numbers: Sequence[int]) -> Iterator[Layers]:
         """Yields pictures as the file has them, by their numbers in ascending order.

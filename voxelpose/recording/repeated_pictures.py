@@ -66,17 +66,11 @@ def without_repeats(
 
 @dataclass(frozen=True, eq=False)
 class _Changes:
-    """By how much each picture differs from the one before, grey levels; 0 of the first.
+    """By how much each picture differs from the one before, grey levels; 0 of the first."""
 
-    Attributes:
-        strongest: (frames,) mean of the block that changes most.
-        middle: (frames,) that of the middle one: noise.
-        blocks: (frames, rows, columns) uint8, means of the pictures' blocks.
-    """
-
-    strongest: NDArray[np.float32]
-    middle: NDArray[np.float32]
-    blocks: NDArray[np.uint8]
+    strongest: NDArray[np.float32]  #: (frames,) mean of the block that changes most.
+    middle: NDArray[np.float32]  #: (frames,) that of the middle one: noise.
+    blocks: NDArray[np.uint8]  #: (frames, rows, columns) uint8, means of the pictures' blocks.
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,19 +6,32 @@ import datetime
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
+from msgspec import Meta
 from platformdirs import user_config_path
 
 from calib.errors import InputError
 from calib.storage.documents import load_text, parse_toml
-from silhouette_core.body.sizes import CHESTS_M, STATURES_M
+from silhouette_core.setting_types import CHESTS_M, STATURES_M, Chest, Sex, Stature
 
 _LARGEST_BYTES = 1_000_000
-_SIZES_M = {"stature": STATURES_M, "chest_girth": CHESTS_M}
-# Longest texts, characters.
-_TEXTS = {"name": 200, "remarks": 4000}
-_KNOWN = "stature, chest_girth (metres), sex, body, name, date, remarks"
+_METRES = "give metres between {:g} and {:g}, for example {} = {}"
+_TEXT = "give text of at most {} characters in quotation marks, or remove the line"
+# Types of the values by their keys, and what helps where one is none.
+_VALUES = {
+    "stature": (Stature, _METRES.format(*STATURES_M, "stature", "1.75")),
+    "chest_girth": (Chest, _METRES.format(*CHESTS_M, "chest_girth", "1.02")),
+    "sex": (Sex, 'use "male", "female" or "unknown"'),
+    "body": (
+        Annotated[str, Meta(min_length=1, max_length=200)],
+        "give a name of voxelpose body list, or a file's, or remove the line",
+    ),
+    "name": (Annotated[str, Meta(max_length=200)], _TEXT.format(200)),
+    "date": (datetime.date, "write year, month and day, for example date = 2026-11-28"),
+    "remarks": (Annotated[str, Meta(max_length=4000)], _TEXT.format(4000)),
+}
 NOTES = "name", "date", "remarks"
 """Keys of subject.toml that are handed on as they are, and change no result."""
 SETTINGS_FILE = "voxelpose.toml"
@@ -26,25 +39,16 @@ SETTINGS_FILE = "voxelpose.toml"
 
 @dataclass(frozen=True)
 class Subject:
-    """The person that was filmed; None where subject.toml does not state a value.
+    """The person that was filmed; None where subject.toml does not state a value."""
 
-    Attributes:
-        stature_m: height, metres.
-        chest_girth_m: chest girth, metres.
-        sex: "male", "female" or "unknown".
-        body: the body, as `load_body` names it; `fit` and `track` take it where no other is given.
-        name: name or code of the person.
-        date: of the recording.
-        remarks: of whoever recorded.
-    """
-
-    stature_m: float | None = None
-    chest_girth_m: float | None = None
-    sex: str = "unknown"
+    stature_m: float | None = None  #: height, metres.
+    chest_girth_m: float | None = None  #: chest girth, metres.
+    sex: Sex = "unknown"  #: "male", "female" or "unknown".
     body: str | None = None
-    name: str | None = None
-    date: datetime.date | None = None
-    remarks: str | None = None
+    """The body, as `load_body` names it; `fit` and `track` take it where no other is given."""
+    name: str | None = None  #: name or code of the person.
+    date: datetime.date | None = None  #: of the recording.
+    remarks: str | None = None  #: of whoever recorded.
 
 
 def read_subject(path: Path) -> Subject:
@@ -56,60 +60,27 @@ def read_subject(path: Path) -> Subject:
     if not path.exists():
         return Subject()
     table = parse_toml(load_text(path, _LARGEST_BYTES), path)
-    for key in table:
-        if key not in ("stature", "chest_girth", "sex", "body", *NOTES):
-            raise InputError(f"{path}: {key[:40]} is not known: use {_KNOWN}")
-    for key, (least, most) in _SIZES_M.items():
-        value = table.get(key)
-        if value is not None and (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not least <= value <= most
-        ):
-            raise InputError(
-                f"{path}: {key} = {str(value)[:40]} is impossible: give metres between {least:g}"
-                f" and {most:g}, for example {key} = {1.75 if key == 'stature' else 1.02}"
-            )
-    sex = table.get("sex", "unknown")
-    if sex not in ("male", "female", "unknown"):
-        raise InputError(
-            f'{path}: sex = {str(sex)[:40]!r} is not known: use "male", "female" or "unknown"'
-        )
-    name = table.get("body")
-    if name is not None and not (isinstance(name, str) and 0 < len(name) < 200):
-        raise InputError(
-            f"{path}: body must be a name of voxelpose body list, or a file's: correct it or remove"
-            " the line"
-        )
-    body = None if name is None else _body_of(name, path)
-    texts = {key: _text_of(key, table.get(key), path) for key in _TEXTS}
-    date = _date_of(table.get("date"), path)
-    return Subject(table.get("stature"), table.get("chest_girth"), sex, body, date=date, **texts)
-
-
-def _text_of(key: str, value: Any, path: Path) -> str | None:
-    if value is None:
-        return None
-    if not isinstance(value, str) or len(value) > _TEXTS[key]:
-        raise InputError(
-            f"{path}: {key} must be text of at most {_TEXTS[key]} characters in quotation marks:"
-            " correct it or remove the line"
-        )
-    return value.strip() or None
-
-
-def _date_of(value: Any, path: Path) -> datetime.date | None:
-    if isinstance(value, datetime.datetime):
-        return value.date()
-    if value is None or isinstance(value, datetime.date):
-        return value
-    try:
-        return datetime.date.fromisoformat(value)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{path}: date = {str(value)[:40]!r} is no date: write year, month and day, for example"
-            " date = 2026-11-28"
-        ) from None
+    known: dict[str, Any] = {}
+    for key, value in table.items():
+        if key not in _VALUES:
+            raise InputError(f"{path}: {key[:40]} is not known: use {', '.join(_VALUES)}")
+        kind, remedy = _VALUES[key]
+        try:
+            day = value.date() if isinstance(value, datetime.datetime) else value
+            known[key] = msgspec.convert(day, kind)
+        except (msgspec.ValidationError, OverflowError):
+            fault = f"{path}: {key} = {str(value)[:40]} is impossible"
+            raise InputError(f"{fault}: {remedy}") from None
+    body = None if "body" not in known else _body_of(known["body"], path)
+    return Subject(
+        known.get("stature"),
+        known.get("chest_girth"),
+        known.get("sex", "unknown"),
+        body,
+        known.get("name", "").strip() or None,
+        known.get("date"),
+        known.get("remarks", "").strip() or None,
+    )
 
 
 def _body_of(name: str, path: Path) -> str:

@@ -32,17 +32,12 @@ _LARGEST_BYTES = 300_000_000  # some hours
 
 @dataclass(frozen=True, eq=False)
 class KnownJoints:
-    """What is known of a movement.
+    """What is known of a movement."""
 
-    Attributes:
-        names: L names of the joints, the first of which is the root's.
-        joints_m: (T, L, 3) float64, world, metres; NaN where a position is unknown.
-        motion: the motion, where its joint angles are known too.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: L names of the joints, the first of which is the root's.
     joints_m: NDArray[np.float64]
-    motion: Motion | None = None
+    """(T, L, 3) float64, world, metres; NaN where a position is unknown."""
+    motion: Motion | None = None  #: the motion, where its joint angles are known too.
 
 
 def load_truth(

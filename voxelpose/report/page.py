@@ -17,6 +17,7 @@ from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.gait import find_gait
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
+from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import LEVELS, verdict_of_people
@@ -27,7 +28,6 @@ from voxelpose.report.gait_section import gait_section
 from voxelpose.report.preview import data_uri, make_preview
 from voxelpose.report.verdict import (
     CameraCheck,
-    Finding,
     check_cameras,
     findings,
     headline,
@@ -35,7 +35,7 @@ from voxelpose.report.verdict import (
     recording_findings,
 )
 from voxelpose.result_documents import path_from
-from voxelpose.results import Result, open_people, people_seconds
+from voxelpose.results import FILES, Result, open_people, people_seconds
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
@@ -73,17 +73,6 @@ _SETTINGS = {
     "threads": "processor threads",
     "backend": "implementation that scored the poses",
     "options": "the method's own settings",
-}
-_FILES = {
-    "contact_sheet.png": "the contact sheet above, larger",
-    "overlay_*.webm": "the fitted body drawn over the whole videos, for every browser and player",
-    "joints.csv": "positions of the joints in every frame, metres, with a confidence",
-    "motion.bvh": "the skeleton for Blender, Maya, MotionBuilder, Unity",
-    "motion.safetensors": "joint angles, root and quality, for programs",
-    "hypotheses.csv": "other poses that one camera leaves open, with their probabilities",
-    "summary.json": "the numbers of this page, for programs",
-    "settings.toml": "settings of the fit",
-    "calibration.toml": "the cameras that were used",
 }
 
 
@@ -156,7 +145,7 @@ def _contents(
     reporter.stage("charts")
     result, people = results[0], _people(results, cameras, scenes.changed)
     summary: Any = result.summary
-    settings, files = result.settings, _FILES
+    settings, files = result.settings, FILES
     common = {name: people[0][name] for name in ("verdict", "sentence")}
     if len(people) > 1:
         common = _overall(results, people, recording_findings(cameras, scenes.changed))

@@ -1,10 +1,9 @@
-"""Assessment of a result by its numbers, in plain words, and the agreement of the cameras with the
-fitted body and of their outlines with one another.
+"""Agreement of the cameras with the fitted body, and of their outlines with one another, and what
+is found in a result with it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +14,14 @@ from calib.errors import InputError
 from calib.moments import even_moments
 from calib.tangency import OutlineTrack
 from silhouette_core.motion.dynamics import is_person_tree
-from voxelpose.reliability import Verdict, verdict_of
+from voxelpose.findings import Finding, worst_first
+from voxelpose.reliability import Verdict, findings_of, verdict_of
 from voxelpose.results import Result
-from voxelpose.tuning import RELIABILITY, REPORT
+from voxelpose.tuning import REPORT
 from voxelpose.view.images.figure import body_parts
-from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 _MOMENTS = 12
-_RANGES = 6  # listed one by one
-_WORST = 3  # joints that are named
-_TRUNK = ("pelvis", "lumbar", "abdomen", "thorax", "upper_thorax", "neck", "head")
-_SMALL = ("thumb", "fingers", "toes")
 
 
 @dataclass(frozen=True)
@@ -133,34 +128,32 @@ def _compare(drawn: NDArray[np.bool_], mask: NDArray[np.bool_]) -> tuple[float, 
     return common / (body + person - common), 1 - common / person, 1 - common / body
 
 
-Level = Literal["good", "look", "bad"]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Assessment of one aspect of a result."""
-
-    level: Level  # "good", "look" closer, or "bad"
-    title: str
-    words: str
-    advice: str = ""  # what to do; empty where nothing is wrong
-
-
 def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Finding]:
-    """Assesses a result by its own numbers, the agreement of its cameras, and what changed in its
+    """What is found in a result, by the agreement of its cameras, and by what changed in its
     recording since, worst first.
     """
-    of_result = [_lost(result), *_outlines(result), *_parts(result), *_joints(result)]
-    return _worst_first([*_changes(changed), *of_result, *_cameras(cameras)])
+    found = findings_of(result.summary, result.motion)
+    return worst_first([*found, *recording_findings(cameras, changed)])
 
 
 def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
     """As `findings`, without those of a result: of what several people have in common."""
-    return _worst_first([*_changes(changed), *_cameras(cameras)])
-
-
-def _worst_first(assessed: Sequence[Finding]) -> list[Finding]:
-    return sorted(assessed, key=lambda finding: ("bad", "look", "good").index(finding.level))
+    found, apart = [], [line.camera for line in cameras.lines if line.apart]
+    if changed:
+        advice = "fit again; until then, this page shows cameras and silhouettes as they are now"
+        found.append(Finding("Recording", "look", changed, remedy=advice))
+    if apart:
+        words = "the body agrees less with these than with the others, or their outlines do"
+        advice = (
+            "it may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
+            " calibrate check RECORDING reports which, and how to repair it; or fit again without"
+            " it (--cameras lists those to use)"
+        )
+        found.append(Finding("Cameras", "look", words, ", ".join(apart), advice))
+    elif len(cameras.lines) > 1:
+        words = f"the body agrees equally well with all {len(cameras.lines)} cameras"
+        found.append(Finding("Cameras", "good", words))
+    return found
 
 
 def headline(result: Result, assessed: Sequence[Finding]) -> tuple[Verdict, str]:
@@ -176,141 +169,3 @@ def headline(result: Result, assessed: Sequence[Finding]) -> tuple[Verdict, str]
 def noun_of(result: Result) -> str:
     """What was filmed, in texts: a person, or an object of any other kind."""
     return "person" if is_person_tree(result.motion.model.tree) else "object"
-
-
-def ranges_text(frames: NDArray[np.int64]) -> str:
-    """Frame numbers (n,) in ascending order, as text: "frames 3–5, 9 and 4 more ranges"."""
-    runs = np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1)
-    listed = [f"{run[0]}–{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs[:_RANGES]]
-    more = f" and {len(runs) - _RANGES} more ranges" if len(runs) > _RANGES else ""
-    return f"frame{'' if len(frames) == 1 else 's'} {', '.join(listed)}{more}"
-
-
-def _changes(changed: str) -> Iterator[Finding]:
-    if changed:
-        advice = "Fit again. Until then, what this page says of cameras and silhouettes is as of"
-        yield Finding("look", "Recording", f"{changed[:1].upper()}{changed[1:]}.", f"{advice} now.")
-
-
-def _lost(result: Result) -> Finding:
-    summary: Any = result.summary
-    lost = np.array(summary["frames"]["lost"], np.int64)
-    count = summary["frames"]["with_pose"] + len(lost)
-    absent = np.array(summary["frames"].get("away", ()), np.int64)
-    absence = f" Away in {ranges_text(absent)}." if len(absent) else ""
-    first, last = result.motion.frames[[0, -1]]
-    if ((absent > first) & (absent < last)).any():
-        absence += " That who came back is who left is a guess."
-    if not len(lost):
-        return Finding("good", "Frames", f"All {count} frames have a pose.{absence}")
-    noun = noun_of(result)
-    count_filled = int(result.motion.filled.sum())
-    filled = f" {count_filled} of them were filled by interpolation." if count_filled else ""
-    return Finding(
-        "bad" if len(lost) > RELIABILITY.lost * count else "look",
-        "Frames",
-        f"{len(lost)} of {count} frames have no pose: {ranges_text(lost)}.{filled}{absence}",
-        f"No {noun} was detected there. If at least two cameras show the {noun}, check the"
-        " silhouettes: voxelpose view shows them frame by frame.",
-    )
-
-
-def _outlines(result: Result) -> Iterator[Finding]:
-    if "outline_agreement" not in result.motion.quality:
-        return
-    agreement = np.asarray(result.motion.quality["outline_agreement"], float)
-    median = float(np.nanmedian(agreement))
-    doubtful = agreement < RELIABILITY.agreement
-    level: Level = "look" if median < REPORT.sure or doubtful.any() else "good"
-    if median < RELIABILITY.agreement:
-        level = "bad"
-    words = f"The body's outline and the silhouettes agree to {100 * median:.0f} % (median)."
-    if doubtful.any():
-        runs = ranges_text(result.motion.frames[doubtful])
-        words += f" Below {100 * RELIABILITY.agreement:.0f} %: {runs}."
-    noun = noun_of(result)
-    advice = (
-        f"Play the video at those frames. If the body misses the {noun}, check the silhouettes in"
-        " voxelpose view: film the empty room, avoid clothes of the walls' colour, keep other"
-        f" people out. If body and {noun} are shifted in one camera only, that camera was moved."
-    )
-    yield Finding(level, "Outlines", words, "" if level == "good" else advice)
-
-
-def _parts(result: Result) -> Iterator[Finding]:
-    overlap = result.motion.quality.get("part_overlap")
-    if overlap is None:
-        return
-    model = result.motion.model
-    trunk = _TRUNK if is_person_tree(model.tree) else model.names[:1]
-    # Parts too small to be measured are nan.
-    uncovered = np.mean(np.asarray(overlap) < REPORT.covered, axis=0)
-    weak = {
-        name: share
-        for name, share in zip(model.names, uncovered.tolist(), strict=True)
-        if share > RELIABILITY.lost and not name.endswith(_SMALL)
-    }
-    if not weak:
-        yield Finding("good", "Body parts", "Every limb lies inside the carved hull.")
-        return
-    level: Level = "bad" if any(name in trunk for name in weak) else "look"
-    listed = ", ".join(
-        f"{display_name(name)} ({100 * share:.0f} % of frames)" for name, share in weak.items()
-    )
-    yield Finding(
-        level,
-        "Body parts",
-        f"Often outside the carved hull: {listed}.",
-        "Thin parts are lost where one camera's silhouette has a hole: check it in voxelpose"
-        " view. Limbs beside the trunk are occluded by it: cameras at other heights help.",
-    )
-
-
-def _joints(result: Result) -> Iterator[Finding]:
-    """Joints that are said to be uncertain, or the error to be expected from one camera."""
-    verdict = verdict_of(result.summary)
-    if verdict.error_mm is not None:
-        yield _joints_of_one_camera(result, verdict.error_mm)
-    listed = [display_name(name) for name in verdict.uncertain]
-    if not listed:
-        return
-    yield Finding(
-        "look",
-        "Joints",
-        f"More likely than not farther than 30 mm from the truth: {', '.join(listed)}.",
-        "The outlines say little of them: silhouettes that miss them, a limb that is held"
-        " against the body, or unusual proportions. Look at them in the video first.",
-    )
-
-
-def _joints_of_one_camera(result: Result, error_mm: float) -> Finding:
-    summary: Any = result.summary
-    each: dict[str, float] = summary["quality"].get("joint_error_mm", {})
-    worst = sorted(each, key=lambda name: -each[name])[:_WORST]
-    listed = ", ".join(f"{display_name(name)} ({each[name]:.0f} mm)" for name in worst)
-    return Finding(
-        "look",
-        "Joints",
-        f"To be expected from one camera: joints {error_mm:.0f} mm off relative to the pelvis"
-        + (f"; in the room, most for {listed}." if listed else "."),
-        "Most of it lies along the line of sight: a second camera from the side settles it.",
-    )
-
-
-def _cameras(check: CameraCheck) -> Iterator[Finding]:
-    if len(check.lines) < 2:
-        return
-    apart = [line.camera for line in check.lines if line.apart]
-    if not apart:
-        words = f"The body agrees equally well with all {len(check.lines)} cameras."
-        yield Finding("good", "Cameras", words)
-        return
-    yield Finding(
-        "look",
-        "Cameras",
-        f"{', '.join(apart)} {'agrees' if len(apart) == 1 else 'agree'} less than the others"
-        " with the body, or with their outlines.",
-        "It may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
-        " calibrate check RECORDING reports which, and how to repair it. Or fit again without"
-        " it (--cameras lists those to use).",
-    )

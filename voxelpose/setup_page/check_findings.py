@@ -2,12 +2,19 @@
 
 import tempfile
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from calib.storage.atomic import unwritable, write_whole
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.check import Check, check_recording, remedy, verdict_on, write_repair
+from voxelpose.calibration.check import (
+    Check,
+    check_findings,
+    check_recording,
+    verdict_on,
+    write_repair,
+)
 from voxelpose.calibration.pictures import draw_check
 from voxelpose.recording.camera_files import REPLACED
 from voxelpose.recording.folder import Recording
@@ -60,6 +67,7 @@ def _findings_of(check: Check) -> dict[str, Any]:
     return {
         "agrees": check.agreement.agrees,
         "summary": check.agreement.summary,
+        "findings": [asdict(finding) for finding in check_findings(check, "press Repair")[1:]],
         "cameras": [
             {
                 "camera": line.camera,
@@ -70,10 +78,4 @@ def _findings_of(check: Check) -> dict[str, Any]:
             }
             for line in check.agreement.table
         ],
-        "repairs": [
-            {"summary": repair.summary, "remedy": remedy(check, repair.camera, "press Repair")}
-            for repair in check.repairs
-        ],
-        "after": None if check.after is None else check.after.summary,
-        "notes": list(check.notes),
     }

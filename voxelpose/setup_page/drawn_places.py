@@ -16,7 +16,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import tomlkit
-from msgspec import UNSET
 from numpy.typing import NDArray
 from PIL import Image, PngImagePlugin
 from tomlkit.exceptions import TOMLKitError
@@ -24,7 +23,10 @@ from tomlkit.exceptions import TOMLKitError
 from calib.errors import InputError
 from calib.storage.atomic import unwritable, write_whole
 from calib.storage.documents import load_text, parse_toml
-from calib.upright import direction_of
+from silhouette_core.setting_types import range_of
+from voxelpose.cli.arguments import camera_names, up_direction
+from voxelpose.cli.fit import Fit
+from voxelpose.cli.options import checked_values, options_of
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.unknown_places import (
@@ -34,14 +36,16 @@ from voxelpose.recording.unknown_places import (
     unknown_polygons,
 )
 from voxelpose.setup_page.page_requests import (
-    FitChosen,
     PlacesDrawn,
     Polygon,
     Polygons,
     RegionDrawing,
+    Typed,
 )
 from voxelpose.view.serving.page_answers import check_camera_names
 
+CHOICES = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
+"""Settings of `fit` that the page shows and saves."""
 _KEY = "voxelpose polygons"
 _LARGEST_BYTES = 1_000_000
 
@@ -256,24 +260,18 @@ def _rounded(pixel: float) -> int | float:
     return int(rounded) if rounded == int(rounded) else rounded
 
 
-def check_choices(chosen: FitChosen, names: Iterable[str]) -> None:
-    """Checks what depends on the recording, which has cameras of these names. InputError where
-    there is no such camera, or up is no direction.
-    """
-    if chosen.cameras is not UNSET and chosen.cameras is not None:
-        check_camera_names(chosen.cameras, names)
-        if any("," in name for name in chosen.cameras):
-            raise InputError("a camera whose name holds a comma cannot be chosen: rename its files")
-    if chosen.up is not UNSET and chosen.up is not None:
-        direction_of(chosen.up)
+def setting_ranges() -> dict[str, dict[str, float | None]]:
+    """Smallest and largest number that a setting may be, by its name."""
+    ranges = {name: range_of(options_of(Fit)[name].kind) for name in CHOICES}
+    return {name: {"min": least, "max": most} for name, (least, most) in ranges.items()}
 
 
-def save_choices(path: Path, chosen: FitChosen) -> bool:
-    """Writes settings into [fit] of a voxelpose.toml, made where there is none; None takes one out,
-    so that the usual value counts. Returns whether there was anything to write. InputError where it
-    is no TOML, or cannot be written.
+def check_choices(chosen: Typed, names: Iterable[str]) -> None:
+    """Checks settings of `fit`, of a recording that has cameras of these names. InputError where
+    one is none of the page's, or makes no sense.
     """
-    values: dict[str, Any] = msgspec.to_builtins(chosen)  # without what is unset
-    if isinstance(values.get("cameras"), list):
-        values["cameras"] = ",".join(values["cameras"])
-    return change_section(path, "fit", values)
+    options = {name: option for name, option in options_of(Fit).items() if name in CHOICES}
+    given = {name: value for name, value in chosen.items() if value is not None}
+    values = checked_values(options, given, Path(), "the page")
+    check_camera_names(camera_names(values.get("cameras")) or (), names)
+    up_direction(values.get("up"))

@@ -1,6 +1,6 @@
 """What the page may send: every number bounded, every text short, nothing else let through."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -53,22 +53,8 @@ class PointClicked(Struct, forbid_unknown_fields=True):
 
 Points = Annotated[list[PointClicked], Meta(max_length=MOST_POINTS)]
 Up = Annotated[str, Meta(min_length=1, max_length=80)]
-
-
-class FitChosen(Struct, forbid_unknown_fields=True):
-    """Settings of `fit`; None: the usual value, absent: as it is."""
-
-    background: BackgroundKind | UnsetType | None = UNSET
-    # Cameras that may see background where the body is.
-    tolerance: Annotated[int, Meta(ge=0, le=60)] | UnsetType | None = UNSET
-    # Edge of a voxel, metres.
-    voxel: Annotated[float, Meta(ge=0.002, le=0.5)] | UnsetType | None = UNSET
-    # What is done about cameras that do not agree.
-    repair: Literal["auto", "say", "off"] | UnsetType | None = UNSET
-    # Height of the person, metres.
-    stature: Annotated[float, Meta(ge=0.3, le=3.0)] | UnsetType | None = UNSET
-    cameras: Annotated[list[Name], Meta(min_length=1, max_length=200)] | UnsetType | None = UNSET
-    up: Up | UnsetType | None = UNSET  # direction of up, an axis or three numbers
+Typed = dict[Name, bool | int | float | Annotated[str, Meta(max_length=1000)] | None]
+"""Settings as they are typed in, by their names; None: the usual value."""
 
 
 class SilhouetteRequest(Struct, forbid_unknown_fields=True):
@@ -104,6 +90,6 @@ class SaveRequest(Struct, forbid_unknown_fields=True):
 
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
     points: Points | UnsetType = UNSET
-    fit: FitChosen = msgspec.field(default_factory=FitChosen)
+    fit: Typed = {}  # settings of `fit`; what is absent stays
     # What the page was shown, see `SetupSession.state`; "": whatever another one has saved since.
     seen: Annotated[str, Meta(max_length=64)] = ""

@@ -33,11 +33,12 @@ from voxelpose.setup_page.clicked_points import (
     up_choices,
 )
 from voxelpose.setup_page.drawn_places import (
+    CHOICES,
     DrawnRecording,
     PlaceFiles,
     change_section,
     check_choices,
-    save_choices,
+    setting_ranges,
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.view.images.canvas import encoded
@@ -50,7 +51,6 @@ _MEANWHILE = (
     "another page or program has changed this folder's files since this page was loaded: load it"
     " again to see them, or save once more, and what is here counts"
 )
-_SHOWN = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"
 
 
 class _Notes(SilentReporter):
@@ -125,8 +125,9 @@ class SetupSession:
             "settings": {
                 name: {"value": value, "file": file}
                 for name, (value, file) in folder_settings("fit", self.folder).items()
-                if name in _SHOWN
+                if name in CHOICES
             },
+            "ranges": setting_ranges(),
             "own_settings": str((self.folder / SETTINGS_FILE).resolve()),
             "refused": self._refusals(),
             "fault": self._opened.fault,
@@ -297,7 +298,7 @@ class SetupSession:
             if asked.points is not UNSET and (asked.points or (folder / POINTS_FILE).exists()):
                 left_out = save_clicked(folder / POINTS_FILE, asked.points)
                 written.append(folder / POINTS_FILE)
-            if save_choices(folder / SETTINGS_FILE, asked.fit):
+            if change_section(folder / SETTINGS_FILE, "fit", asked.fit):
                 written.append(folder / SETTINGS_FILE)
             self._places = PlaceFiles.read(self._recording)
         return {

@@ -15,7 +15,8 @@ from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.timestamps import TIMESTAMPS
 from voxelpose.setup_page.clicked_points import POINTS_FILE
 from voxelpose.setup_page.drawn_places import change_section
-from voxelpose.studio.command_forms import Typed, filled_in, form_of
+from voxelpose.setup_page.page_requests import Typed
+from voxelpose.studio.command_forms import filled_in, form_of
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.studio_jobs import calibrate
 from voxelpose.studio.uploads import project_files

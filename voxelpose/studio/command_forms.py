@@ -2,38 +2,29 @@
 typed into it. They are named by their sections in a voxelpose.toml: fit, calibrate.board, ….
 """
 
-import ast
 import inspect
-import itertools
 import re
-import textwrap
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
-
-from msgspec import Meta
+from typing import Any
 
 from calib.board import Board
 from calib.errors import InputError
 from silhouette_core.body.presets import body_preset
+from silhouette_core.setting_types import choices_of, range_of, types_if_given
 from voxelpose.cli.arguments import BoardArguments
 from voxelpose.cli.export import Export
 from voxelpose.cli.options import (
     Option,
     checked_values,
-    choices_of,
     folder_settings,
     load_command,
     made_of,
     options_of,
-    types_if_given,
 )
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.view.serving.page_answers import Name
 
-Typed = dict[Name, bool | int | float | Annotated[str, Meta(max_length=1000)] | None]
-"""Settings as they are typed in, by their names; None: the usual value."""
 # What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
 _NOT_IN_FORMS = set(
     "out overwrite verbose intrinsics points source send loop record record_now duration page host"
@@ -44,13 +35,11 @@ _INPUTS = {bool: "checkbox", int: "number", float: "number"}
 
 
 def form_of(command: str, project: Path) -> list[dict[str, Any]]:
-    """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`),
-    `usual` value and the `value` by the files of a project, `help`.
+    """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`), the
+    `least` and `most` of a number, `usual` value and the `value` by the files of a project, `help`.
     """
     kind = load_command(command)
-    helps, values = _helps(kind), folder_settings(command, project)
-    group = {field: name for name, listed in kind.groups.items() for field in listed.split()}
-    order = [*kind.groups, "expert"]
+    values, order = folder_settings(command, project), [*kind.groups, "expert"]
     rows = []
     for option in options_of(kind, _NOT_IN_FORMS).values():
         choices = choices_of(option.kind)
@@ -58,13 +47,15 @@ def form_of(command: str, project: Path) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": option.name,
-                "group": group.get(option.field, "expert"),
+                "group": option.group,
                 "input": "choice" if choices else _input_of(option),
+                "least": range_of(option.kind)[0],
+                "most": range_of(option.kind)[1],
                 "whole": types_if_given(option.kind) == (int,),
                 "choices": choices,
                 "usual": None if option.default is MISSING else option.default,
                 "value": str(value) if isinstance(value, Path) else value,
-                "help": helps.get(option.field, ""),
+                "help": option.help,
             }
         )
     return sorted(rows, key=lambda row: order.index(row["group"]))
@@ -73,21 +64,6 @@ def form_of(command: str, project: Path) -> list[dict[str, Any]]:
 def _input_of(option: Option) -> str:
     kind, *others = types_if_given(option.kind)
     return "text" if others else _INPUTS.get(kind, "text")
-
-
-def _helps(command: type) -> dict[str, str]:
-    """Help of a command's options by their fields."""
-    helps: dict[str, str] = {}
-    for kind in reversed(command.__mro__[:-1]):
-        (body,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-        for field, after in itertools.pairwise(getattr(body, "body", [])):
-            if isinstance(field, ast.AnnAssign) and isinstance(after, ast.Expr):
-                helps[ast.unparse(field.target)] = ast.literal_eval(after.value)
-    for field, hint in get_type_hints(command, include_extras=True).items():
-        for mark in getattr(hint, "__metadata__", ()):
-            if text := getattr(mark, "help", None):
-                helps.setdefault(field, text)
-    return {field: " ".join(text.split()) for field, text in helps.items()}
 
 
 def filled_in(

@@ -14,7 +14,8 @@ from voxelpose.live.senders import parse_receiver
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.drawn_places import change_section
-from voxelpose.studio.command_forms import Typed, filled_in, form_of
+from voxelpose.setup_page.page_requests import Typed
+from voxelpose.studio.command_forms import filled_in, form_of
 from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed

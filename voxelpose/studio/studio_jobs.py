@@ -10,7 +10,7 @@ from calib.errors import InputError
 from calib.storage.atomic import replacing
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync
-from voxelpose.calibration.sync_verdict import sync_verdict
+from voxelpose.calibration.sync_verdict import sync_findings
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
 from voxelpose.cli.fit import EstimationArguments
@@ -73,7 +73,8 @@ def calibrate(
         }
         for line in result.result.offsets
     ]
-    return {"offsets": offsets, "verdict": [*sync_verdict(result), *result.notes]}
+    lines = [finding.words for finding in sync_findings(result)]
+    return {"offsets": offsets, "verdict": [*lines, *result.notes]}
 
 
 def export(

@@ -18,10 +18,11 @@ from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
+from voxelpose.setup_page.page_requests import Typed
 from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
-from voxelpose.studio.command_forms import Typed, export_formats, filled_in, form_of
+from voxelpose.studio.command_forms import export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep

@@ -170,9 +170,9 @@ def test_a_person_cut_by_the_border_is_said(quick):
     ("options", "words"),
     [
         ({"libary": "x"}, "no option 'libary'"),
-        ({"start": "sideways"}, "start 'sideways' is not known: use facing or any"),
-        ({"outline_only": "yes"}, "outline_only 'yes' must be true or false"),
-        ({"library": 3}, "library 3 must be the path of a file"),
+        ({"start": "sideways"}, "start = 'sideways' must be one of facing, any"),
+        ({"outline_only": "yes"}, "outline_only = 'yes' must be true or false"),
+        ({"library": 3}, "library = '3' must be text"),
     ],
 )
 def test_options_misspelt_are_refused(quick, options, words):

@@ -174,7 +174,10 @@ def test_fit_writes_and_says_where(desk):
             "frames 99:100 are not in the recording",
         ),
         (["carve", "walk", "--out", "x.ply"], "no foreground in any camera"),
-        (["carve", "walk", "--out", "x.ply", "--tolerance", "-1"], "--tolerance -1 is impossible"),
+        (
+            ["carve", "walk", "--out", "x.ply", "--tolerance", "-1"],
+            "--tolerance = '-1' must be a whole",
+        ),
         (["evaluate", "walk", "truth.json"], "truth.json cannot be read"),
         (["sing"], "there is no command 'sing'"),
     ],
@@ -247,4 +250,4 @@ def test_a_tolerance_that_leaves_no_hull_is_refused(desk, capsys, command):
 
 def test_no_threads_are_refused(desk, capsys):
     assert run(["library", "build", "walk", "--out", "lib.vplib", "--threads", "0"]) == 2
-    assert "0 threads cannot work" in capsys.readouterr().err
+    assert "--threads = '0' must be a whole number from 1" in capsys.readouterr().err

@@ -107,7 +107,7 @@ def test_a_library_that_is_not_there(room, capsys):
         ((*TRACK, "--stature", "-1"), "-1"),
         ((*TRACK, "--stature", "0"), "0"),
         ((*TRACK, "--fps", "0"), "0"),
-        ((*TRACK, "--threads", "0"), "0 threads cannot work"),
+        ((*TRACK, "--threads", "0"), "--threads = '0' must be a whole number from 1"),
     ],
 )
 def test_what_is_not_there_or_impossible(room, capsys, words, line):

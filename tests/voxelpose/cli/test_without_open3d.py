@@ -41,6 +41,6 @@ def test_what_needs_it_is_refused_with_the_remedy(desk, capsys, words):
 
 
 def test_the_doctor_says_what_it_costs():
-    state, found, remedy = _open3d()
-    assert state == "limited" and "open3d is not installed" in found
+    level, found, remedy = _open3d()
+    assert level == "look" and "open3d is not installed" in found
     assert remedy.startswith("only `view --open3d` and `evaluate --scan` need it: pip install")

@@ -85,8 +85,8 @@ def test_damaged_timestamps(tmp_path, text, words):
         ("stature = 0.001", "give metres between 0.5 and 2.6"),
         ("chest_girth = [1]", "chest_girth = \\[1\\] is impossible"),
         ("stature = " + "[" * 5000, "nested|no valid TOML"),
-        (f'body = "{"x" * 300}"', "body must be a name of voxelpose body list"),
-        ("body = 3", "body must be a name of voxelpose body list"),
+        (f'body = "{"x" * 300}"', "is impossible: give a name of voxelpose body list"),
+        ("body = 3", "is impossible: give a name of voxelpose body list"),
     ],
 )
 def test_damaged_subject(tmp_path, text, words):

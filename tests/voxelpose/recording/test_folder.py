@@ -286,19 +286,19 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "date of nobody": (
         written("subject.toml", 'date = "28.11.2026"'),
-        r"date = '28\.11\.2026' is no date: write year, month and day",
+        r"date = 28\.11\.2026 is impossible: write year, month and day",
     ),
     "date by a number": (
         written("subject.toml", "date = 2026"),
-        "date = '2026' is no date",
+        "date = 2026 is impossible",
     ),
     "name without words": (
         written("subject.toml", "name = 7"),
-        "name must be text of at most 200 characters",
+        "name = 7 is impossible: give text of at most 200 characters",
     ),
     "endless remarks": (
         written("subject.toml", f'remarks = "{"a" * 4001}"'),
-        "remarks must be text of at most 4000 characters",
+        "is impossible: give text of at most 4000 characters",
     ),
     "subject no toml": (
         written("subject.toml", "stature: 1.7"),

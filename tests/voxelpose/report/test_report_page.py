@@ -271,4 +271,3 @@ def test_the_filter_is_stated_and_that_it_could_not_act(fitted):
     assert "Butterworth low-pass, 7 Hz, order 2, forward and backward; not filtered: 12.5" in text
     assert "2 missing frames filled (linear, gaps up to 2 frames)" in text
     assert "choose a lower <code>--cutoff</code>" in text
-    assert "2 of them were filled by interpolation." in text

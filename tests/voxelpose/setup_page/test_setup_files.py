@@ -22,10 +22,9 @@ from voxelpose.setup_page.clicked_points import (
     save_clicked,
     up_choices,
 )
-from voxelpose.setup_page.drawn_places import save_choices
+from voxelpose.setup_page.drawn_places import change_section, check_choices
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
-    FitChosen,
     PlacesDrawn,
     PointClicked,
     PointsRequest,
@@ -153,16 +152,17 @@ def test_errors_of_points_are_distances_to_where_the_calibration_puts_them():
 def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
     path = walk / "voxelpose.toml"
     path.write_text('# mine\n[live]\nframes = 3\n\n[fit]\nsmooth = false  # keep\nrepair = "off"\n')
-    chosen = FitChosen(
-        background="paper",
-        tolerance=1,
-        voxel=0.02,
-        repair=None,
-        cameras=["cam_1", "cam_3"],
-        up="-z",
-    )
+    chosen = {
+        "background": "paper",
+        "tolerance": 1,
+        "voxel": 0.02,
+        "repair": None,
+        "cameras": "cam_1,cam_3",
+        "up": "-z",
+    }
+    check_choices(chosen, ("cam_1", "cam_2", "cam_3"))
     path.write_text(path.read_text().replace("[live]\nframes = 3\n", ""))
-    assert save_choices(path, chosen)
+    assert change_section(path, "fit", chosen)
     found = {name: each.value for name, each in folder_settings("fit", walk).items()}
     assert found == {
         "smooth": False,
@@ -173,15 +173,16 @@ def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
         "up": "-z",
     }
     assert "# mine" in path.read_text() and "# keep" in path.read_text()
-    assert not save_choices(walk / "none.toml", FitChosen(up=None))
+    assert not change_section(walk / "none.toml", "fit", {"up": None})
 
 
 @pytest.mark.parametrize(
     ("chosen", "words"),
     [
-        (FitChosen(up="sideways"), "no direction"),
-        (FitChosen(up="0,0,nan"), "no direction"),
-        (FitChosen(cameras=["cam_9"]), "no camera 'cam_9'"),
+        ({"up": "sideways"}, "no direction"),
+        ({"up": "0,0,nan"}, "no direction"),
+        ({"cameras": "cam_9"}, "no camera 'cam_9'"),
+        ({"voxel": 0.2}, "voxel = '0.2' must be a number from 0.005 to 0.1"),
     ],
 )
 def test_settings_that_make_no_sense_write_nothing(walk, chosen, words):

@@ -6,7 +6,7 @@ import re
 import shutil
 import socket
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -179,7 +179,8 @@ DAMAGED = [
     b'{"fit": {"out": "x"}}',
     b'{"fit": {"up": "sideways"}}',
     b'{"fit": {"voxel": 1e-9}}',
-    b'{"fit": {"cameras": []}}',
+    b'{"fit": {"cameras": ""}}',
+    b'{"fit": {"cameras": ["cam_1"]}}',
     b'{"fit": {"tolerance": true}}',
 ]
 
@@ -273,7 +274,7 @@ def test_two_pages_do_not_overwrite_each_other_without_a_word(tmp_path):
 
 
 def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
-    from voxelpose.calibration.check import check_recording
+    from voxelpose.calibration.check import check_findings, check_recording
     from voxelpose.recording.folder import Recording
 
     walk = staged(tmp_path / "walk")
@@ -286,7 +287,7 @@ def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
             assert ask(server, "/api/ground", {})[0] == 200  # meanwhile
         assert content["state"] == "done" and content["summary"] == expected.agreement.summary
         assert [line["camera"] for line in content["cameras"]] == ["cam_1", "cam_2", "cam_3"]
-        assert content["notes"] == list(expected.notes)
+        assert content["findings"] == [asdict(each) for each in check_findings(expected)[1:]]
         assert base64.b64decode(content["picture"])[:4] == b"\x89PNG"
 
 
@@ -305,7 +306,7 @@ def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
         ask(server, "/api/check/start", {})
         while (found := ask(server, "/api/check")[1])["state"] == "running":
             time.sleep(0.1)
-        assert "press Repair" in found["repairs"][0]["remedy"] and not found["agrees"]
+        assert "press Repair" in found["findings"][0]["remedy"] and not found["agrees"]
         file.write_text(file.read_text() + "# by somebody else\n")
         status, content = ask(server, "/api/check/repair", {})
         assert status == 400 and "have changed since: check again" in content["error"]

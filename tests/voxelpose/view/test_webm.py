@@ -61,8 +61,8 @@ def test_without_ffmpeg_the_remedy_is_named(tmp_path, monkeypatch):
     def missing() -> str:
         raise RuntimeError("No ffmpeg exe could be found")
 
-    monkeypatch.setattr(imageio_ffmpeg._io, "get_ffmpeg_exe", missing)
-    with pytest.raises(InputError, match="IMAGEIO_FFMPEG_EXE"):
+    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", missing)
+    with pytest.raises(InputError, match=r"IMAGEIO_FFMPEG_EXE.*--no-pictures"):
         WebmWriter(tmp_path / "a.webm", 30, SIZE)
 
 

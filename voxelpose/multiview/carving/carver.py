@@ -212,19 +212,16 @@ class CarveRule:
     A camera sees a voxel whose centre is in front of it, inside the field of its lens, and whose
     nearest pixel is in its image. A camera that sees it agrees where that pixel is foreground, and
     objects where it is background.
-
-    Attributes:
-        tolerance: Most cameras that may object.
-        outside: Effect of a camera that does not see the voxel (behind it, or outside its image):
-            "keep" has none, "carve" counts as objecting.
-        least_agreeing: Fewest cameras that must agree, so that an object near one camera and
-            invisible to the others is not mistaken for a body; 0 keeps even voxels that no camera
-            sees. None means three quarters of the cameras, less the tolerance.
     """
 
-    tolerance: int = 0
+    tolerance: int = 0  #: Most cameras that may object.
     outside: Literal["keep", "carve"] = "keep"
+    """Effect of a camera that does not see the voxel (behind it, or outside its image): "keep" has
+    none, "carve" counts as objecting."""
     least_agreeing: int | None = None
+    """Fewest cameras that must agree, so that an object near one camera and invisible to the others
+    is not mistaken for a body; 0 keeps even voxels that no camera sees. None means three quarters
+    of the cameras, less the tolerance."""
 
     def __post_init__(self) -> None:
         """Checks every value once."""

@@ -18,19 +18,15 @@ class VoxelGrid:
     Two grids of one voxel size therefore share their voxels wherever they overlap, bit for bit: a
     window may follow a person.
 
-    Attributes:
-        origin_m: (3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given is
-            moved to the nearest lattice point.
-        voxel_size_m: Edge of a voxel, m.
-        shape: Number of voxels along x, y and z.
-
     Raises:
         ValueError: A value has the wrong shape or is impossible.
     """
 
     origin_m: NDArray[np.float64]
-    voxel_size_m: float
-    shape: tuple[int, int, int]
+    """(3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given is moved to the
+    nearest lattice point."""
+    voxel_size_m: float  #: Edge of a voxel, m.
+    shape: tuple[int, int, int]  #: Number of voxels along x, y and z.
 
     def __post_init__(self) -> None:
         """Checks every value once."""

@@ -25,19 +25,13 @@ COMPONENT = np.dtype([("volume_m3", "f8"), ("center_m", "f8", 3), ("bounds_m", "
 
 @dataclass(frozen=True, eq=False)
 class FrameObservation:
-    """One frame ready for fitting: the silhouettes of one body, and its hull.
+    """One frame ready for fitting: the silhouettes of one body, and its hull."""
 
-    Attributes:
-        views: the C cameras.
-        masks: C arrays (h, w) bool, silhouettes without what does not belong to the hull.
-        grid: a window of voxels around the body.
-        occupancy: (nx, ny, nz) bool, the hull's largest component in it.
-    """
-
-    views: PinholeViews
+    views: PinholeViews  #: the C cameras.
     masks: list[np.ndarray]
-    grid: VoxelGrid
-    occupancy: np.ndarray
+    """C arrays (h, w) bool, silhouettes without what does not belong to the hull."""
+    grid: VoxelGrid  #: a window of voxels around the body.
+    occupancy: np.ndarray  #: (nx, ny, nz) bool, the hull's largest component in it.
 
     @cached_property
     def observation(self) -> Observation:

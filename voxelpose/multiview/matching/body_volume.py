@@ -56,21 +56,17 @@ class VoxelSet:
 
 @dataclass(frozen=True, eq=False)
 class BodyVolume:
-    """A body filled with points, about one per voxel.
-
-    Attributes:
-        points: Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the
-            limb's first part.
-        part_points: P arrays (n_p, 3), the same points by part, relative to each part's own joint.
-        backend_name: What scores its placements, by the name that goes with it to other processes.
-        limbs: What is placed, the root limb first.
-    """
+    """A body filled with points, about one per voxel."""
 
     model: BodyModel
     points: dict[str, np.ndarray]
+    """Limb name -> (n, 3) float64, m, positions at rest relative to the joint of the limb's first
+    part."""
     part_points: list[np.ndarray]
+    """P arrays (n_p, 3), the same points by part, relative to each part's own joint."""
     backend_name: str
-    limbs: tuple[Limb, ...]
+    """What scores its placements, by the name that goes with it to other processes."""
+    limbs: tuple[Limb, ...]  #: What is placed, the root limb first.
 
     @classmethod
     def from_model(cls, model: BodyModel, spacing_m: float, backend_name: str) -> "BodyVolume":

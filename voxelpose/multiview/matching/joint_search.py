@@ -57,18 +57,12 @@ class _Memory:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The K placements of one part that are still candidates.
-
-    Attributes:
-        rows: (K,) the placements' original indices, ascending.
-        bits: (K, W) uint64, the contested voxels that each covers.
-        gain: (K,) float64, uncontested voxels that each covers, less its cost.
-    """
+    """The K placements of one part that are still candidates."""
 
     number: int
-    rows: np.ndarray
-    bits: np.ndarray
-    gain: np.ndarray
+    rows: np.ndarray  #: (K,) the placements' original indices, ascending.
+    bits: np.ndarray  #: (K, W) uint64, the contested voxels that each covers.
+    gain: np.ndarray  #: (K,) float64, uncontested voxels that each covers, less its cost.
 
     def gains(self, taken: np.ndarray) -> np.ndarray:
         """Increase (K,) float64 of the score by each placement, where voxels `taken` (W,) count."""

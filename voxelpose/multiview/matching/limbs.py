@@ -21,27 +21,18 @@ from voxelpose.multiview.tuning import MATCHING
 
 @dataclass(frozen=True)
 class Limb:
-    """A rigid group of parts and the angles that turn it.
+    """A rigid group of parts and the angles that turn it."""
 
-    Attributes:
-        name: also that of its first part, at whose joint it is attached.
-        parent: the limb that must be placed before it is selectable; None for the root.
-        swing: the two angles that point it; empty for a hinge.
-        hinge: the angle of its own hinge joint; None for a ball joint.
-        twist_of: for a hinge, the ball joint above, whose twist about the bone shows only in this
-            limb.
-        angles: of a body that is no person's, the angles that are sampled together.
-        carrier: the limb that carries it, where that is not `parent`.
-    """
-
-    name: str
+    name: str  #: also that of its first part, at whose joint it is attached.
     parts: tuple[str, ...]
-    parent: str | None
-    swing: tuple[str, ...] = ()
-    hinge: str | None = None
+    parent: str | None  #: the limb that must be placed before it is selectable; None for the root.
+    swing: tuple[str, ...] = ()  #: the two angles that point it; empty for a hinge.
+    hinge: str | None = None  #: the angle of its own hinge joint; None for a ball joint.
     twist_of: str | None = None
+    """For a hinge, the ball joint above, whose twist about the bone shows only in this limb."""
     angles: tuple[str, ...] = ()
-    carrier: str | None = None
+    """Of a body that is no person's, the angles that are sampled together."""
+    carrier: str | None = None  #: the limb that carries it, where that is not `parent`.
 
     @property
     def carried_by(self) -> str | None:

@@ -20,57 +20,43 @@ from voxelpose.multiview.tuning import MATCHING
 
 @dataclass(frozen=True)
 class MatchSettings:
-    """Settings of the matcher.
-
-    Attributes:
-        interference: match parts jointly where their movable areas share voxels; False is the
-            paper's plain matcher.
-    """
+    """Settings of the matcher."""
 
     step_rad: float = np.radians(MATCHING.step_deg)
     interference: bool = True
+    """Match parts jointly where their movable areas share voxels; False is the paper's plain
+    matcher."""
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """Result of the matcher.
-
-    Attributes:
-        score: explained voxels less the cost of parts in empty space; of several bodies matched
-            together, of all of them.
-        explained: fraction of the hull's voxels that some part covers.
-        groups: the limbs matched jointly, in the order in which they were decided; those of other
-            bodies with their number, as "left_forearm of 2".
-        stopped: those of the groups whose joint search stopped at a bound, so that a better
-            combination may exist.
-    """
+    """Result of the matcher."""
 
     pose: Pose
     score: float
-    explained: float
+    """Explained voxels less the cost of parts in empty space; of several bodies matched together,
+    of all of them."""
+    explained: float  #: fraction of the hull's voxels that some part covers.
     groups: tuple[tuple[str, ...], ...]
+    """The limbs matched jointly, in the order in which they were decided; those of other bodies
+    with their number, as "left_forearm of 2"."""
     stopped: tuple[tuple[str, ...], ...] = ()
+    """Those of the groups whose joint search stopped at a bound, so that a better combination may
+    exist."""
 
 
 @dataclass(frozen=True, eq=False)
 class LimbPlacements:
-    """The K sampled placements of one selectable limb.
-
-    Attributes:
-        angles_rad: (K, D), one row a placement.
-        bits: (K, words) uint64, the free voxels that each covers.
-        cost: (K,) float64, at least 0, for lying in empty space or inside a part that is already
-            placed.
-        body: number of the body whose limb it is, where several are matched.
-        spare: of all limbs that are selectable with it, see `spare_score`.
-    """
+    """The K sampled placements of one selectable limb."""
 
     limb: Limb
-    angles_rad: np.ndarray
-    bits: np.ndarray
+    angles_rad: np.ndarray  #: (K, D), one row a placement.
+    bits: np.ndarray  #: (K, words) uint64, the free voxels that each covers.
     cost: np.ndarray
-    body: int = 0
-    spare: float = 0.0
+    """(K,) float64, at least 0, for lying in empty space or inside a part that is already
+    placed."""
+    body: int = 0  #: number of the body whose limb it is, where several are matched.
+    spare: float = 0.0  #: of all limbs that are selectable with it, see `spare_score`.
 
     @property
     def movable_area(self) -> np.ndarray:
@@ -99,18 +85,14 @@ class LimbPlacements:
 
 @dataclass(frozen=True, eq=False)
 class LimbArea:
-    """Where one limb could be when the matcher is about to place it.
-
-    Attributes:
-        voxels: (n, 3) int64, its movable area as indices into the grid.
-        interferes: names of the limbs that would be matched jointly with it, its own included.
-        disputed: (m, 3) int64, the voxels of its area that also lie in that of another of them.
-    """
+    """Where one limb could be when the matcher is about to place it."""
 
     limb: Limb
-    voxels: np.ndarray
+    voxels: np.ndarray  #: (n, 3) int64, its movable area as indices into the grid.
     interferes: tuple[str, ...]
+    """Names of the limbs that would be matched jointly with it, its own included."""
     disputed: np.ndarray
+    """(m, 3) int64, the voxels of its area that also lie in that of another of them."""
 
 
 def match(

@@ -32,20 +32,16 @@ _MOST_SETS = 40  # of people in a frame, which are compared over time
 
 @dataclass(frozen=True, eq=False)
 class PeopleSets:
-    """Sets of people that may be in one frame, the most likely ones.
-
-    Attributes:
-        axes_m: (n, 2) float64, places where somebody may be, in the world's xy plane, m.
-        upright: (n,) bool, whether the hull is as high there as of somebody who sits or stands.
-        members: K arrays of indices into `axes_m`.
-        cost: (K,) float64, what each set costs: of the silhouettes, the share of a person in the
-            mean camera that it leaves unexplained, and `PEOPLE.needed` for each of its people.
-    """
+    """Sets of people that may be in one frame, the most likely ones."""
 
     axes_m: NDArray[np.float64]
+    """(n, 2) float64, places where somebody may be, in the world's xy plane, m."""
     upright: NDArray[np.bool_]
-    members: list[NDArray[np.int64]]
+    """(n,) bool, whether the hull is as high there as of somebody who sits or stands."""
+    members: list[NDArray[np.int64]]  #: K arrays of indices into `axes_m`.
     cost: NDArray[np.float64]
+    """(K,) float64, what each set costs: of the silhouettes, the share of a person in the mean
+    camera that it leaves unexplained, and `PEOPLE.needed` for each of its people."""
 
 
 class PresenceSearch:

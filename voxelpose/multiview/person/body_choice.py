@@ -101,25 +101,17 @@ def _below_head(model: BodyModel, points_m: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What tracking starts from.
-
-    Attributes:
-        body: with adapted proportions.
-        prior: of these.
-        poses: frame -> pose, for the anchor frames that are clear.
-        unclear: the same for others, which do not tell which body it is.
-        errors: frame -> silhouette error, for all anchor frames; 1 without a pose.
-        proposals: frame -> what cameras propose, for anchor frames.
-    """
+    """What tracking starts from."""
 
     candidate: Candidate
-    body: BodyGeometry
-    prior: ShapePrior
+    body: BodyGeometry  #: with adapted proportions.
+    prior: ShapePrior  #: of these.
     evidence: StatureEvidence
-    poses: dict[int, Pose]
-    unclear: dict[int, Pose]
-    errors: dict[int, float]
+    poses: dict[int, Pose]  #: frame -> pose, for the anchor frames that are clear.
+    unclear: dict[int, Pose]  #: the same for others, which do not tell which body it is.
+    errors: dict[int, float]  #: frame -> silhouette error, for all anchor frames; 1 without a pose.
     proposals: Mapping[int, FrameProposals] = field(default_factory=dict)
+    """Frame -> what cameras propose, for anchor frames."""
 
     def cost(self) -> float:
         """Cost by the anchor frames, see `cost_terms`."""

@@ -53,21 +53,14 @@ def usual_chest(sex: str) -> float:
 
 @dataclass(frozen=True)
 class Candidate:
-    """Who may be seen, and how.
+    """Who may be seen, and how."""
 
-    Attributes:
-        stature: height, m.
-        girth: chest girth, m; None: usual for the stature.
-        template: "male" or "female".
-        posture: of `POSTURES`.
-        objects: whether something that stays beside the person is left out of the silhouettes.
-    """
-
-    stature: float
-    girth: float | None
-    template: str
-    posture: str = "any"
+    stature: float  #: height, m.
+    girth: float | None  #: chest girth, m; None: usual for the stature.
+    template: str  #: "male" or "female".
+    posture: str = "any"  #: of `POSTURES`.
     objects: bool = False
+    """Whether something that stays beside the person is left out of the silhouettes."""
 
     @property
     def sizes(self) -> BodySizes:
@@ -169,16 +162,11 @@ def distance_sigma(frame: FrameObservation) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ShapePrior:
-    """Prior of a body's proportions.
-
-    Attributes:
-        expected: (K,) the shape that its measurements alone suggest.
-        covariance: (K, K); None: the body stays as it is.
-    """
+    """Prior of a body's proportions."""
 
     stature: Stature
-    expected: np.ndarray
-    covariance: np.ndarray | None
+    expected: np.ndarray  #: (K,) the shape that its measurements alone suggest.
+    covariance: np.ndarray | None  #: (K, K); None: the body stays as it is.
 
 
 def cost_terms(

@@ -33,16 +33,12 @@ _READ = 15  # frames a second
 
 @dataclass(frozen=True, eq=False)
 class FrameProposals:
-    """What cameras propose for one frame.
-
-    Attributes:
-        poses: of each camera that shows a person, the pelvis where all cameras see it, of somebody
-            of the stature.
-        stature_m: what is known, else what the pelvis's place asks for.
-    """
+    """What cameras propose for one frame."""
 
     poses: tuple[ProposedPoses, ...]
-    stature_m: float
+    """Of each camera that shows a person, the pelvis where all cameras see it, of somebody of the
+    stature."""
+    stature_m: float  #: what is known, else what the pelvis's place asks for.
 
     @classmethod
     def of(

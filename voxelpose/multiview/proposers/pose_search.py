@@ -50,18 +50,13 @@ STEP = RefineSettings(REFINEMENT.near_reaches_m)
 
 @dataclass(frozen=True, eq=False)
 class BodyGeometry:
-    """One body prepared for both kinds of fitting.
-
-    Attributes:
-        body_volume: its inside as points, for matching.
-        surface: its surface as points, for refinement.
-        root: places the root part where it stands still at a known place; None: it is estimated.
-    """
+    """One body prepared for both kinds of fitting."""
 
     model: BodyModel
-    body_volume: BodyVolume
-    surface: Surface
+    body_volume: BodyVolume  #: its inside as points, for matching.
+    surface: Surface  #: its surface as points, for refinement.
     root: Pose | None = None
+    """Places the root part where it stands still at a known place; None: it is estimated."""
 
     def held(self, start: RefineStart) -> RefineStart:
         """Start with the root at its known place, if there is one."""

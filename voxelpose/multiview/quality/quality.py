@@ -131,26 +131,18 @@ def half_turn_ratio(
 
 @dataclass(frozen=True, eq=False)
 class MotionEvidence:
-    """What speaks for and against the T poses of a motion.
-
-    Attributes:
-        camera_error: (T, C) float64, 1 less `camera_agreement` of `frame_evidence`; rows of NaN
-            where there is none.
-        joint_error: (T, 15) float64, its `joint_disagreement`.
-        joint_sigma_m: (T, 15) float64, its `joint_sigma_mm` in metres.
-        outside: (T,) float64, share of the body's volume outside the hull.
-        at_limits: (T,) float64, share of the joint angles that are at an end of their range.
-        half_turn: median half-turn ratio of the recording.
-        clothes: thickness of the body's clothes, as fractions of the stature, summed.
-    """
+    """What speaks for and against the T poses of a motion."""
 
     camera_error: np.ndarray
-    joint_error: np.ndarray
-    joint_sigma_m: np.ndarray
-    outside: np.ndarray
+    """(T, C) float64, 1 less `camera_agreement` of `frame_evidence`; rows of NaN where there is
+    none."""
+    joint_error: np.ndarray  #: (T, 15) float64, its `joint_disagreement`.
+    joint_sigma_m: np.ndarray  #: (T, 15) float64, its `joint_sigma_mm` in metres.
+    outside: np.ndarray  #: (T,) float64, share of the body's volume outside the hull.
     at_limits: np.ndarray
-    half_turn: float
-    clothes: float
+    """(T,) float64, share of the joint angles that are at an end of their range."""
+    half_turn: float  #: median half-turn ratio of the recording.
+    clothes: float  #: thickness of the body's clothes, as fractions of the stature, summed.
 
     @classmethod
     def from_motion(cls, motion: Motion, half_turn: float) -> MotionEvidence:
@@ -220,18 +212,15 @@ class Quality:
     """Agreement of one frame's pose with the hull.
 
     A hull of few cameras is larger than the body in it.
-
-    Attributes:
-        part_overlap: (27,) float64, fraction of each part's volume inside the hull; NaN for a part
-            smaller than a voxel.
-        unexplained: fraction of the hull's voxels that no part covers, nor a neighbour of which:
-            a part's points leave gaps of a voxel.
-        unexplained_voxels: (n, 3) int64, indices of those voxels in the frame's grid.
     """
 
     part_overlap: np.ndarray
+    """(27,) float64, fraction of each part's volume inside the hull; NaN for a part smaller than a
+    voxel."""
     unexplained: float
-    unexplained_voxels: np.ndarray
+    """Fraction of the hull's voxels that no part covers, nor a neighbour of which: a part's points
+    leave gaps of a voxel."""
+    unexplained_voxels: np.ndarray  #: (n, 3) int64, indices of those voxels in the frame's grid.
 
 
 def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Quality:

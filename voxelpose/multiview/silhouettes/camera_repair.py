@@ -28,19 +28,12 @@ _LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
 
 @dataclass(frozen=True, eq=False)
 class RepairedCameras:
-    """Result of a check of the cameras against the silhouettes.
+    """Result of a check of the cameras against the silhouettes."""
 
-    Attributes:
-        rig: the cameras, repaired where that was sure and wanted.
-        late_frames: by how many frames a camera's pictures come late, by its name.
-        words: what was found, one sentence each.
-        repaired: whether something was put right.
-    """
-
-    rig: Rig
-    late_frames: dict[str, int]
-    words: tuple[str, ...] = ()
-    repaired: bool = False
+    rig: Rig  #: the cameras, repaired where that was sure and wanted.
+    late_frames: dict[str, int]  #: by how many frames a camera's pictures come late, by its name.
+    words: tuple[str, ...] = ()  #: what was found, one sentence each.
+    repaired: bool = False  #: whether something was put right.
 
     @property
     def in_doubt(self) -> bool:

@@ -59,17 +59,11 @@ def carved_observations(
 
 @dataclass(frozen=True, eq=False)
 class OtherPeople:
-    """What the silhouettes of one person's T frames leave open, since there are others.
+    """What the silhouettes of one person's T frames leave open, since there are others."""
 
-    Attributes:
-        unknown: where others are, or may be.
-        places_m: (T, 3) float64, about where the person is; NaN: not there.
-        hidden: (T,) float64, share of the person that others may hide.
-    """
-
-    unknown: MaskStore
-    places_m: NDArray[np.float64]
-    hidden: NDArray[np.float64]
+    unknown: MaskStore  #: where others are, or may be.
+    places_m: NDArray[np.float64]  #: (T, 3) float64, about where the person is; NaN: not there.
+    hidden: NDArray[np.float64]  #: (T,) float64, share of the person that others may hide.
 
 
 class ObservationStore:

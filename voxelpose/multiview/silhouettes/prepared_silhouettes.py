@@ -40,40 +40,25 @@ _RECHECKS = 3
 
 @dataclass(frozen=True)
 class PreparationSettings:
-    """How silhouettes are prepared.
+    """How silhouettes are prepared."""
 
-    Attributes:
-        voxel_size_m: size of the voxels that are matched.
-        tolerance: number of cameras that may be wrong about a voxel.
-        repair: "auto", "say" or "off": what is done about cameras that do not agree.
-        joined_m: see `HullObserver`.
-        person: whether the body is a person.
-    """
-
-    voxel_size_m: float
-    tolerance: int
-    repair: str
-    joined_m: float = 0.0
-    person: bool = True
+    voxel_size_m: float  #: size of the voxels that are matched.
+    tolerance: int  #: number of cameras that may be wrong about a voxel.
+    repair: str  #: "auto", "say" or "off": what is done about cameras that do not agree.
+    joined_m: float = 0.0  #: see `HullObserver`.
+    person: bool = True  #: whether the body is a person.
 
 
 @dataclass(frozen=True, eq=False)
 class Footage:
-    """Pictures of which silhouettes are made.
+    """Pictures of which silhouettes are made."""
 
-    Attributes:
-        source: the frames.
-        settings: background subtraction.
-        lenses: of all cameras.
-        late_frames: how many frames later than the others a camera's pictures are, by its name.
-        people: whom the pose network sees; None: it is not asked.
-    """
-
-    source: FrameSource
-    settings: Settings
-    lenses: Sequence[UndistortedView]
+    source: FrameSource  #: the frames.
+    settings: Settings  #: background subtraction.
+    lenses: Sequence[UndistortedView]  #: of all cameras.
     late_frames: Mapping[str, int]
-    people: SeenPeople | None = None
+    """How many frames later than the others a camera's pictures are, by its name."""
+    people: SeenPeople | None = None  #: whom the pose network sees; None: it is not asked.
 
     @property
     def late(self) -> list[int]:
@@ -115,31 +100,18 @@ class Footage:
 
 @dataclass(frozen=True, eq=False)
 class PreparedSilhouettes:
-    """Silhouettes of T frames and C cameras.
+    """Silhouettes of T frames and C cameras."""
 
-    Attributes:
-        store: the silhouettes, by pinhole cameras.
-        observer: of their hulls, in the upright frame.
-        upright: that frame, in the calibration's world.
-        rig: the pinhole cameras in the calibration's world, as they were found to stand.
-        numbers: (T,) int64, frames of the recording.
-        times_s: (T,) float64.
-        facts: what was found, for the summary.
-        settings: by which they were prepared.
-        footage: from which.
-        background_estimated: whether that of a camera is estimated from the recording.
-    """
-
-    store: MaskStore
-    observer: HullObserver
-    upright: UprightFrame
-    rig: Rig
-    numbers: np.ndarray
-    times_s: FloatArray
-    facts: dict[str, object]
-    settings: PreparationSettings
-    footage: Footage
-    background_estimated: bool
+    store: MaskStore  #: the silhouettes, by pinhole cameras.
+    observer: HullObserver  #: of their hulls, in the upright frame.
+    upright: UprightFrame  #: that frame, in the calibration's world.
+    rig: Rig  #: the pinhole cameras in the calibration's world, as they were found to stand.
+    numbers: np.ndarray  #: (T,) int64, frames of the recording.
+    times_s: FloatArray  #: (T,) float64.
+    facts: dict[str, object]  #: what was found, for the summary.
+    settings: PreparationSettings  #: by which they were prepared.
+    footage: Footage  #: from which.
+    background_estimated: bool  #: whether that of a camera is estimated from the recording.
 
     @contextmanager
     def without(self, hidden: Sequence[np.ndarray]) -> "Iterator[PreparedSilhouettes]":

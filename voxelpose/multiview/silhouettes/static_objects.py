@@ -32,16 +32,12 @@ Masks = list[Mask]
 
 @dataclass(frozen=True, eq=False)
 class StaticObjects:
-    """Objects beside a body.
+    """Objects beside a body."""
 
-    Attributes:
-        pixels: (h, w) bool of each camera that they cover.
-        apart: whether they are nowhere near the body, so that they are certainly no part of it, and
-            smaller than a person, so that they are not the person either.
-    """
-
-    pixels: Masks
+    pixels: Masks  #: (h, w) bool of each camera that they cover.
     apart: bool
+    """Whether they are nowhere near the body, so that they are certainly no part of it, and smaller
+    than a person, so that they are not the person either."""
 
 
 def find_static_objects(

@@ -78,19 +78,13 @@ def _unpacked(bits: _Bits) -> dict[str, NDArray[np.bool_]]:
 
 @dataclass(frozen=True, eq=False)
 class BodyTrack:
-    """A body and its latest poses, in the order in which they were tracked.
-
-    Attributes:
-        fit: its pose and error.
-        before: time and pose of the frame before it.
-        errors: of recent frames, the latest included.
-    """
+    """A body and its latest poses, in the order in which they were tracked."""
 
     body: BodyGeometry
     time_s: float
-    fit: PoseFit
-    before: tuple[float, Pose] | None = None
-    errors: tuple[float, ...] = ()
+    fit: PoseFit  #: its pose and error.
+    before: tuple[float, Pose] | None = None  #: time and pose of the frame before it.
+    errors: tuple[float, ...] = ()  #: of recent frames, the latest included.
 
     @property
     def usual(self) -> float:

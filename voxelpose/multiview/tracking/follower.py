@@ -179,21 +179,14 @@ _Searched = Future[BodyTrack | None]
 
 @dataclass
 class _Followed:
-    """What is remembered about one person.
+    """What is remembered about one person."""
 
-    Attributes:
-        least: least usual error so far.
-        searched_s: when the last search to improve began.
-        limbs_s: the same of the last search of arms and legs.
-        samples: moments and poses to which the proportions are adapted.
-        adapted: how often they have been.
-    """
-
-    least: float = np.inf
-    searched_s: float = -np.inf
-    limbs_s: float = -np.inf
+    least: float = np.inf  #: least usual error so far.
+    searched_s: float = -np.inf  #: when the last search to improve began.
+    limbs_s: float = -np.inf  #: the same of the last search of arms and legs.
     samples: list[tuple[Moment, Pose]] = field(default_factory=list)
-    adapted: int = 0
+    """Moments and poses to which the proportions are adapted."""
+    adapted: int = 0  #: how often they have been.
 
 
 class PoseFollower:

@@ -33,16 +33,11 @@ Facts = dict[str, object]
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """Somebody who was followed.
-
-    Attributes:
-        start: the body and the first poses.
-        objects: what was left out of the silhouettes.
-    """
+    """Somebody who was followed."""
 
     tracker: PoseTracker
-    start: Start
-    objects: StaticObjects | None = None
+    start: Start  #: the body and the first poses.
+    objects: StaticObjects | None = None  #: what was left out of the silhouettes.
 
     @property
     def cost(self) -> float:

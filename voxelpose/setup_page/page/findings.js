@@ -30,10 +30,10 @@ function settingsGrid(app, state) {
     if (note) grid.append(make("div", { class: "note" }, note));
   };
   row("background", "Background", select(app, "background", ["auto", "uniform", "moving", "paper"], Boolean(state.refused.background)));
-  row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { min: 0, max: 60, step: 1 }, true));
+  row("tolerance", "Tolerance, cameras", numeric(app, "tolerance", { ...state.ranges.tolerance, step: 1 }, true));
   row("repair", "Repair cameras", select(app, "repair", ["auto", "say", "off"], false));
-  row("voxel", "Voxel, m", numeric(app, "voxel", { min: 0.002, max: 0.5, step: "any" }, false));
-  row("stature", "Stature, m", numeric(app, "stature", { min: 0.3, max: 3, step: "any" }, false));
+  row("voxel", "Voxel, m", numeric(app, "voxel", { ...state.ranges.voxel, step: "any" }, false));
+  row("stature", "Stature, m", numeric(app, "stature", { ...state.ranges.stature, step: "any" }, false));
   if (state.cameras.length > 1) {
     const chosen = app.store.doc.fit.cameras;
     const boxes = state.cameras.map(({ name }) => checkbox(name, !chosen || chosen.includes(name), (now) =>
@@ -105,10 +105,8 @@ function findings(app, check) {
     make("table", {}, make("thead", {}, make("tr", {}, ...["camera", "off, px", "others, px", "planes", ""].map(
       (text) => make("th", {}, text)))), make("tbody", {}, ...rows)),
   ];
-  for (const repair of check.repairs) {
-    body.push(make("p", {}, make("b", {}, repair.summary), make("br"), repair.remedy));
-  }
-  if (check.after) body.push(make("p", {}, `with that put right: ${check.after}`));
+  body.push(...check.findings.map(({ about, words, remedy }) => make("p", { class: about === "note" ? "note" : "" },
+    ...(remedy ? [make("b", {}, words), make("br"), remedy] : [words]))));
   const files = Object.keys(check.repaired);
   if (files.length) {
     body.push(
@@ -116,11 +114,6 @@ function findings(app, check) {
       make("p", { class: "note" }, `Writes ${files.join(" and ")}; what they replace is kept in before_repair/.`
         + (app.store.dirty ? " Save what is drawn first." : "")));
   }
-  if (!check.agrees && !check.repairs.length) {
-    body.push(make("p", {}, "Calibrate again; if the videos were not started together, first"
-      + " `voxelpose calibrate sync`."));
-  }
-  for (const note of check.notes) body.push(make("p", { class: "note" }, note));
   body.push(make("img", { class: "shot", src: `data:image/png;base64,${check.picture}`, alt: "Every camera with the outlines that the others predict", onclick: (event) => app.enlargePicture(event.target.src) }));
   return body;
 }

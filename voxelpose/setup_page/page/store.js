@@ -74,6 +74,7 @@ export class Store extends EventTarget {
       places: { regions: changed("regions"), unknown: changed("unknown") },
       fit: changed("fit"),
     };
+    if (request.fit.cameras) request.fit.cameras = request.fit.cameras.join(",");
     if (!same(this.doc.points, this.saved.points)) request.points = this.doc.points;
     return request;
   }

@@ -27,7 +27,7 @@ export function field(row, typed, prefix = "set") {
     input = make("select", { id }, none && make("option", { value: "" }, none), ...row.choices.map((choice) => make("option", { value: choice }, choice)));
     input.value = value ?? row.usual ?? (none ? "" : row.choices[0]);
   } else {
-    const numeric = row.input === "number" ? { step: row.whole ? "1" : "any" } : {};
+    const numeric = row.input === "number" ? { step: row.whole ? "1" : "any", min: row.least ?? "", max: row.most ?? "" } : {};
     input = make("input", { type: row.input, id, value: value ?? "", placeholder: row.usual ?? "", ...numeric });
   }
   input.addEventListener("change", () => {

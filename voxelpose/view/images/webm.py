@@ -2,19 +2,21 @@
 
 import errno
 import shutil
-from collections.abc import Generator, Sequence
+import subprocess
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
+from voxelpose.recording.ffmpeg import QUIET, program
 
 # As fast as VP9 gets, which is about as fast as OpenCV's MPEG-4; OpenCV's own VP8 and VP9 take no
 # options and 17 and 70 times as long. Constant quality; one thread, as there is a file per camera.
-_OPTIONS = ["-deadline", "realtime", "-cpu-used", "8", "-crf", "34", "-b:v", "0", "-threads", "1"]
+_OPTIONS = "-an -c:v libvpx-vp9 -pix_fmt yuv420p -deadline realtime -cpu-used 8 -crf 34 -b:v 0"
+_RAW = "-y -f rawvideo -pix_fmt bgr24"
 
 
 class WebmWriter:
@@ -25,18 +27,28 @@ class WebmWriter:
     def __init__(self, path: Path, fps: float, size: Sequence[int]):
         self.path, self.frames = path, 0
         self._size = int(size[0]), int(size[1])
-        self._encoder: Generator[None, Any, None] | None = _encoder(path, fps, self._size)
+        try:
+            words = [program(), *QUIET, *_RAW.split(), "-s", "{}x{}".format(*self._size)]
+        except InputError as error:
+            raise InputError(f"{error}, or use --no-pictures") from error
+        words += ["-r", f"{fps}", "-i", "-", *_OPTIONS.split(), "-threads", "1"]
+        # Ctrl-C is this program's: what is half-written is removed by it.
+        self._encoder = subprocess.Popen(
+            [*words, str(path.absolute())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
 
     def write(self, image: NDArray[np.uint8]) -> None:
         """Writes the next frame, (height, width, 3) uint8 BGR. OSError where the encoder has ended,
         for example because the disk is full.
         """
-        assert self._encoder is not None
+        assert self._encoder.stdin is not None, "it is a pipe"
         assert image.shape[1::-1] == self._size
         try:
-            self._encoder.send(np.ascontiguousarray(image))
-        except OSError:
-            self._encoder = None
+            self._encoder.stdin.write(np.ascontiguousarray(image).data)
+        except (OSError, ValueError):
             raise self._failure() from None
         self.frames += 1
 
@@ -51,9 +63,7 @@ class WebmWriter:
 
     def release(self) -> None:
         """Ends the process without checks; does nothing the second time."""
-        encoder, self._encoder = self._encoder, None
-        if encoder is not None:
-            encoder.close()
+        self._encoder.communicate()
 
     def _failure(self) -> OSError:
         folder = self.path.parent
@@ -61,27 +71,3 @@ class WebmWriter:
             return OSError(errno.ENOSPC, "no space left for the video", str(self.path))
         reason = "FFmpeg ended before all frames were written (see: voxelpose doctor)"
         return OSError(errno.EIO, reason, str(self.path))
-
-
-def _encoder(path: Path, fps: float, size: tuple[int, int]) -> Generator[None, Any, None]:
-    import imageio_ffmpeg
-
-    try:
-        encoder = imageio_ffmpeg.write_frames(
-            str(path.absolute()),
-            size,
-            fps=fps,  # type: ignore[arg-type]
-            codec="libvpx-vp9",
-            pix_fmt_in="bgr24",
-            macro_block_size=1,
-            quality=None,  # type: ignore[arg-type]
-            ffmpeg_log_level="quiet",
-            output_params=list(_OPTIONS),
-        )
-        encoder.send(None)
-    except RuntimeError as error:
-        raise InputError(
-            "videos need FFmpeg, which the package imageio-ffmpeg has none of for this machine:"
-            " install it and set IMAGEIO_FFMPEG_EXE to its path, or use --no-pictures"
-        ) from error
-    return encoder
