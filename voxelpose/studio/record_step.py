@@ -72,12 +72,12 @@ class RecordStep:
     def __init__(self, folder: StudioFolder, job: PageJob) -> None:
         self._folder, self._job = folder, job
 
-    def state(self, name: str) -> dict[str, Any]:
+    def state(self, project: str) -> dict[str, Any]:
         """Webcams, videos that may stand for cameras, the cameras of the last time, and what is
         recorded already. InputError where there is no such project.
         """
-        project = self._folder.project(name)
-        texts, _ = folder_settings("live", project).get("source", ((), ""))
+        folder = self._folder.project(project)
+        texts, _ = folder_settings("live", folder).get("source", ((), ""))
         sources = list(self._known_sources(texts))
         return {
             "webcams": [
@@ -87,11 +87,10 @@ class RecordStep:
             "sources": [
                 {"name": source.name, "address": self._address_text(source)} for source in sources
             ],
-            "cameras": [camera.name for camera in _calibrated(project)],
-            "board": board_in(project) is not None,
+            "cameras": [camera.name for camera in _calibrated(folder)],
+            "board": board_in(folder) is not None,
             "there": {
-                what: list(pictures_by_camera(project / inside))
-                for what, inside in _TARGETS.items()
+                what: list(pictures_by_camera(folder / inside)) for what, inside in _TARGETS.items()
             },
         }
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
@@ -20,13 +19,12 @@ from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
-from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.command_forms import Typed, export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.studio.record_step import RecordStep
+from voxelpose.studio.record_step import AskedOfJob, RecordStep
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -123,14 +121,14 @@ class StudioSession:
         self.recording = RecordStep(folder, self.job)
         self.live = LiveStep(folder, self.job, self.recording)
         self._lock = threading.Lock()
-        self._setup: tuple[str, SetupPage] | None = None
+        self._setup: tuple[str, SetupSession] | None = None
 
     def close(self) -> None:
         """Ends what is running."""
         self.job.close()
         self.viewer.close()
         if self._setup is not None:
-            self._setup[1].session.close()
+            self._setup[1].close()
 
     def state(self) -> dict[str, Any]:
         """Projects and results."""
@@ -141,11 +139,15 @@ class StudioSession:
             "formats": export_formats(),
         }
 
-    def project(self, name: str) -> dict[str, Any]:
+    def new_project(self, asked: Named) -> None:
+        """See `StudioFolder.new_project`."""
+        self.folder.new_project(asked.name)
+
+    def project(self, project: str) -> dict[str, Any]:
         """Files of a project, and what the program's own reader says about them."""
-        folder = self.folder.project(name)
+        folder = self.folder.project(project)
         files = project_files(folder)
-        known: dict[str, Any] = {"name": name, "files": files}
+        known: dict[str, Any] = {"name": project, "files": files}
         try:
             values = folder_settings("fit", folder)
             unstated = _unstated(values)
@@ -177,6 +179,10 @@ class StudioSession:
         self._check_idle(asked.project)
         return target_of(project, asked.place, asked.name, asked.bytes, asked.camera)
 
+    def check_file(self, asked: FileAsked) -> None:
+        """Checks that a file can be sent. InputError where it cannot be taken now."""
+        self.target(asked)
+
     def remove(self, asked: FileAsked) -> None:
         """Removes a file of a project. InputError where that cannot be."""
         project = self.folder.project(asked.project)
@@ -203,10 +209,13 @@ class StudioSession:
                 f"the {state['kind']} of {project} reads its files: wait for its end, or stop it"
             )
 
-    def form(self, name: str, command: str) -> list[dict[str, Any]]:
+    def ask(self, asked: AskedOfJob) -> None:
+        """Asks something of the job that is running."""
+        self.job.ask(asked.word)
+
+    def form(self, project: str, command: Command) -> list[dict[str, Any]]:
         """Settings of an estimation of a project."""
-        kind = msgspec.convert("track" if command == "track" else "fit", Command)
-        return form_of(kind, self.folder.project(name))
+        return form_of(command, self.folder.project(project))
 
     def start_fit(self, asked: FitAsked) -> None:
         """Begins an estimation, and keeps its settings in the project. InputError where another job
@@ -231,14 +240,14 @@ class StudioSession:
             "export", asked.result, export, folder, formats, asked.report, asked.pictures
         )
 
-    def sheet(self, name: str) -> bytes:
+    def sheet(self, result: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""
-        image = sheet_image(self.folder.result(name))
+        image = sheet_image(self.folder.result(result))
         if image is None:
             raise InputError("this result has no pictures: fit again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)
 
-    def setup(self, name: str, reopen: bool) -> SetupPage:
+    def setup(self, name: str, reopen: bool) -> SetupSession:
         """The set-up of a project, opened where another was, or once more. InputError where it
         cannot be opened.
         """
@@ -246,8 +255,7 @@ class StudioSession:
             if self._setup is None or self._setup[0] != name or reopen:
                 folder = self.folder.project(name)
                 opened = OpenedFolder.open(folder, **_unstated(folder_settings("fit", folder)))
-                session = SetupSession(opened, self.job, "../../")
-                self._setup = name, SetupPage(session)
+                self._setup = name, SetupSession(opened, self.job, "../../")
             return self._setup[1]
 
     def open_viewer(self, name: str) -> None:
