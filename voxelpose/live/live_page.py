@@ -26,7 +26,8 @@ from voxelpose.view.serving.page_answers import (
 if TYPE_CHECKING:
     from voxelpose.live.session import LiveSession
 
-_HEAD = """<link rel="stylesheet" href="player.css">
+_HEAD = """<link rel="stylesheet" href="base.css">
+<link rel="stylesheet" href="player.css">
 <link rel="stylesheet" href="live.css">
 <script type="module" src="live.js"></script>"""
 _LARGEST_BODY = 1000  # bytes

@@ -18,7 +18,8 @@ from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 from voxelpose.view.viewer.scene import Pictures
 from voxelpose.view.viewer.silhouette_page import SilhouettePage
 
-_HEAD = """<link rel="stylesheet" href="player.css">
+_HEAD = """<link rel="stylesheet" href="base.css">
+<link rel="stylesheet" href="player.css">
 <script type="module" src="viewer.js"></script>"""
 _LARGEST_BODY = 10_000  # bytes that the page of silhouettes may be sent
 _SILHOUETTES = "silhouettes"  # folder of that page
