@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from msgspec import Struct
-
 from calib.camera import Camera
 from calib.errors import InputError
 from voxelpose.export.html_player import player_page
@@ -33,12 +31,6 @@ _HEAD = """<link rel="stylesheet" href="base.css">
 _LARGEST_BODY = 1000  # bytes
 _MOST_PER_S = 15
 _STATE_EVERY_MS = 400
-
-
-class ControlAsked(Struct, forbid_unknown_fields=True):
-    """What a button asks of the session."""
-
-    word: Literal["background", "start", "stop", "record", "end recording"]
 
 
 def controls_of(session: LiveSession) -> dict[str, Callable[[], None]]:
@@ -123,5 +115,5 @@ class Page(GatedServer):
             raise InputError(f"{camera} has no picture yet")
         return encoded(picture, ".jpg", 70)
 
-    def _ask(self, asked: ControlAsked) -> None:
-        controls_of(self._session)[asked.word]()
+    def _ask(self, word: Literal["background", "start", "stop", "record", "end recording"]) -> None:
+        controls_of(self._session)[word]()

@@ -230,22 +230,23 @@ class SetupSession:
         people = people_looked_for(source, settings, self._notes)
         return Silhouettes(source, kind, LONG_SIDE_PX, people=people)
 
-    def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
+    def errors(self, points: page_requests.Points) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points. InputError where there
         is no calibration, or two points have the same name.
         """
         self._require("points")
-        check_points(asked.points)
-        return point_errors(asked.points, self._recording.rig)
+        check_points(points)
+        return point_errors(points, self._recording.rig)
 
-    def ground(self, asked: page_requests.GroundRequest) -> dict[str, Any]:
-        """Lines of the floor by camera. InputError where there is no calibration, or up is no
-        direction.
+    def ground(
+        self, up: page_requests.Up | None = None, height_m: page_requests.Metre = 0.0
+    ) -> dict[str, Any]:
+        """Lines by camera of the floor at a height, m, along up; None: as it is found. InputError
+        where there is no calibration, or up is no direction.
         """
         self._require("floor")
-        up = None if asked.up is None else direction_of(asked.up)
-        frame = self._recording.upright_frame(up)
-        frame = UprightFrame(frame.rotation, asked.height_m)
+        frame = self._recording.upright_frame(None if up is None else direction_of(up))
+        frame = UprightFrame(frame.rotation, height_m)
         return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:

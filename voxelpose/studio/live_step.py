@@ -42,12 +42,6 @@ class LiveAsked(Struct, forbid_unknown_fields=True):
     settings: Typed = {}
 
 
-class ReceiversAsked(Struct, forbid_unknown_fields=True):
-    """Other receivers for the session that is running."""
-
-    receivers: _Receivers
-
-
 class LiveStep:
     """What the step shows of a project, and has done."""
 
@@ -92,10 +86,10 @@ class LiveStep:
         if sources:
             self._recording.keep(project, sources, asked.loop)
 
-    def send_to(self, asked: ReceiversAsked) -> None:
+    def send_to(self, receivers: _Receivers) -> None:
         """Sends to other receivers. InputError where an address is wrong."""
-        self._check_receivers(asked.receivers)
-        self._job.ask(f"{SEND_TO} {' '.join(asked.receivers)}")
+        self._check_receivers(receivers)
+        self._job.ask(f"{SEND_TO} {' '.join(receivers)}")
 
     async def relay(self, request: GateRequest) -> Reply:
         """What the session's page answers to a request, whose path is as below that page.

@@ -37,6 +37,8 @@ _EVERY_MS = {"take": 0, "boards": 700, "board_walk": 200}
 _MOST_VIDEOS = 300
 _LAST_WEBCAM = 99
 _NO_TEXT = re.compile(r"[\x00-\x20\x7f]")
+JobWord = Literal["record", "finish", "background", "start", "stop", "end recording"]
+"""What may be asked of the job that is running."""
 _Seconds = Annotated[float, Meta(ge=0, le=3600)]
 
 
@@ -58,12 +60,6 @@ class RecordAsked(Struct, forbid_unknown_fields=True):
     countdown: _Seconds = 5.0
     empty: _Seconds = 2.0
     length: Annotated[float, Meta(gt=0, le=36_000)] | None = None
-
-
-class AskedOfJob(Struct, forbid_unknown_fields=True):
-    """A word for the job that is running."""
-
-    word: Literal["record", "finish", "background", "start", "stop", "end recording"]
 
 
 class RecordStep:

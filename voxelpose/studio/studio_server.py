@@ -65,7 +65,7 @@ class StudioServer(GatedServer):
                 "download": self._export,
             },
             {
-                "api/new": session.new_project,
+                "api/new": session.folder.new_project,
                 "api/accepts": session.check_file,
                 "api/remove": session.remove,
                 "api/calibration": session.take_calibration,

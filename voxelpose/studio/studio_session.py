@@ -24,7 +24,7 @@ from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.command_forms import Typed, export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.studio.record_step import AskedOfJob, RecordStep
+from voxelpose.studio.record_step import JobWord, RecordStep
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -34,12 +34,6 @@ from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
-
-
-class Named(Struct, forbid_unknown_fields=True):
-    """A project, or a result."""
-
-    name: Name
 
 
 class FileAsked(Struct, forbid_unknown_fields=True):
@@ -52,13 +46,6 @@ class FileAsked(Struct, forbid_unknown_fields=True):
     bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
 
 
-class CalibrationTaken(Struct, forbid_unknown_fields=True):
-    """A calibration that a project takes over from another one."""
-
-    project: Name
-    of: Name
-
-
 class FitAsked(Struct, forbid_unknown_fields=True):
     """An estimation, with the settings that are typed in; None: the usual value."""
 
@@ -69,20 +56,11 @@ class FitAsked(Struct, forbid_unknown_fields=True):
     settings: Typed = {}
 
 
-class ExportAsked(Struct, forbid_unknown_fields=True):
-    """Formats of a result, by their names."""
-
-    result: Name
-    formats: Annotated[list[Name], Meta(max_length=20)]
-    report: bool = False
-    pictures: bool = False
-
-
 class OpenedViewer:
     """The viewer of one result at a time."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self.name: str = ""
         self.browser: Browser | None = None
 
@@ -91,7 +69,7 @@ class OpenedViewer:
         with self._lock:
             if name == self.name:
                 return
-            self._end()
+            self.close()
             scenes = ResultScenes(folder)
             frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
@@ -104,12 +82,9 @@ class OpenedViewer:
     def close(self) -> None:
         """Closes what is open."""
         with self._lock:
-            self._end()
-
-    def _end(self) -> None:
-        if self.browser is not None:
-            self.browser.close()
-        self.name, self.browser = "", None
+            if self.browser is not None:
+                self.browser.close()
+            self.name, self.browser = "", None
 
 
 class StudioSession:
@@ -138,10 +113,6 @@ class StudioSession:
             "results": self.folder.results(),
             "formats": export_formats(),
         }
-
-    def new_project(self, asked: Named) -> None:
-        """See `StudioFolder.new_project`."""
-        self.folder.new_project(asked.name)
 
     def project(self, project: str) -> dict[str, Any]:
         """Files of a project, and what the program's own reader says about them."""
@@ -189,18 +160,18 @@ class StudioSession:
         self._check_idle(asked.project)
         remove_file(self.folder, project, asked.name)
 
-    def take_calibration(self, asked: CalibrationTaken) -> None:
+    def take_calibration(self, project: Name, of: Name) -> None:
         """Copies the calibration of another project, whose cameras have not been moved since.
         InputError where there is none, or another one is there.
         """
-        project, other = (self.folder.project(name) for name in (asked.project, asked.of))
-        self._check_idle(asked.project)
-        source, present = calibration_path(other), calibration_path(project)
+        folder, other = self.folder.project(project), self.folder.project(of)
+        self._check_idle(project)
+        source, present = calibration_path(other), calibration_path(folder)
         if source is None or not source.is_file():
-            raise InputError(f"{asked.of} has no calibration in a file: choose another project")
+            raise InputError(f"{of} has no calibration in a file: choose another project")
         if present is not None:
             raise InputError(f"{present.name} is there: remove it first")
-        write_whole(project / source.name, source.read_bytes())
+        write_whole(folder / source.name, source.read_bytes())
 
     def _check_idle(self, project: str) -> None:
         state = self.job.status(of=project)
@@ -209,9 +180,9 @@ class StudioSession:
                 f"the {state['kind']} of {project} reads its files: wait for its end, or stop it"
             )
 
-    def ask(self, asked: AskedOfJob) -> None:
+    def ask(self, word: JobWord) -> None:
         """Asks something of the job that is running."""
-        self.job.ask(asked.word)
+        self.job.ask(word)
 
     def form(self, project: str, command: Command) -> list[dict[str, Any]]:
         """Settings of an estimation of a project."""
@@ -230,15 +201,19 @@ class StudioSession:
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
 
-    def start_export(self, asked: ExportAsked) -> None:
+    def start_export(
+        self,
+        result: Name,
+        formats: Annotated[list[Name], Meta(max_length=20)],
+        report: bool = False,
+        pictures: bool = False,
+    ) -> None:
         """Begins an export. InputError where another job is running, or there is no such result."""
-        folder = self.folder.result(asked.result)
-        formats = [name for name in export_formats() if name in asked.formats]
-        if not formats and not asked.report and not asked.pictures:
+        folder = self.folder.result(result)
+        known = [name for name in export_formats() if name in formats]
+        if not known and not report and not pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
-        self.job.start(
-            "export", asked.result, export, folder, formats, asked.report, asked.pictures
-        )
+        self.job.start("export", result, export, folder, known, report, pictures)
 
     def sheet(self, result: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""

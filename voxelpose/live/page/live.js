@@ -4,12 +4,11 @@ import { getJson, postJson } from "./api.js";
 import { Body, unpacked } from "./body.js";
 import { checkbox, css, make, notice, swatch } from "./elements.js";
 import { Player } from "./player.js";
-import { drawPictures, filmed, otherPoses } from "./shown_frame.js";
+import { drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
 const BUSY = ["countdown", "learning", "searching"];
 const POINT = 0.016;  // width of a voxel's mark, m
 const LONGEST_S = 0.04;  // that a stage's bar is long for, at least
-const part = (name) => document.querySelector(`.${name}`);
 const ms = (seconds) => `${(1000 * seconds).toFixed(1)} ms`;
 
 class Live {

@@ -15,11 +15,10 @@ import socket
 import threading
 import traceback
 from asyncio import StreamReader, StreamWriter
-from collections.abc import AsyncGenerator, Awaitable, Callable, Coroutine, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from concurrent.futures import Future
 from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError
@@ -172,19 +171,6 @@ class GateRequest:
         if int(length) > largest_body:
             return Reply("413 Content Too Large", "This is more than the page takes.")
         return None
-
-
-async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
-    """Runs until one of them ends, cancels the others, and raises what it raised."""
-    tasks = [asyncio.create_task(work) for work in works]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    for task in done:
-        task.result()
 
 
 def is_loopback(host: str) -> bool:

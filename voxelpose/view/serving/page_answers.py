@@ -35,12 +35,15 @@ class _Route:
     def __init__(self, method: str, path: str, work: Callable[..., Any]) -> None:
         self._method, self._parts, self._work = method, path.split("/"), work
         hints = get_type_hints(work, include_extras=True)
-        kinds = [
+        arguments: list[Any] = [
             (name, hints.get(name, str), *([] if each.default is each.empty else [each.default]))
             for name, each in inspect.signature(work).parameters.items()
         ]
-        self._kind = kinds[0][1] if method == "POST" and kinds else None
-        self._query = msgspec.defstruct("Query", kinds if method == "GET" else [])
+        self._kind: Any = arguments[0][1] if len(arguments) == 1 else None
+        self._whole = hasattr(self._kind, "__struct_fields__")  # what is sent is the argument
+        if not self._whole:
+            strict = method == "POST"
+            self._kind = msgspec.defstruct("Query", arguments, forbid_unknown_fields=strict)
 
     def named(self, method: str, path: tuple[str, ...]) -> dict[str, str] | None:
         """Parts of a path by their names in braces; None: it is another route's."""
@@ -56,13 +59,14 @@ class _Route:
 
     def answer(self, query: Mapping[str, str], body: bytes) -> Any:
         """What the function returns. InputError where it is asked for what nobody understands."""
-        if self._kind is not None:
-            return self._work(parse_request(body, self._kind))
-        try:
-            asked = msgspec.convert(query, self._query, strict=False)
-        except msgspec.ValidationError as error:
-            raise not_understood(error) from None
-        return self._work(**msgspec.structs.asdict(asked))
+        if self._method == "POST":
+            asked = parse_request(body, self._kind)
+        else:
+            try:
+                asked = msgspec.convert(query, self._kind, strict=False)
+            except msgspec.ValidationError as error:
+                raise not_understood(error) from None
+        return self._work(asked) if self._whole else self._work(**msgspec.structs.asdict(asked))
 
 
 class PageAnswers:
@@ -81,8 +85,8 @@ class PageAnswers:
             got: functions by path, such as "picture/{camera}", whose arguments are the path's named
                 parts and its query. They are called in any thread, and return a page as text, a
                 picture as bytes, JPEG or PNG, a Reply, or what is sent as JSON.
-            posted: likewise, with the JSON that is sent as an object of the class of their only
-                argument, if they have one; None returned is an empty object.
+            posted: likewise, with the JSON that is sent: its fields are the arguments, or it is the
+                only one, an object of a class of msgspec. None returned is an empty object.
         """
         folders = (files(each).joinpath("page") for each in (*_SHARED, package))
         self._files = {file.name: file.read_bytes() for each in folders for file in each.iterdir()}

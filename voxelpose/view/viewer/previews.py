@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from functools import lru_cache
-from typing import Any, Generic, Literal, TypeVar, cast
+from typing import Any, Literal, cast
 
 import cv2
 import msgspec
@@ -107,17 +107,14 @@ class StageAsked(Struct, forbid_unknown_fields=True):
     pixel: Corner | None = None  # px of the camera's picture; None: none is asked about
 
 
-Stage = TypeVar("Stage", bound=StageAsked)
-
-
-class StageExplorer(Generic[Stage]):
+class StageExplorer:
     """Tells a page how the silhouettes of a recording came about, for one thread at a time."""
 
     def __init__(
         self,
         rig: Rig,
         frames: Callable[[int], Mapping[str, Frame]],
-        model: Callable[[Stage], Silhouettes | None],
+        model: Callable[[Any], Silhouettes | None],
     ) -> None:
         """Of the frames of moments, by camera name, and of silhouettes as they are asked for; None
         while their backgrounds are learned.
@@ -125,7 +122,7 @@ class StageExplorer(Generic[Stage]):
         self._rig, self._frames, self._model = rig, frames, model
         self._key, self._stages = b"", cast(SilhouetteStages, None)  # what was asked last
 
-    def answer(self, asked: Stage) -> dict[str, Any]:
+    def answer(self, asked: StageAsked) -> dict[str, Any]:
         """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
         yet. InputError where there is no such moment, camera or stage, or files cannot be read.
         """

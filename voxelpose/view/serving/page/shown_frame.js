@@ -3,6 +3,7 @@
 import { unpacked } from "./body.js";
 import { boneFaces } from "./renderer.js";
 
+export const part = (name) => document.querySelector(`.${name}`);
 export const LIKELY = 225;
 export const UNLIKELY = 68;
 

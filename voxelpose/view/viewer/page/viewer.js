@@ -6,12 +6,11 @@ import { checkbox, choice, make, notice, swatch } from "./elements.js";
 import { FrameStore } from "./frame_store.js";
 import { Hull, hullLegend } from "./hull.js";
 import { Player } from "./player.js";
-import { LIKELY, UNLIKELY, drawPictures, filmed, otherPoses } from "./shown_frame.js";
+import { LIKELY, UNLIKELY, drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
 const AREA = [90, 214, 200];
 const DISPUTED = [170, 110, 240];
 const LATE_S = 0.2;  // that hull and pictures may be late while playing
-const part = (name) => document.querySelector(`.${name}`);
 
 // What the player's page lacks.
 function addParts() {
@@ -141,9 +140,7 @@ class Viewer {
     return Math.abs(timeline.frame - this.used) > (timeline.playing ? LATE_S * scene.fps : 0);
   }
 
-  pictures(player) {
-    drawPictures(player);
-  }
+  pictures = drawPictures;
 
   // Behind the scene, through a camera: its picture, with the outlines of the bodies.
   backdrop(player, camera) {
