@@ -350,7 +350,7 @@ class GatedServer:
         self._tasks.add(task)
         try:
             await self._serve_request(reader, writer)
-        except (OSError, asyncio.CancelledError):
+        except (EOFError, OSError, asyncio.CancelledError):
             pass  # the other side is gone, or the session ends
         finally:
             self._tasks.discard(task)
@@ -383,7 +383,7 @@ class GatedServer:
         try:
             return await self.answer(request)
         except (EOFError, TimeoutError):
-            return Reply.error("408 Request Timeout", "not all of it has come")
+            raise  # who asked is gone
         except (InputError, OSError) as error:
             return Reply.error("400 Bad Request", str(error))
         except Exception:
