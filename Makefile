@@ -19,7 +19,7 @@ help:
 	@echo "make test      runs all tests (make test-fast leaves out the slow ones), in 2 processes: make WORKERS=8 test"
 	@echo "make browser   gets a Chromium for the tests of viewer and report, which are skipped without one"
 	@echo "make network   gets the pose network for the tests with it, which are skipped without one"
-	@echo "make check     style, types, layers, lines of the packages, and the documentation built without a warning"
+	@echo "make check     style, types, layers, lines of packages and pages, and the documentation built without a warning"
 	@echo "make docs      the user guide and the reference as pages: open site/index.html"
 	@echo "make bench     speed, each case against a reference in the same run"
 	@echo "make accuracy  scores estimates on rendered recordings, and on shared ones (VOXELPOSE_SHARED=folder, by default ../shared)"
@@ -62,6 +62,7 @@ lint: $(VENV)/.ready-dev
 	$(BIN)/lint-imports
 	@for name in $(PACKAGES); do echo "$$name: $$(find $$name -name '*.py' | xargs cat | wc -l) lines"; done
 	@echo "together: $$(find $(PACKAGES) -name '*.py' | xargs cat | wc -l) lines"
+	@echo "pages: $$(find $(PACKAGES) -name '*.js' -o -name '*.css' -o -name '*.html' | xargs cat | wc -l) lines"
 
 docs: $(VENV)/.ready-docs
 	rm -rf docs/reference

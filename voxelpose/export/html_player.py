@@ -14,14 +14,9 @@ MODULES = ("space", "elements", "shaders", "renderer", "body", "viewpoint", "tim
 """Scripts of the player, each after those that it imports."""
 _START = """
 try {
-  const scene = JSON.parse(document.getElementById("scene").textContent);
-  document.querySelector("h1").textContent = scene.name;
-  document.querySelector("header small").textContent =
-    `${scene.count} frames, ${(scene.count / scene.fps).toFixed(1)} s`;
-  window.player = new Player(document.body, scene);
+  window.player = new Player(document.body, JSON.parse(by("scene").textContent));
 } catch (error) {
-  document.querySelector(".banner").hidden = false;
-  document.querySelector(".banner").textContent = error.message;
+  notice(error.message);
 }
 """
 
@@ -46,7 +41,7 @@ def write_html(motion: Motion | Sequence[Motion], path: Path, stage: Stage | Non
     script = one_script([_text(f"{name}.js") for name in MODULES]) + _START
     page = player_page(
         f"{stage.name} – voxelpose",
-        f"<style>{_text('player.css')}</style>",
+        f"<style>{_text('base.css')}{_text('player.css')}</style>",
         f'<script id="scene" type="application/json">{scene}</script>\n'
         f'<script type="module">{script}</script>',
     )

@@ -162,6 +162,22 @@ def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
     }
 
 
+def other_poses(
+    poses: Sequence[tuple[float, NDArray[np.float64]]],
+) -> list[dict[str, Any]]:
+    """Other likely poses as pages draw them: those of their lines (B, 2, 3), world, m, whose `ends`
+    are known, and their probability as a `share` of the likeliest one's.
+    """
+    likeliest = max([1e-9, *(probability for probability, _ in poses)])
+    return [
+        {
+            "ends": packed(ends[np.isfinite(ends).all((1, 2))].astype(np.float32)),
+            "share": probability / likeliest,
+        }
+        for probability, ends in poses
+    ]
+
+
 def numbers(values: NDArray[np.integer[Any]]) -> dict[str, str]:
     """Whole numbers from 0 in as few bytes as hold the largest."""
     return packed(values.astype(np.min_scalar_type(int(values.max(initial=0)))))

@@ -16,7 +16,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
-from voxelpose.export.player_scene import Stage, packed, player_scene
+from voxelpose.export.player_scene import Stage, other_poses, packed, player_scene
 from voxelpose.live.live_frame import LiveFrame, PosedBody
 from voxelpose.view.viewer.legend import HULL, SILHOUETTE, person_colour
 
@@ -85,17 +85,13 @@ class LiveScene:
         points = np.concatenate([np.zeros((0, 3), np.float32), *hulls])
         points = points[:: -(-len(points) // _MOST_POINTS) or 1]
         people = zip(self.bodies, frame.people, strict=True)
-        likely = list(() if frame.body is None else frame.body.hypotheses[:_MOST_HYPOTHESES])
+        likely = () if frame.body is None else frame.body.hypotheses[:_MOST_HYPOTHESES]
         return {
             "people": [None if body is None else _placed(sent, body) for sent, body in people],
             "hull": packed(points.astype(np.float32)),
-            "hypotheses": [
-                {
-                    "ends": packed(_finite(joints_m[LANDMARK_BONES])),
-                    "share": probability / max(likely[0][0], 1e-9),
-                }
-                for probability, joints_m in likely
-            ],
+            "hypotheses": other_poses(
+                [(share, joints[LANDMARK_BONES]) for share, joints in likely]
+            ),
         }
 
     def picture(self, frame: LiveFrame, name: str, outlines: bool) -> NDArray[np.uint8] | None:
@@ -111,11 +107,6 @@ def _placed(sent: SentBody, body: PosedBody) -> dict[str, Any]:
     turn = np.rint(quaternions(body.part_rotation) * _ONE).astype(np.int16)
     root = body.pose.root_m.astype(np.float32)
     return {"version": sent.use(body.model), "root": packed(root), "turn": packed(turn)}
-
-
-def _finite(ends: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Those of lines (B, 2, 3) whose ends are known."""
-    return ends[np.isfinite(ends).all((1, 2))].astype(np.float32)
 
 
 def small_picture(

@@ -9,11 +9,11 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -23,7 +23,6 @@ from calib.errors import InputError
 from voxelpose.live.camera_source import retry_waits_s
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.messages import json_message, vmc_datagrams
-from voxelpose.view.serving.gate import until_one_ends
 
 VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
@@ -243,7 +242,7 @@ class WebSocketSender(Sender):
                 proxy=None,
             ) as link:
                 self.note_state("connected, waiting for a frame", True)
-                await until_one_ends(self._send_frames(link), self._read(link))
+                await _until_one_ends(self._send_frames(link), self._read(link))
         except TimeoutError:
             raise ConnectionError("no answer") from None
         except ConnectionRefusedError:
@@ -324,3 +323,16 @@ class Senders:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
+    """Runs until one of them ends, cancels the others, and raises what it raised."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()

@@ -72,19 +72,6 @@ class StageRequest(StageAsked, forbid_unknown_fields=True, kw_only=True):
     places: PlacesDrawn = msgspec.field(default_factory=PlacesDrawn)
 
 
-class PointsRequest(Struct, forbid_unknown_fields=True):
-    """Points of which the errors are asked for."""
-
-    points: Points
-
-
-class GroundRequest(Struct, forbid_unknown_fields=True):
-    """A floor to be drawn."""
-
-    up: Up | None = None  # direction of up; None: as it is found
-    height_m: Metre = 0.0  # height of the floor along it
-
-
 class SaveRequest(Struct, forbid_unknown_fields=True):
     """What is to be written; what is absent stays as it is."""
 

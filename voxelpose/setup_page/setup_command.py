@@ -30,8 +30,7 @@ class Setup(PageArguments):
         """Serves the page until it is interrupted."""
         address = self.address()
         from voxelpose.setup_page.opened_folder import OpenedFolder
-        from voxelpose.setup_page.setup_server import SetupServer
-        from voxelpose.setup_page.setup_session import SetupSession
+        from voxelpose.setup_page.setup_session import SetupServer, SetupSession
 
         known = folder_settings("fit", self.recording)
         unit = self.unit or known.get("unit", (None, ""))[0]

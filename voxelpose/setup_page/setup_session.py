@@ -5,7 +5,6 @@ import hashlib
 import threading
 from typing import Any
 
-import msgspec
 import numpy as np
 from msgspec import UNSET
 
@@ -13,7 +12,6 @@ from calib.errors import InputError
 from calib.storage.documents import visible_entries
 from calib.upright import UprightFrame, axis_name, direction_of
 from silhouette_core.estimator import BackgroundKind, Settings
-from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.seen_people import people_looked_for
 from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import SilentReporter
@@ -42,7 +40,8 @@ from voxelpose.setup_page.drawn_places import (
 )
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import check_camera_names
+from voxelpose.view.serving.gate import Address, GatedServer
+from voxelpose.view.serving.page_answers import Moment, PageAnswers, check_camera_names
 from voxelpose.view.serving.page_job import PageJob
 from voxelpose.view.viewer import previews
 
@@ -61,7 +60,7 @@ class _Notes(SilentReporter):
 
 
 class SetupSession:
-    """A recording folder behind the page."""
+    """A recording folder behind the page; its `answers` are to requests of it."""
 
     def __init__(
         self, opened: OpenedFolder, job: PageJob | None = None, studio: str | None = None
@@ -76,6 +75,25 @@ class SetupSession:
         self._saving = threading.Lock()
         self._open(opened)
         read_clicked(self.folder / POINTS_FILE)
+        self.answers = PageAnswers(
+            "voxelpose.setup_page",
+            {
+                "api/state": self.state,
+                "api/check": self.check_status,
+                "picture/{camera}": self.picture,
+                "painted/{kind}/{camera}": self.painted,
+            },
+            {
+                "api/silhouettes": self.silhouettes,
+                "api/stage": self.stage,
+                "api/points": self.errors,
+                "api/ground": self.ground,
+                "api/save": self.save,
+                "api/check/start": self.start_check,
+                "api/check/repair": self.repair,
+                "api/check/stop": self.stop_check,
+            },
+        )
 
     def _open(self, opened: OpenedFolder) -> None:
         self._opened = opened
@@ -83,7 +101,9 @@ class SetupSession:
         self._places = PlaceFiles.read(self._recording)
         self._moments = previews.MomentFrames(self._recording)
         self._backgrounds = previews.BackgroundModels(self._learn_silhouettes)
-        self._staged: tuple[bytes, SilhouetteStages | None] = b"", None  # what was asked last
+        self._explorer = previews.StageExplorer(
+            self._recording.rig, self._moments.frames, self._model
+        )
         self._notes = _Notes()
 
     def close(self) -> None:
@@ -134,7 +154,7 @@ class SetupSession:
             "up": self._up() if self._opened.calibrated else None,
         }
 
-    def picture(self, camera: str, moment: int | None) -> bytes:
+    def picture(self, camera: str, moment: Moment | None = None) -> bytes:
         """A frame as JPEG; of the empty view where no moment is given. InputError where there is
         none.
         """
@@ -184,23 +204,8 @@ class SetupSession:
         """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
         yet. InputError where there is no such moment, camera or stage, or files cannot be read.
         """
-        check_camera_names([asked.camera], self._recording.rig.names)
         with self._staging:
-            stages = self._stages(asked)
-        if stages is None:
-            return {"ready": False}
-        return previews.stage_answer(stages, asked, self._recording.rig[asked.camera].size)
-
-    def _stages(self, asked: page_requests.StageRequest) -> SilhouetteStages | None:
-        """Stages of a silhouette, the last of which are kept; None while the model is learned."""
-        key = msgspec.json.encode((asked.camera, asked.moment, asked.background, asked.places))
-        if self._staged[0] != key:
-            model = self._model(asked)
-            if model is None:
-                return None
-            frame = self._moments.frames(asked.moment)[asked.camera]
-            self._staged = key, model.stages(asked.camera, frame, asked.moment)
-        return self._staged[1]
+            return self._explorer.answer(asked)
 
     def _model(
         self, asked: page_requests.SilhouetteRequest | page_requests.StageRequest
@@ -226,22 +231,23 @@ class SetupSession:
         people = people_looked_for(source, settings, self._notes)
         return Silhouettes(source, kind, LONG_SIDE_PX, people=people)
 
-    def errors(self, asked: page_requests.PointsRequest) -> dict[str, Any]:
+    def errors(self, points: page_requests.Points) -> dict[str, Any]:
         """How far the clicks are from where the calibration puts the points. InputError where there
         is no calibration, or two points have the same name.
         """
         self._require("points")
-        check_points(asked.points)
-        return point_errors(asked.points, self._recording.rig)
+        check_points(points)
+        return point_errors(points, self._recording.rig)
 
-    def ground(self, asked: page_requests.GroundRequest) -> dict[str, Any]:
-        """Lines of the floor by camera. InputError where there is no calibration, or up is no
-        direction.
+    def ground(
+        self, up: page_requests.Up | None = None, height_m: page_requests.Metre = 0.0
+    ) -> dict[str, Any]:
+        """Lines by camera of the floor at a height, m, along up; None: as it is found. InputError
+        where there is no calibration, or up is no direction.
         """
         self._require("floor")
-        up = None if asked.up is None else direction_of(asked.up)
-        frame = self._recording.upright_frame(up)
-        frame = UprightFrame(frame.rotation, asked.height_m)
+        frame = self._recording.upright_frame(None if up is None else direction_of(up))
+        frame = UprightFrame(frame.rotation, height_m)
         return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
     def start_check(self) -> dict[str, Any]:
@@ -349,3 +355,11 @@ class SetupSession:
             "source": "the calibration's [metadata]" if stated else "how the cameras stand",
             "choices": up_choices(self._recording.rig),
         }
+
+
+class SetupServer(GatedServer):
+    """Serves a session's page until it is closed, and the session with it."""
+
+    def __init__(self, session: SetupSession, address: Address) -> None:
+        """Starts, in a thread of its own. InputError where the address cannot be used."""
+        super().__init__(address, session.answers.answer, session.close, page_requests.LARGEST_BODY)

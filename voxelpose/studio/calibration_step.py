@@ -69,25 +69,25 @@ class CalibrationStep:
     def __init__(self, folder: StudioFolder, job: PageJob) -> None:
         self._folder, self._job = folder, job
 
-    def state(self, name: str) -> dict[str, Any]:
+    def state(self, project: str) -> dict[str, Any]:
         """Forms of the commands, files of the board, and what was found in them. InputError where
         there is no such project, or a file is damaged.
         """
-        project = self._folder.project(name)
-        points, calibration = project / POINTS_FILE, calibration_path(project)
-        picture = project / RIG_PICTURE
+        folder = self._folder.project(project)
+        points, calibration = folder / POINTS_FILE, calibration_path(folder)
+        picture = folder / RIG_PICTURE
         return {
-            "forms": {command: form_of(f"calibrate.{command}", project) for command in _COMMANDS},
-            "sheet": (project / SHEET).is_file(),
-            "files": [file for file in project_files(project) if file["place"] in (_STILLS, _WALK)],
-            "videos": len(pictures_by_camera(project)),
+            "forms": {command: form_of(f"calibrate.{command}", folder) for command in _COMMANDS},
+            "sheet": (folder / SHEET).is_file(),
+            "files": [file for file in project_files(folder) if file["place"] in (_STILLS, _WALK)],
+            "videos": len(pictures_by_camera(folder)),
             "in_step": {
-                "boards": (project / _WALK / TIMESTAMPS).is_file(),
-                "take": (project / TIMESTAMPS).is_file(),
+                "boards": (folder / _WALK / TIMESTAMPS).is_file(),
+                "take": (folder / TIMESTAMPS).is_file(),
             },
             "points": len(read_points(points).known_m) if points.is_file() else 0,
-            "lenses": _report(project / _LENS_REPORT) if (project / LENSES).is_file() else None,
-            "rig": _report(project / _RIG_REPORT) if (project / _CALIBRATION).is_file() else None,
+            "lenses": _report(folder / _LENS_REPORT) if (folder / LENSES).is_file() else None,
+            "rig": _report(folder / _RIG_REPORT) if (folder / _CALIBRATION).is_file() else None,
             "rig_picture": picture.stat().st_mtime if picture.is_file() else None,
             "calibration": None if calibration is None else calibration.name,
         }
@@ -135,10 +135,10 @@ class CalibrationStep:
             board = {key: asked.settings[key] for key in _OF_BOARD if key in asked.settings}
             self._keep_board(project, board)
 
-    def still(self, name: str, place: str, camera: str) -> bytes:
+    def still(self, project: str, place: str, camera: str) -> bytes:
         """A picture of the board, as JPEG. InputError where there is none."""
-        project = self._folder.project(name)
-        folder = project / (_WALK if place == _WALK else _STILLS)
+        inside = _WALK if place == _WALK else _STILLS
+        folder = self._folder.project(project) / inside
         known = pictures_by_camera(folder, stills=place == _WALK)
         check_camera_names([camera], known)
         if not self._folder.holds(known[camera]):

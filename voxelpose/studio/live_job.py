@@ -8,7 +8,6 @@ from typing import Any
 
 from calib.errors import InputError
 from voxelpose.cli.live import Live
-from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page, controls_of
 from voxelpose.live.senders import Senders
 from voxelpose.live.session import LiveSession
@@ -31,11 +30,11 @@ def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict
     with ExitStack() as parts:
         parts.callback(session.close)
         receivers = _Receivers(command.send)
-        parts.callback(receivers.close)
-        session.receivers.append(receivers.send)
+        parts.callback(lambda: receivers.now.close())
+        session.receivers.append(lambda frame: receivers.now.send(frame))
         address = Address("127.0.0.1", 0, token)
         cameras, people = session.settings.rig.cameras, session.settings.people
-        page = Page(session, cameras, address, receivers.states, title, people)
+        page = Page(session, cameras, address, lambda: receivers.now.states, title, people)
         parts.callback(page.close)
         session.receivers.append(page.show)
         reporter.tell(port=page.port)
@@ -44,28 +43,16 @@ def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict
 
 
 class _Receivers:
-    """The receivers of a session, which may be exchanged while it runs."""
+    """The receivers of a session, those that there are `now`: they may be exchanged."""
 
     def __init__(self, addresses: Sequence[str]) -> None:
         """InputError where an address is wrong."""
-        self._senders = Senders(addresses)
-
-    def send(self, frame: LiveFrame) -> None:
-        """Hands a frame to those that there are now."""
-        self._senders.send(frame)
-
-    def states(self) -> Sequence[Any]:
-        """How it goes with each."""
-        return self._senders.states
+        self.now = Senders(addresses)
 
     def exchange(self, addresses: Sequence[str]) -> None:
         """Sends to others from now on. InputError where an address is wrong: the old ones stay."""
-        old, self._senders = self._senders, Senders(addresses)
+        old, self.now = self.now, Senders(addresses)
         old.close()
-
-    def close(self) -> None:
-        """Ends all connections."""
-        self._senders.close()
 
 
 def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> None:
@@ -89,5 +76,5 @@ def _run(reporter: JobReporter, session: LiveSession, receivers: _Receivers) -> 
             controls[asked]()
         if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
             told_s = time.monotonic()
-            state, links = session.state, [asdict(one) for one in receivers.states()]
+            state, links = session.state, [asdict(one) for one in receivers.now.states]
             reporter.tell(**asdict(state), pace=state.pace, receivers=links, trouble=trouble)

@@ -3,7 +3,7 @@
 import asyncio
 import secrets
 import time
-from asyncio import StreamReader, StreamWriter
+from collections.abc import AsyncGenerator
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
@@ -19,12 +19,13 @@ from voxelpose.studio.command_forms import filled_in, form_of
 from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
-from voxelpose.view.serving.gate import GateRequest, pass_on
+from voxelpose.view.serving.gate import GateRequest, Reply
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
 LIVE = "live session"
 """Kind of the job."""
+_PIECE = 2**16
 _Receivers = Annotated[
     list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=20)
 ]
@@ -40,12 +41,6 @@ class LiveAsked(Struct, forbid_unknown_fields=True):
     settings: Typed = {}
 
 
-class ReceiversAsked(Struct, forbid_unknown_fields=True):
-    """Other receivers for the session that is running."""
-
-    receivers: _Receivers
-
-
 class LiveStep:
     """What the step shows of a project, and has done."""
 
@@ -54,14 +49,14 @@ class LiveStep:
         self._token = self._cookie = ""
         self._cookie_of = 0
 
-    def state(self, name: str) -> dict[str, Any]:
+    def state(self, project: str) -> dict[str, Any]:
         """What the step Record knows of the cameras, the form, and the receivers of the last time.
         InputError where there is no such project.
         """
-        project = self._folder.project(name)
-        receivers, _ = folder_settings("live", project).get("send", ((), ""))
-        form = form_of("live", project)
-        return self._recording.state(name) | {"form": form, "receivers": list(receivers)}
+        folder = self._folder.project(project)
+        receivers, _ = folder_settings("live", folder).get("send", ((), ""))
+        form = form_of("live", folder)
+        return self._recording.state(project) | {"form": form, "receivers": list(receivers)}
 
     def start(self, asked: LiveAsked) -> None:
         """Begins a session, and keeps its settings in the project. InputError where another job is
@@ -90,31 +85,28 @@ class LiveStep:
         if sources:
             self._recording.keep(project, sources, asked.loop)
 
-    def send_to(self, asked: ReceiversAsked) -> None:
+    def send_to(self, receivers: _Receivers) -> None:
         """Sends to other receivers. InputError where an address is wrong."""
-        self._check_receivers(asked.receivers)
-        self._job.ask(f"{SEND_TO} {' '.join(asked.receivers)}")
+        self._check_receivers(receivers)
+        self._job.ask(f"{SEND_TO} {' '.join(receivers)}")
 
-    async def relay(self, request: GateRequest, reader: StreamReader, writer: StreamWriter) -> None:
-        """Passes a request on to the session's page, and what it answers back; its path is as below
-        that page. InputError where no session is running.
+    async def relay(self, request: GateRequest) -> Reply:
+        """What the session's page answers to a request, whose path is as below that page.
+        InputError where no session is running.
         """
         port = self._job.status(LIVE).get("port")
         if self._job.status(LIVE)["state"] != "running" or port is None:
             raise InputError("no live session is running: start one in the step Live")
         if self._cookie_of != port:
-            self._cookie, self._cookie_of = await _cookie(port, self._token), port
+            first = f"GET /?token={self._token} HTTP/1.1"
+            reply = await _asked(port, [first, f"Host: 127.0.0.1:{port}"], b"")
+            self._cookie = reply.headers["Set-Cookie"].partition(";")[0]
+            self._cookie_of = port
+        # This gate has checked the origin.
         headers = request.headers | {"host": f"127.0.0.1:{port}", "cookie": self._cookie}
-        headers.pop("origin", None)  # this gate has checked it
-        lines = [f"{request.method} {request.target} HTTP/1.1"]
-        lines += [f"{name}: {value}" for name, value in headers.items()]
-        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", port)
-        try:
-            inner_writer.write("\r\n".join([*lines, "", ""]).encode("latin-1"))
-            inner_writer.write(await reader.readexactly(request.body_bytes))
-            await pass_on(inner_reader, writer)
-        finally:
-            inner_writer.close()
+        lines = [f"{name}: {value}" for name, value in headers.items() if name != "origin"]
+        body = await request.reader.readexactly(request.body_bytes)
+        return await _asked(port, [f"{request.method} {request.target} HTTP/1.1", *lines], body)
 
     def _check_receivers(self, addresses: list[str]) -> None:
         for address in addresses:
@@ -123,16 +115,18 @@ class LiveStep:
             parse_receiver(address)
 
 
-async def _cookie(port: int, token: str) -> str:
-    """The cookie with which the session's page lets requests pass."""
+async def _asked(port: int, lines: list[str], body: bytes) -> Reply:
+    """What a page at a port of this machine answers to the lines of a head and what follows it."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
-    try:
-        writer.write(f"GET /?token={token} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
-        head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")
-    finally:
-        writer.close()
-    for line in head.split("\r\n"):
-        name, _, value = line.partition(":")
-        if name.lower() == "set-cookie":
-            return value.partition(";")[0].strip()
-    raise InputError("the live page does not answer: load this page again")
+
+    async def pieces() -> AsyncGenerator[bytes, None]:
+        try:
+            while piece := await reader.read(_PIECE):
+                yield piece
+        finally:
+            writer.close()
+
+    writer.write("\r\n".join([*lines, "", ""]).encode("latin-1") + body)
+    first, *rest = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").splitlines()
+    headers = dict(line.split(": ", 1) for line in rest if line)
+    return Reply(first.partition(" ")[2], pieces(), headers.pop("Content-Type"), headers)

@@ -35,6 +35,8 @@ _EVERY_MS = {"take": 0, "boards": 700, "board_walk": 200}
 _MOST_VIDEOS = 300
 _LAST_WEBCAM = 99
 _NO_TEXT = re.compile(r"[\x00-\x20\x7f]")
+JobWord = Literal["record", "finish", "background", "start", "stop", "end recording"]
+"""What may be asked of the job that is running."""
 _Seconds = Annotated[float, Meta(ge=0, le=3600)]
 
 
@@ -58,24 +60,18 @@ class RecordAsked(Struct, forbid_unknown_fields=True):
     length: Annotated[float, Meta(gt=0, le=36_000)] | None = None
 
 
-class AskedOfJob(Struct, forbid_unknown_fields=True):
-    """A word for the job that is running."""
-
-    word: Literal["record", "finish", "background", "start", "stop", "end recording"]
-
-
 class RecordStep:
     """What the step shows of a project, and has done."""
 
     def __init__(self, folder: StudioFolder, job: PageJob) -> None:
         self._folder, self._job = folder, job
 
-    def state(self, name: str) -> dict[str, Any]:
+    def state(self, project: str) -> dict[str, Any]:
         """Webcams, videos that may stand for cameras, the cameras of the last time, and what is
         recorded already. InputError where there is no such project.
         """
-        project = self._folder.project(name)
-        texts, _ = folder_settings("live", project).get("source", ((), ""))
+        folder = self._folder.project(project)
+        texts, _ = folder_settings("live", folder).get("source", ((), ""))
         sources = list(self._known_sources(texts))
         return {
             "webcams": [
@@ -85,11 +81,10 @@ class RecordStep:
             "sources": [
                 {"name": source.name, "address": self._address_text(source)} for source in sources
             ],
-            "cameras": [camera.name for camera in _calibrated(project)],
-            "board": board_in(project) is not None,
+            "cameras": [camera.name for camera in _calibrated(folder)],
+            "board": board_in(folder) is not None,
             "there": {
-                what: list(pictures_by_camera(project / inside))
-                for what, inside in _TARGETS.items()
+                what: list(pictures_by_camera(folder / inside)) for what, inside in _TARGETS.items()
             },
         }
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
@@ -19,13 +18,12 @@ from voxelpose.report.page import sheet_image
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import Typed
-from voxelpose.setup_page.setup_server import SetupPage
 from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.command_forms import export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.studio.record_step import RecordStep
+from voxelpose.studio.record_step import JobWord, RecordStep
 from voxelpose.studio.studio_jobs import estimate, export
 from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
 from voxelpose.view.images.canvas import encoded
@@ -35,12 +33,6 @@ from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
-
-
-class Named(Struct, forbid_unknown_fields=True):
-    """A project, or a result."""
-
-    name: Name
 
 
 class FileAsked(Struct, forbid_unknown_fields=True):
@@ -53,13 +45,6 @@ class FileAsked(Struct, forbid_unknown_fields=True):
     bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
 
 
-class CalibrationTaken(Struct, forbid_unknown_fields=True):
-    """A calibration that a project takes over from another one."""
-
-    project: Name
-    of: Name
-
-
 class FitAsked(Struct, forbid_unknown_fields=True):
     """An estimation, with the settings that are typed in; None: the usual value."""
 
@@ -70,20 +55,11 @@ class FitAsked(Struct, forbid_unknown_fields=True):
     settings: Typed = {}
 
 
-class ExportAsked(Struct, forbid_unknown_fields=True):
-    """Formats of a result, by their names."""
-
-    result: Name
-    formats: Annotated[list[Name], Meta(max_length=20)]
-    report: bool = False
-    pictures: bool = False
-
-
 class OpenedViewer:
     """The viewer of one result at a time."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self.name: str = ""
         self.browser: Browser | None = None
 
@@ -92,7 +68,7 @@ class OpenedViewer:
         with self._lock:
             if name == self.name:
                 return
-            self._end()
+            self.close()
             scenes = ResultScenes(folder)
             frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
@@ -105,12 +81,9 @@ class OpenedViewer:
     def close(self) -> None:
         """Closes what is open."""
         with self._lock:
-            self._end()
-
-    def _end(self) -> None:
-        if self.browser is not None:
-            self.browser.close()
-        self.name, self.browser = "", None
+            if self.browser is not None:
+                self.browser.close()
+            self.name, self.browser = "", None
 
 
 class StudioSession:
@@ -122,14 +95,14 @@ class StudioSession:
         self.recording = RecordStep(folder, self.job)
         self.live = LiveStep(folder, self.job, self.recording)
         self._lock = threading.Lock()
-        self._setup: tuple[str, SetupPage] | None = None
+        self._setup: tuple[str, SetupSession] | None = None
 
     def close(self) -> None:
         """Ends what is running."""
         self.job.close()
         self.viewer.close()
         if self._setup is not None:
-            self._setup[1].session.close()
+            self._setup[1].close()
 
     def state(self) -> dict[str, Any]:
         """Projects and results."""
@@ -140,11 +113,11 @@ class StudioSession:
             "formats": export_formats(),
         }
 
-    def project(self, name: str) -> dict[str, Any]:
+    def project(self, project: str) -> dict[str, Any]:
         """Files of a project, and what the program's own reader says about them."""
-        folder = self.folder.project(name)
+        folder = self.folder.project(project)
         files = project_files(folder)
-        known: dict[str, Any] = {"name": name, "files": files}
+        known: dict[str, Any] = {"name": project, "files": files}
         try:
             values = folder_settings("fit", folder)
             unstated = _unstated(values)
@@ -176,24 +149,28 @@ class StudioSession:
         self._check_idle(asked.project)
         return target_of(project, asked.place, asked.name, asked.bytes, asked.camera)
 
+    def check_file(self, asked: FileAsked) -> None:
+        """Checks that a file can be sent. InputError where it cannot be taken now."""
+        self.target(asked)
+
     def remove(self, asked: FileAsked) -> None:
         """Removes a file of a project. InputError where that cannot be."""
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
         remove_file(self.folder, project, asked.name)
 
-    def take_calibration(self, asked: CalibrationTaken) -> None:
+    def take_calibration(self, project: Name, of: Name) -> None:
         """Copies the calibration of another project, whose cameras have not been moved since.
         InputError where there is none, or another one is there.
         """
-        project, other = (self.folder.project(name) for name in (asked.project, asked.of))
-        self._check_idle(asked.project)
-        source, present = calibration_path(other), calibration_path(project)
+        folder, other = self.folder.project(project), self.folder.project(of)
+        self._check_idle(project)
+        source, present = calibration_path(other), calibration_path(folder)
         if source is None or not source.is_file():
-            raise InputError(f"{asked.of} has no calibration in a file: choose another project")
+            raise InputError(f"{of} has no calibration in a file: choose another project")
         if present is not None:
             raise InputError(f"{present.name} is there: remove it first")
-        write_whole(project / source.name, source.read_bytes())
+        write_whole(folder / source.name, source.read_bytes())
 
     def _check_idle(self, project: str) -> None:
         state = self.job.status(of=project)
@@ -202,10 +179,13 @@ class StudioSession:
                 f"the {state['kind']} of {project} reads its files: wait for its end, or stop it"
             )
 
-    def form(self, name: str, command: str) -> list[dict[str, Any]]:
+    def ask(self, word: JobWord) -> None:
+        """Asks something of the job that is running."""
+        self.job.ask(word)
+
+    def form(self, project: str, command: Command) -> list[dict[str, Any]]:
         """Settings of an estimation of a project."""
-        kind = msgspec.convert("track" if command == "track" else "fit", Command)
-        return form_of(kind, self.folder.project(name))
+        return form_of(command, self.folder.project(project))
 
     def start_fit(self, asked: FitAsked) -> None:
         """Begins an estimation, and keeps its settings in the project. InputError where another job
@@ -220,24 +200,28 @@ class StudioSession:
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
 
-    def start_export(self, asked: ExportAsked) -> None:
+    def start_export(
+        self,
+        result: Name,
+        formats: Annotated[list[Name], Meta(max_length=20)],
+        report: bool = False,
+        pictures: bool = False,
+    ) -> None:
         """Begins an export. InputError where another job is running, or there is no such result."""
-        folder = self.folder.result(asked.result)
-        formats = [name for name in export_formats() if name in asked.formats]
-        if not formats and not asked.report and not asked.pictures:
+        folder = self.folder.result(result)
+        known = [name for name in export_formats() if name in formats]
+        if not known and not report and not pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
-        self.job.start(
-            "export", asked.result, export, folder, formats, asked.report, asked.pictures
-        )
+        self.job.start("export", result, export, folder, known, report, pictures)
 
-    def sheet(self, name: str) -> bytes:
+    def sheet(self, result: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""
-        image = sheet_image(self.folder.result(name))
+        image = sheet_image(self.folder.result(result))
         if image is None:
             raise InputError("this result has no pictures: fit again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)
 
-    def setup(self, name: str, reopen: bool) -> SetupPage:
+    def setup(self, name: str, reopen: bool) -> SetupSession:
         """The set-up of a project, opened where another was, or once more. InputError where it
         cannot be opened.
         """
@@ -245,8 +229,7 @@ class StudioSession:
             if self._setup is None or self._setup[0] != name or reopen:
                 folder = self.folder.project(name)
                 opened = OpenedFolder.open(folder, **_unstated(folder_settings("fit", folder)))
-                session = SetupSession(opened, self.job, "../../")
-                self._setup = name, SetupPage(session)
+                self._setup = name, SetupSession(opened, self.job, "../../")
             return self._setup[1]
 
     def open_viewer(self, name: str) -> None:

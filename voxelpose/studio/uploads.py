@@ -5,7 +5,7 @@ import os
 import re
 import shutil
 from asyncio import StreamReader
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -38,8 +38,8 @@ Place = Literal[
 LARGEST_UPLOAD = 32 * 2**30
 """Bytes of a file: hours of a camera."""
 _SPARED = 2**30  # bytes of the disk that stay free
-_SILENT_S = 60  # after which whoever sends is gone
-_PIECE = 2**20
+_SILENT_S = 60  # without a piece, after which whoever sends is gone
+_PIECE = 2**18
 _IN_FOLDER = {"intri.yml", "extri.yml", "cameras.txt", "images.txt"}  # EasyMocap's, COLMAP's
 # Where cameras' pictures lie in a project, and whether a loose picture is a camera's there.
 _PICTURES: dict[Place, tuple[str, bool]] = {
@@ -118,7 +118,10 @@ async def receive(
     try:
         with replacing(target) as partial:
             with partial.open("wb") as file:
-                await _copy(reader, size, file.write)
+                while (left := size - file.tell()) > 0:
+                    async with asyncio.timeout(_SILENT_S):
+                        piece = await reader.readexactly(min(left, _PIECE))
+                    await asyncio.to_thread(file.write, piece)
                 file.flush()
                 await asyncio.to_thread(os.fsync, file.fileno())
             try:
@@ -129,20 +132,6 @@ async def receive(
         with suppress(OSError):  # there is something in it
             target.parent.rmdir()
         raise
-
-
-async def _copy(reader: StreamReader, size: int, write: Callable[[bytes], object]) -> None:
-    waiting = bytearray()
-    while size:
-        async with asyncio.timeout(_SILENT_S):
-            piece = await reader.read(min(size, _PIECE))
-        if not piece:
-            raise asyncio.IncompleteReadError(b"", size)
-        size -= len(piece)
-        waiting += piece
-        if len(waiting) >= _PIECE or not size:
-            await asyncio.to_thread(write, bytes(waiting))
-            waiting.clear()
 
 
 def _check(path: Path, name: str) -> None:

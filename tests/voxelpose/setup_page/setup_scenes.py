@@ -11,8 +11,7 @@ from pathlib import Path
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.setup_page.opened_folder import OpenedFolder
-from voxelpose.setup_page.setup_server import SetupServer
-from voxelpose.setup_page.setup_session import SetupSession
+from voxelpose.setup_page.setup_session import SetupServer, SetupSession
 from voxelpose.view.serving.gate import Address
 
 SIZE = 320, 240

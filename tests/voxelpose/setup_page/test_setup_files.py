@@ -27,7 +27,6 @@ from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import (
     PlacesDrawn,
     PointClicked,
-    PointsRequest,
     RegionDrawing,
     SaveRequest,
     SilhouetteRequest,
@@ -267,7 +266,7 @@ def test_a_folder_that_fit_refuses_can_be_drawn_on(walk):
     session.save(regions(cam_1=RegionDrawing(True, [SQUARE])))
     assert session.picture("cam_1", 0).startswith(b"\xff\xd8")
     with pytest.raises(InputError, match="holds no calibration"):
-        session.errors(PointsRequest([]))
+        session.errors([])
     with pytest.raises(InputError, match="holds no calibration"):
         session.start_check()
 

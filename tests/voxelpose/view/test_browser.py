@@ -208,7 +208,7 @@ def test_results_side_by_side(served, desk):
 def test_what_is_asked_for_wrongly_is_refused(served):
     for path, words in {
         "api/frame?frame=99": "there is no frame 99: it goes from 0 to 3",
-        "api/frame?frame=x": "frame is no number",
+        "api/frame?frame=x": "not understood: Expected `int`",
         "api/area?frame=1&part=tail": "no movable area of a part 'tail'",
         "picture/cam_9?frame=1": "there is no camera 'cam_9'",
     }.items():

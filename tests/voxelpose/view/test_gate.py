@@ -4,7 +4,6 @@ import base64
 import re
 import socket
 import threading
-from asyncio import StreamWriter
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
@@ -13,7 +12,6 @@ import pytest
 from calib.errors import InputError
 from voxelpose.view.serving.gate import (
     Address,
-    Gate,
     GatedServer,
     GateRequest,
     Reply,
@@ -27,11 +25,10 @@ QUERY = "/?token=open%20%26%20sesame"
 def served(address: Address) -> GatedServer:
     """A server of one page."""
 
-    async def answer(request: GateRequest, reader: object, writer: StreamWriter) -> None:
-        writer.write(Reply("200 OK", "<html>the room").encoded())
-        await writer.drain()
+    async def answer(request: GateRequest) -> Reply:
+        return Reply("200 OK", "<html>the room")
 
-    return GatedServer(Gate(address, answer), lambda: None)
+    return GatedServer(address, answer, lambda: None)
 
 
 @pytest.fixture(scope="module")

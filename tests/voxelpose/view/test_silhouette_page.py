@@ -14,10 +14,13 @@ from silhouette_core.image.silhouettes import UndistortedView, as_recorded
 from tests.browsing import new_page, until
 from tests.clips import waving
 from tests.sources import ring, write_staged
+from tests.voxelpose.setup_page.setup_scenes import ask
 from voxelpose.cli import run
 from voxelpose.view.images.figure import body_parts
-from voxelpose.view.serving.gate import Address, GateRequest
+from voxelpose.view.serving.gate import Address
+from voxelpose.view.serving.page_answers import parse_request
 from voxelpose.view.viewer.browser import Browser
+from voxelpose.view.viewer.previews import StageAsked
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.silhouette_page import FitSilhouette, FitSilhouettes, SilhouettePage
 
@@ -65,7 +68,7 @@ def bodies_of(scenes, frame) -> dict:
 def asked(page, **what) -> dict:
     """The answer to a request for a stage, once the backgrounds are learned."""
     request = json.dumps({"moment": 3, "camera": "cam_1"} | what).encode()
-    while not (answer := json.loads(page._post(("api", "stage"), request)[0]))["ready"]:
+    while not (answer := page.stage(parse_request(request, StageAsked)))["ready"]:
         threading.Event().wait(0.05)
     return answer
 
@@ -153,7 +156,7 @@ def test_cameras_that_the_fit_put_in_step_are_shown_in_step(desk):
 def test_a_recording_alone_has_no_body(desk):
     write_staged(desk / "walk", waving(6), ring(2, SIZE))
     page = SilhouettePage(ResultScenes("walk"))
-    state = json.loads(page._get(("api", "state"), {})[0])
+    state = page.state()
     assert state["name"] == "walk" and not state["fitted"] and state["moments"] == 6
     shown = image_of(asked(page, stage="silhouette"))
     assert shown[120, 160, 3] and not shown[2, 2, 3]
@@ -185,7 +188,7 @@ def test_masks_are_shown_with_the_body_over_them(desk):
         for number in range(6):
             cv2.imwrite(str(folder / f"{number}.png"), 255 * body.astype(np.uint8))
     page = SilhouettePage(ResultScenes("out"))
-    assert json.loads(page._get(("api", "state"), {})[0])["masks_only"]
+    assert page.state()["masks_only"]
     assert image_of(asked(page, stage="body"))[120, 160, 3]
 
 
@@ -231,11 +234,11 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
 
 def test_only_the_page_beside_takes_json(desk):
     write_staged(desk / "walk", waving(3), ring(2, SIZE))
-    page = SilhouettePage(ResultScenes("walk"))
-
-    def request(target: str) -> GateRequest:
-        return GateRequest("GET", target, {})
-
-    assert page.answers.answers(request("/silhouettes/?frame=2"))
-    for target in ("/", "/silhouettes", "/silhouettes2/", "//silhouettes/"):
-        assert not page.answers.answers(request(target))
+    browser = Browser(ResultScenes("walk"), Address("127.0.0.1", 0), 1)
+    try:
+        assert b"main.js" in ask(browser, "/silhouettes/?frame=2")[1]
+        assert ask(browser, "/silhouettes/api/stage", {})[0] == 400
+        for target in ("/", "/silhouettes", "/silhouettes2/", "//silhouettes/"):
+            assert ask(browser, f"{target}api/stage", {})[0] == 404
+    finally:
+        browser.close()

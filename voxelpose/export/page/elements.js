@@ -1,6 +1,9 @@
-// Pieces of the page.
+// Pieces of pages.
 
-// An element with properties, listeners (onclick ...) and children; texts are never markup.
+export const by = (id) => document.getElementById(id);
+
+// An element with properties, listeners (onclick ...) and children. Texts are never markup; what
+// stands in backticks is code.
 export function make(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
@@ -9,8 +12,17 @@ export function make(tag, properties = {}, ...children) {
     else if (name in element) element[name] = value;
     else element.setAttribute(name, value);
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined && child !== false));
+  element.append(...children.filter((child) => child !== null && child !== undefined && child !== false).flatMap(
+    (child) => (tag !== "code" && typeof child === "string" ? withCode(child) : [child])));
   return element;
+}
+
+const withCode = (text) => text.split("`").map((piece, index) => (index % 2 ? make("code", {}, piece) : piece));
+
+// Tells the user on top of the page; "": nothing any more.
+export function notice(text) {
+  by("banner").hidden = !text;
+  by("banner").textContent = text;
 }
 
 // What was changed by the mouse gives the keys back to the player.
@@ -22,9 +34,11 @@ const freed = (field) => {
   return field;
 };
 
-export function checkbox(text, checked, onchange) {
+export const button = (text, onclick, more = {}) => make("button", { onclick, ...more }, text);
+
+export function checkbox(text, checked, onchange, more = {}) {
   const box = make("input", {
-    type: "checkbox", checked, onchange: () => onchange(box.checked), onclick: (event) => event.detail && box.blur() });
+    type: "checkbox", checked, onchange: () => onchange(box.checked), onclick: (event) => event.detail && box.blur(), ...more });
   return make("label", { class: "box" }, box, text);
 }
 
@@ -34,6 +48,24 @@ export function choice(label, pairs, value, onchange) {
     ...pairs.map(([name, words]) => make("option", { value: name }, words)));
   field.value = value;
   return freed(field);
+}
+
+// A table with names of its columns, and rows of cells: texts, or cells that are made already.
+export const table = (names, rows, more = {}) => make("table", more,
+  make("thead", {}, make("tr", {}, ...names.map((name) => make("th", {}, name)))), make("tbody", {}, ...rows));
+
+export const tableRow = (cells, more = {}) =>
+  make("tr", more, ...cells.map((cell) => (typeof cell === "string" ? make("td", {}, cell) : cell)));
+
+// Where something is not possible, and why.
+export const refusal = (text) => make("p", { class: "refused" }, text);
+
+export const rounded = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
+
+// A name that is not taken: the stem with the first number that is free.
+export function freeName(stem, taken, number = 1) {
+  while (taken.includes(`${stem}${number}`)) number++;
+  return `${stem}${number}`;
 }
 
 export const css = (colour) => `rgb(${colour.join(" ")})`;

@@ -42,6 +42,8 @@ export class Player {
   constructor(root, scene, extras = {}) {
     const part = (name) => root.querySelector(`.${name}`);
     Object.assign(this, { scene, extras, part, canvas: part("space"), labels: part("labels") });
+    root.querySelector("h1").textContent = scene.name;
+    if (scene.count > 1) root.querySelector("header small").textContent = `${scene.count} frames, ${(scene.count / scene.fps).toFixed(1)} s`;
     this.bodies = scene.bodies.map((sent) => new Body(sent));
     this.cameras = scene.cameras.map((sent) => new Pinhole(sent));
     this.renderer = new Renderer(this.canvas);
@@ -135,7 +137,7 @@ export class Player {
     this.wanted = false;
     const { renderer, viewpoint, scene, shown } = this;
     const matrix = viewpoint.matrix(now);
-    const through = viewpoint.flight ? null : viewpoint.pinhole;
+    const { through } = viewpoint;
     renderer.begin(matrix, viewpoint.eyeNow);
     if (through) this.extras.backdrop?.(this, through);
     const reach = Math.max(5, 2.2 * norm(minus(scene.eye, scene.look_at)));
@@ -185,13 +187,13 @@ export class Player {
     this.buttons = buttons({ class: "camera", tabIndex: -1, "aria-hidden": "true" });
     this.chips = make("div", { class: "chips", role: "group", "aria-label": "Look through" }, ...buttons({ class: "chip" }));
     this.labels.replaceChildren(...this.buttons);
-    this.back = part(this.labels.parentElement, "back");
+    this.back = this.part("back");
     this.back.addEventListener("click", () => this.viewpoint.goHome());
   }
 
   // Moves the view to a camera.
   look(camera) {
-    this.viewpoint.through(camera);
+    this.viewpoint.flyTo(camera);
     this.#looked(camera);
   }
 
@@ -296,8 +298,4 @@ export class Player {
     lines.push(...(this.extras.legend?.(this) ?? []));
     this.part("legend").replaceChildren(...lines);
   }
-}
-
-function part(element, name) {
-  return element.querySelector(`.${name}`);
 }

@@ -57,7 +57,7 @@ export class Renderer {
     Object.assign(this, { canvas, gl, programs: programs(gl), background: [0.118, 0.137, 0.16] });
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    this.screen = this.#screen();
+    this.screen = this.mesh("picture", { position: [new Float32Array(16), 4], corner: [new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]), 2] });
   }
 
   // Begins a picture of the size of the canvas; `camera` takes the world to clip coordinates.
@@ -131,6 +131,11 @@ export class Renderer {
     }, null, places.length ? shape.positions.length / 3 : 0, places.length / 3);
   }
 
+  // Balls of one colour.
+  balls(places, colour) {
+    return this.crowd(BALL, places, new Uint8Array(places.length).map((_, k) => colour[k % 3]));
+  }
+
   lines(positions, colours) {
     return this.mesh("lines", { position: [positions, 3], colour: [colours, 3, { share: true }] }, null, positions.length / 3);
   }
@@ -193,8 +198,7 @@ export class Renderer {
 
   #skinned(skin, flatten) {
     const { gl } = this;
-    const { program, at } = this.programs.skin;
-    gl.useProgram(program);
+    const at = this.#use("skin");
     [skin.colours, skin.places].forEach((texture, k) => {
       gl.activeTexture(gl.TEXTURE1 - k);
       gl.bindTexture(gl.TEXTURE_2D, texture);
@@ -206,20 +210,16 @@ export class Renderer {
   }
 
   drawSolid(mesh, size = 1, opacity = 1) {
-    const { program, at } = this.programs.solid;
-    this.gl.useProgram(program);
+    const at = this.#use("solid");
     this.gl.uniform1f(at.size, size);
     this.gl.vertexAttrib3f(this.programs.solid.inputs.place, 0, 0, 0);
     this.#through(opacity, () => this.#draw(mesh, at, opacity));
   }
 
   drawLines(mesh) {
-    const { gl } = this;
-    const { program, at } = this.programs.lines;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(at.camera, false, this.camera);
-    gl.bindVertexArray(mesh.array);
-    gl.drawArrays(gl.LINES, 0, mesh.count);
+    this.#use("lines");
+    this.gl.bindVertexArray(mesh.array);
+    this.gl.drawArrays(this.gl.LINES, 0, mesh.count);
   }
 
   drawFloor(middle, height, reach) {
@@ -233,9 +233,7 @@ export class Renderer {
         x - reach, y - reach, height, x + reach, y - reach, height, x - reach, y + reach, height,
         x + reach, y - reach, height, x + reach, y + reach, height, x - reach, y + reach, height]), 3] }, null, 6);
     }
-    const { program, at } = this.programs.floor;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(at.camera, false, this.camera);
+    const at = this.#use("floor");
     gl.uniform2f(at.middle, middle[0], middle[1]);
     gl.uniform1f(at.reach, reach);
     gl.enable(gl.BLEND);
@@ -249,14 +247,12 @@ export class Renderer {
   // A picture between four corners in the world, or over a rectangle of the canvas in clip coordinates.
   drawPicture(texture, corners, opacity = 1, flat = false) {
     const { gl } = this;
-    const { program, at } = this.programs.picture;
-    gl.useProgram(program);
-    gl.uniformMatrix4fv(at.camera, false, flat ? IDENTITY : this.camera);
+    const at = this.#use("picture", flat ? IDENTITY : this.camera);
     gl.uniform1f(at.opacity, opacity);
     gl.uniform1i(at.picture, 0);
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.bindVertexArray(this.screen.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.screen.corners);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.screen.buffers[0]);
     gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners.flatMap((p) => [...p, 1])), gl.DYNAMIC_DRAW);
     if (flat) gl.disable(gl.DEPTH_TEST);
     this.#blend(opacity < 1);
@@ -287,6 +283,14 @@ export class Renderer {
     gl.depthFunc(gl.LESS);
   }
 
+  // Begins to draw with a program; returns the places of what it is given.
+  #use(name, camera = this.camera) {
+    const { program, at } = this.programs[name];
+    this.gl.useProgram(program);
+    this.gl.uniformMatrix4fv(at.camera, false, camera);
+    return at;
+  }
+
   #blend(on) {
     if (on) this.gl.enable(this.gl.BLEND);
     else this.gl.disable(this.gl.BLEND);
@@ -294,28 +298,11 @@ export class Renderer {
 
   #draw(mesh, at, opacity) {
     const { gl } = this;
-    gl.uniformMatrix4fv(at.camera, false, this.camera);
     gl.uniform3f(at.eye, ...this.eye);
     gl.uniform1f(at.opacity, opacity);
     gl.bindVertexArray(mesh.array);
     if (mesh.instances) gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.count, mesh.instances);
     else if (mesh.faces) gl.drawElements(gl.TRIANGLES, mesh.count, mesh.faces, 0);
     else gl.drawArrays(gl.TRIANGLES, 0, mesh.count);
-  }
-
-  #screen() {
-    const { gl } = this;
-    const { inputs } = this.programs.picture;
-    const array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    const corners = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, corners);
-    gl.enableVertexAttribArray(inputs.position);
-    gl.vertexAttribPointer(inputs.position, 4, gl.FLOAT, false, 0, 0);
-    this.buffer(new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]));
-    gl.enableVertexAttribArray(inputs.corner);
-    gl.vertexAttribPointer(inputs.corner, 2, gl.FLOAT, false, 0, 0);
-    gl.bindVertexArray(null);
-    return { array, corners };
   }
 }

@@ -114,16 +114,12 @@ function linked(gl, [vertex, fragment]) {
   gl.attachShader(program, shader(gl, gl.FRAGMENT_SHADER, fragment));
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
-  const at = {};
-  for (let k = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) - 1; k >= 0; k--) {
-    const { name } = gl.getActiveUniform(program, k);
-    at[name] = gl.getUniformLocation(program, name);
-  }
-  const inputs = {};
-  for (let k = gl.getProgramParameter(program, gl.ACTIVE_ATTRIBUTES) - 1; k >= 0; k--) {
-    const { name } = gl.getActiveAttrib(program, k);
-    inputs[name] = gl.getAttribLocation(program, name);
-  }
+  const places = (count, active, place) => Object.fromEntries(Array.from({ length: gl.getProgramParameter(program, count) }, (_, k) => {
+    const { name } = gl[active](program, k);
+    return [name, gl[place](program, name)];
+  }));
+  const at = places(gl.ACTIVE_UNIFORMS, "getActiveUniform", "getUniformLocation");
+  const inputs = places(gl.ACTIVE_ATTRIBUTES, "getActiveAttrib", "getAttribLocation");
   return { program, at, inputs };
 }
 

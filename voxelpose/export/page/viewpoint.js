@@ -19,19 +19,24 @@ export class Viewpoint {
   matrix(now) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (this.flight) this.#fly(now);
-    if (this.pinhole && !this.flight) return multiply(this.pinhole.projection(width, height, 0.05, 200), this.pinhole.view());
+    if (this.through) return multiply(this.pinhole.projection(width, height, 0.05, 200), this.pinhole.view());
     const far = 200 + 4 * norm(minus(this.eye, this.target));
     // What is high and narrow needs the field of view along its width.
     const field = 2 * Math.atan(Math.tan(FIELD_OF_VIEW / 2) * Math.max(1, Math.min(height / Math.max(width, 1), 1.35)));
     return multiply(perspective(field, width / Math.max(height, 1), 0.05, far), lookAt(this.eye, this.target));
   }
 
+  // The camera that is looked through, once it is reached.
+  get through() {
+    return this.flight ? null : this.pinhole;
+  }
+
   get eyeNow() {
-    return this.pinhole && !this.flight ? this.pinhole.center : this.eye;
+    return this.through?.center ?? this.eye;
   }
 
   // Flies to the place of a camera, and looks through it.
-  through(pinhole) {
+  flyTo(pinhole) {
     const away = Math.max(norm(minus(pinhole.center, this.target)), 0.5);
     this.#start(pinhole.center, add(pinhole.center, scaled(pinhole.forward, away)));
     this.pinhole = pinhole;

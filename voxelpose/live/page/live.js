@@ -2,20 +2,14 @@
 
 import { getJson, postJson } from "./api.js";
 import { Body, unpacked } from "./body.js";
-import { checkbox, css, make, swatch } from "./elements.js";
+import { checkbox, css, make, notice, swatch } from "./elements.js";
 import { Player } from "./player.js";
-import { BALL, boneFaces } from "./renderer.js";
+import { drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
 const BUSY = ["countdown", "learning", "searching"];
 const POINT = 0.016;  // width of a voxel's mark, m
 const LONGEST_S = 0.04;  // that a stage's bar is long for, at least
-const part = (name) => document.querySelector(`.${name}`);
 const ms = (seconds) => `${(1000 * seconds).toFixed(1)} ms`;
-
-function complain(text) {
-  part("banner").hidden = !text;
-  part("banner").textContent = text;
-}
 
 class Live {
   constructor(scene) {
@@ -24,10 +18,10 @@ class Live {
     this.player = new Player(document.body, scene, this);
     const events = new EventSource("events");
     events.addEventListener("message", ({ data }) => {
-      complain("");
+      notice("");
       this.#take(JSON.parse(data));
     });
-    events.addEventListener("error", () => complain("The session has ended or cannot be reached."));
+    events.addEventListener("error", () => notice("The session has ended or cannot be reached."));
   }
 
   // What the player's page lacks.
@@ -48,7 +42,7 @@ class Live {
     try {
       await postJson("api/ask", { word });
     } catch (error) {
-      complain(error.message);
+      notice(error.message);
     }
   }
 
@@ -71,7 +65,7 @@ class Live {
     if (!event.people) return;
     event.people.forEach((sent, k) => this.#place(this.people[k], sent, k));
     this.#points(unpacked(event.hull));
-    this.#otherPoses(event.hypotheses);
+    this.others = otherPoses(this.player.renderer, event.hypotheses, this.others);
     this.#nextPicture();
     this.player.redraw();
   }
@@ -98,29 +92,14 @@ class Live {
       this.player.renderer.place(person.skin, body.places, person.paint);
       person.body = body;
     } catch (error) {
-      complain(error.message);
+      notice(error.message);
     }
     person.asked = false;
   }
 
   #points(places) {
-    const { renderer } = this.player;
-    renderer.drop(this.hull);
-    const tints = new Uint8Array(places.length).map((_, k) => this.scene.hull_colour[k % 3]);
-    this.hull = places.length ? renderer.crowd(BALL, places, tints) : null;
-  }
-
-  #otherPoses(hypotheses) {
-    const { renderer } = this.player;
-    const [faces, normals, colours] = [[], [], []];
-    for (const { ends: sent, share } of hypotheses) {
-      const ends = unpacked(sent);
-      const before = faces.length;
-      for (let k = 0; k < ends.length; k += 6) boneFaces([...ends.slice(k, k + 3)], [...ends.slice(k + 3, k + 6)], 0.009, faces, normals);
-      for (let k = before; k < faces.length; k++) colours.push(Math.round(68 + 157 * Math.min(share, 1)));
-    }
-    renderer.drop(this.others);
-    this.others = faces.length ? renderer.surface(new Float32Array(faces), new Float32Array(normals), new Uint8Array(colours)) : null;
+    this.player.renderer.drop(this.hull);
+    this.hull = places.length ? this.player.renderer.balls(places, this.scene.hull_colour) : null;
   }
 
   // With every second moment one camera's picture, in turn: they cost most.
@@ -132,12 +111,7 @@ class Live {
     const camera = cameras[(this.turn / 2) % cameras.length];
     try {
       const answer = await fetch(`picture/${encodeURIComponent(camera.name)}${shown.outlines ? "?outlines=1" : ""}`);
-      if (answer.ok) {
-        const image = await createImageBitmap(await answer.blob());
-        camera.texture ??= renderer.texture(true);
-        renderer.picture(camera.texture, image);
-        image.close();
-      }
+      if (answer.ok) filmed(renderer, camera, await createImageBitmap(await answer.blob()));
     } catch {
       // The stream of events says that the session is gone.
     }
@@ -145,17 +119,13 @@ class Live {
   }
 
   pictures(player) {
-    if (!player.shown.pictures) return;
-    for (const camera of player.cameras) {
-      if (camera.texture) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
-    }
+    if (player.shown.pictures) drawPictures(player);
   }
 
   draw(player) {
     const { renderer, scene, shown } = player;
     const there = this.people.filter(({ there: seen, body }) => shown.person && seen && body);
-    const through = player.viewpoint.pinhole && !player.viewpoint.flight;
-    if (!through) there.forEach(({ skin }) => renderer.drawShadow(skin, scene.floor_m + 0.002));
+    if (!player.viewpoint.through) there.forEach(({ skin }) => renderer.drawShadow(skin, scene.floor_m + 0.002));
     there.forEach(({ skin }) => renderer.drawSkin(skin));
     if (shown.hull && this.hull) renderer.drawSolid(this.hull, POINT);
   }
@@ -203,9 +173,7 @@ class Live {
 }
 
 try {
-  const scene = await getJson("api/scene");
-  document.querySelector("h1").textContent = scene.name;
-  window.live = new Live(scene);
+  window.live = new Live(await getJson("api/scene"));
 } catch (error) {
-  complain(error.message);
+  notice(error.message);
 }

@@ -129,19 +129,16 @@ export class DrawingPointer extends Pointer {
   // Keys while a camera is enlarged; returns whether one was understood.
   key(view, event) {
     const { app } = this;
-    if (event.key === "Escape") {
-      if (app.draft) app.draft = null;
-      else app.enlarge(null);
+    if (event.key === "Escape" && app.draft) {
+      app.draft = null;
     } else if (event.key === "Enter" && app.draft) {
       this.close();
-    } else if (event.key === "0") {
-      view.reset();
     } else if (event.key === "Delete" || event.key === "Backspace") {
       this.remove(view);
     } else if (event.key.startsWith("Arrow") && app.tool === "points" && this.nudge(view, event)) {
       return true;
     } else {
-      return false;
+      return super.key(view, event);
     }
     app.show();
     return true;

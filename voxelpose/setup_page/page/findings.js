@@ -1,6 +1,6 @@
 // The side panel's parts on silhouettes and settings, the check of the cameras, up and the floor.
 
-import { button, checkbox, make, number, refusal } from "./parts.js";
+import { button, checkbox, make, refusal, rounded, table, tableRow } from "./elements.js";
 import { STAGES, stageButtons, stageNames } from "./stages.js";
 
 const USUAL = { background: "auto", tolerance: "0", voxel: "automatic", repair: "auto",
@@ -12,7 +12,7 @@ export function silhouettesPanel(app) {
   const body = [
     make("p", {}, "Silhouettes of the shown frame, as `fit` makes them with what is drawn and chosen"
       + " here. A result is as good as its silhouettes: whole, without shadows, nothing beside the person."),
-    stageButtons(names, app.stage, (stage) => app.chooseStage(stage)),
+    stageButtons(names, app.stage, (stage) => app.set({ stage })),
     make("p", {}, STAGES[app.stage][1]),
   ];
   if (app.stage !== "picture") body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));
@@ -82,7 +82,7 @@ export function checkPanel(app) {
   const label = running ? "Checking …" : check.state === "idle" ? "Check the cameras" : "Check again";
   body.push(make("div", { class: "row" },
     button(label, () => app.startCheck(), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) }),
-    running && button("Stop", () => app.stopCheck(), { id: "stop_check" })));
+    running && button("Stop", () => app.ask("api/check/stop"), { id: "stop_check" })));
   if (app.store.dirtyParts.some((part) => part !== "points") && !state.refused.check) {
     body.push(make("p", { class: "note" }, "It reads the folder: save first what is to count."));
   }
@@ -96,14 +96,12 @@ export function checkPanel(app) {
 }
 
 function findings(app, check) {
-  const rows = check.cameras.map((line) => make("tr", {},
-    make("td", {}, line.camera), make("td", {}, number(line.error_px, 1)),
-    make("td", {}, number(line.others_px, 1)), make("td", {}, String(line.planes)),
-    make("td", { class: line.verdict === "agrees" ? "good" : "bad" }, line.verdict)));
+  const rows = check.cameras.map((line) => tableRow([
+    line.camera, rounded(line.error_px, 1), rounded(line.others_px, 1), String(line.planes),
+    make("td", { class: line.verdict === "agrees" ? "good" : "bad" }, line.verdict)]));
   const body = [
     make("p", { class: check.agrees ? "good" : "bad", id: "check_summary" }, check.summary),
-    make("table", {}, make("thead", {}, make("tr", {}, ...["camera", "off, px", "others, px", "planes", ""].map(
-      (text) => make("th", {}, text)))), make("tbody", {}, ...rows)),
+    table(["camera", "off, px", "others, px", "planes", ""], rows),
   ];
   body.push(...check.findings.map(({ about, words, remedy }) => make("p", { class: about === "note" ? "note" : "" },
     ...(remedy ? [make("b", {}, words), make("br"), remedy] : [words]))));
@@ -125,7 +123,7 @@ export function floorPanel(app) {
   if (state.refused.floor) return [...body, refusal(state.refused.floor)];
   const { found, source, choices } = state.up;
   const other = inherited(state, "up");
-  body.push(checkbox("Show floor and axes", app.ground, (now) => app.toggleGround(now), { id: "show_ground" }));
+  body.push(checkbox("Show floor and axes", app.ground, (now) => app.set({ ground: now }), { id: "show_ground" }));
   const options = [{ name: "", text: other ? `as in the other file (${other})` : `as found: ${found}` },
     ...choices.map(({ name, worth }) => ({ name, text: `${name}  ·  cameras ${Math.round(100 * worth)} %` }))];
   const own = doc.fit.up;
@@ -144,10 +142,10 @@ export function floorPanel(app) {
   body.push(make("p", { class: "note" }, `${found} is found from ${source}. The share tells how well a direction explains how the`
     + " cameras stand. What is chosen is saved as up under [fit] in voxelpose.toml; the calibration is not changed."));
   const height = make("input", { type: "range", min: -2, max: 2, step: 0.01, value: app.height, id: "height" });
-  const text = make("output", {}, `${number(app.height, 2)} m`);
+  const text = make("output", {}, `${rounded(app.height, 2)} m`);
   height.addEventListener("input", () => {
-    text.textContent = `${number(+height.value, 2)} m`;
-    app.setHeight(+height.value);
+    text.textContent = `${rounded(+height.value, 2)} m`;
+    app.set({ height: +height.value });
   });
   body.push(make("div", { class: "row" }, make("label", { htmlFor: "height" }, "Height"), height, text));
   body.push(make("p", { class: "note" }, "Height of the grid in the calibration's world, to look at only: `fit`"

@@ -1,18 +1,17 @@
 // The page: cameras in the middle, steps at the side, time below.
 
-import { addCameras, addMoments, arrange } from "./arrange.js";
-import { getJson, onConnection, postJson } from "./api.js";
+import { getJson, postJson } from "./api.js";
+import { CamerasPage, openPage } from "./cameras_page.js";
+import { DrawingPointer, polygonsOf } from "./drawing_pointer.js";
 import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
 import { Loupe } from "./loupe.js";
 import { Overlays } from "./overlays.js";
 import { placesPanel, pointsPanel } from "./panels.js";
-import { make } from "./parts.js";
-import { addRail, addressOf } from "./rail.js";
+import { button, by, checkbox, make, notice } from "./elements.js";
 import { pointActions } from "./point_actions.js";
-import { DrawingPointer, polygonsOf } from "./drawing_pointer.js";
+import { addRail, addressOf } from "./rail.js";
 import { Store } from "./store.js";
 
-const by = (id) => document.getElementById(id);
 const STEPS = [
   ["region", "Region of interest", "#50c878", (app) => placesPanel(app, "region")],
   ["unknown", "Unknown places", "#ff9628", (app) => placesPanel(app, "unknown")],
@@ -22,12 +21,12 @@ const STEPS = [
   ["floor", "Up and the floor", "#f2f4f6", floorPanel],
 ];
 
-class App {
+class SetupPage extends CamerasPage {
   constructor(state) {
+    super(state, "setup", DrawingPointer, ". What you drew is still here: start it again at the same port, and save.");
     this.store = new Store(state);
-    this.views = new Map();
     this.tool = "region";
-    this.large = this.chosen = this.draft = null;
+    this.chosen = this.draft = null;
     this.point = state.points[0]?.name ?? null;
     this.typed = {};
     this.errors = {};
@@ -36,56 +35,41 @@ class App {
     this.silhouetteNote = "";
     this.height = 0;
     this.check = { state: "idle" };
-    this.moment = Math.floor(state.moments / 2);
-    this.loupe = new Loupe(by("loupe"));
-    this.pointer = new DrawingPointer(this);
+    this.build(state);
     this.overlays = new Overlays(this);
-    this.build();
     this.store.addEventListener("change", () => this.changed());
     this.changed();
-    this.overlays.loadMoment();
+    this.seek(this.moment);
     getJson("api/check").then((check) => Object.assign(this, { check }).watchCheck()).catch(() => {});
   }
 
-  build() {
-    const { state } = this.store;
-    by("recording").textContent = state.name;
-    by("recording").title = state.folder;
-    document.title = `${state.name} – voxelpose setup`;
+  // What the page of cameras lacks.
+  build(state) {
+    const tool = (id, text, title, onclick, kind = "quiet") => button(text, onclick, { id, title, class: kind, disabled: true });
+    document.querySelector("header").append(
+      make("div", { class: "push" }), make("p", { id: "saving", role: "status" }),
+      tool("undo", "Undo", "Undo (Ctrl+Z)", () => this.undo()), tool("redo", "Redo", "Redo (Ctrl+Shift+Z)", () => this.redo()),
+      tool("save", "Save", "Write the changes into the recording's folder (Ctrl+S)", () => this.save(), "main"));
     if (state.studio) {
       addRail("check", state.studio, state.name);
       document.querySelector("h1 span").textContent = "studio";
-      by("next").hidden = false;
-      by("next").href = addressOf("fit", state.studio, state.name);
+      document.querySelector("header").append(make("a", { id: "next", class: "button", href: addressOf("fit", state.studio, state.name) }, "Next: Fit"));
     }
-    addCameras(this, state.cameras, (name) => this.scene(name));
-    addMoments(this, state.moments);
-    by("empty_label").hidden = !state.cameras.some((camera) => camera.empty);
-    by("empty").addEventListener("change", () => this.overlays.loadMoment());
-    by("undo").addEventListener("click", () => this.undo());
-    by("redo").addEventListener("click", () => this.redo());
-    by("save").addEventListener("click", () => this.save());
+    if (state.fault) by("banner").after(make("div", { id: "fault", role: "note" }, `\`fit\` would refuse this folder: ${state.fault}`));
+    const empty = checkbox("Empty view", false, () => this.seek(this.moment), { id: "empty" });
+    by("moment_text").after(Object.assign(empty, { hidden: !state.cameras.some((camera) => camera.empty), title: "The pictures in background/" }));
+    document.body.append(
+      make("canvas", { id: "loupe", width: 216, height: 216, hidden: true }),
+      make("dialog", { id: "picture" }, make("img", { alt: "" }), make("form", { method: "dialog" }, make("button", { class: "main" }, "Close"))));
+    this.loupe = new Loupe(by("loupe"));
     this.watchPanel();
     document.addEventListener("keydown", (event) => this.key(event));
-    addEventListener("resize", () => this.arrange());
     addEventListener("beforeunload", (event) => {
       if (!this.store.dirty && !this.draft) return;
       event.preventDefault();
       event.returnValue = true; // for browsers that ask only then
     });
-    onConnection((reachable) => {
-      by("banner").hidden = reachable;
-      by("banner").textContent = "The program has ended or cannot be reached. What you drew is still"
-        + " here: start it again at the same port, and save.";
-    });
-    by("fault").hidden = !state.fault;
-    by("fault").replaceChildren(make("span", {}, `\`fit\` would refuse this folder: ${state.fault}`));
     this.arrange();
-  }
-
-  notice(text) {
-    by("banner").hidden = false;
-    by("banner").textContent = text;
   }
 
   cameraState(name) {
@@ -226,8 +210,8 @@ class App {
     this.draft = this.chosen = null;
     this.loupe.hide();
     this.overlays.explain(null);
-    if (tool === "floor" && !this.ground && !this.store.state.refused.floor) this.toggleGround(true);
-    if (tool === "silhouettes" && this.stage === "picture") this.chooseStage("silhouette");
+    if (tool === "floor" && !this.ground && !this.store.state.refused.floor) this.set({ ground: true });
+    if (tool === "silhouettes" && this.stage === "picture") this.set({ stage: "silhouette" });
     this.show();
   }
 
@@ -240,14 +224,16 @@ class App {
     this.show();
   }
 
-  arrange() {
-    arrange(by("tiles"), this.views, this.large);
+  pathOf(view) {
+    if (!by("empty").checked) return `picture/${encodeURIComponent(view.name)}?moment=${this.moment}`;
+    return this.cameraState(view.name).empty ? `picture/${encodeURIComponent(view.name)}` : null;
   }
 
-  seek(moment) {
-    this.moment = Math.min(Math.max(moment, 0), this.store.state.moments - 1);
-    by("moment").value = this.moment;
-    this.overlays.loadMoment();
+  loadMoment() {
+    const { times_s, numbers } = this.store.state;
+    const time = times_s ? `  ·  ${times_s[this.moment].toFixed(2)} s` : "";
+    this.timeText(by("empty").checked ? "empty view" : `frame ${numbers?.[this.moment] ?? this.moment}${time}`);
+    this.overlays.update();
   }
 
   key(event) {
@@ -290,11 +276,6 @@ class App {
     this.store.redo();
   }
 
-  choose(chosen) {
-    this.chosen = chosen;
-    this.show();
-  }
-
   removePolygon(kind, camera, index) {
     this.chosen = null;
     this.store.change(`remove ${Math.random()}`, (doc) => polygonsOf(doc, kind, camera).splice(index, 1));
@@ -312,21 +293,11 @@ class App {
     this.show();
   }
 
-  chooseStage(stage) {
-    this.stage = stage;
+  // Shows something else: another stage, another height of the floor ...
+  set(changes) {
+    Object.assign(this, changes);
     this.overlays.update();
     this.show();
-  }
-
-  toggleGround(now) {
-    this.ground = now;
-    this.overlays.update();
-    this.show();
-  }
-
-  setHeight(height) {
-    this.height = height;
-    this.overlays.update();
   }
 
   enlargePicture(source) {
@@ -355,20 +326,12 @@ class App {
   }
 
   async repair() {
-    try {
-      await postJson("api/check/repair", {});
-      location.reload();
-    } catch (error) {
-      this.notice(error.message);
-    }
+    if (await this.ask("api/check/repair")) location.reload();
   }
 
-  async stopCheck() {
-    try {
-      await postJson("api/check/stop", {});
-    } catch (error) {
-      this.notice(error.message);
-    }
+  // Asks for something; null where that is refused, which is told on top.
+  ask(path) {
+    return postJson(path, {}).catch((error) => notice(error.message));
   }
 
   async save() {
@@ -381,7 +344,7 @@ class App {
       const { meanwhile, written, removed, left_out, state } = await postJson("api/save", { ...this.store.changes(), seen });
       this.overrides = Boolean(meanwhile);
       if (meanwhile) throw new Error(meanwhile);
-      by("banner").hidden = true;
+      notice("");
       const words = [];
       if (written.length) words.push(`written: ${written.join(", ")}`);
       if (removed.length) words.push(`removed: ${removed.join(", ")}`);
@@ -391,18 +354,13 @@ class App {
       this.status(words.join("; ") || "nothing to write", !left_out.length);
     } catch (error) {
       this.status(`not saved: ${error.message}`);
-      this.notice(`Not saved: ${error.message}`);
+      notice(`Not saved: ${error.message}`);
     } finally {
       this.isSaving = false;
     }
   }
 }
 
-Object.assign(App.prototype, pointActions);
+Object.assign(SetupPage.prototype, pointActions);
 
-try {
-  window.app = new App(await getJson("api/state"));
-} catch (error) {
-  by("banner").hidden = false;
-  by("banner").textContent = error.message;
-}
+await openPage(SetupPage);

@@ -1,9 +1,9 @@
-// What is fetched for the cameras: pictures of a moment, silhouettes, painted places, the floor.
+// What is fetched for the cameras: silhouettes, painted places, the floor.
 
 import { loadImage, postJson } from "./api.js";
+import { by, notice } from "./elements.js";
 import { Stages, latest } from "./stages.js";
 
-const by = (id) => document.getElementById(id);
 const STAGED = ["background", "odds", "first"];
 
 export class Overlays {
@@ -12,9 +12,8 @@ export class Overlays {
     this.keys = {};
     const quiet = () => {};
     this.stages = new Stages(app.views, () => this.request, (text) => text && this.silhouetteText(text));
-    this.loadPictures = latest(60, (current) => this.pictures(current), (error) => this.timeText(error.message));
     this.loadSilhouettes = latest(250, (current) => this.silhouettes(current), (error) => this.silhouetteText(error.message));
-    this.loadGround = latest(30, (current) => this.ground(current), (error) => app.notice(error.message));
+    this.loadGround = latest(30, (current) => this.ground(current), (error) => notice(error.message));
     this.loadErrors = latest(200, (current) => this.errors(current), quiet);
     this.forgetPainted();
   }
@@ -38,37 +37,6 @@ export class Overlays {
     const before = this.keys[name];
     this.keys[name] = key;
     return before !== key;
-  }
-
-  loadMoment() {
-    const { app } = this;
-    const { times_s, numbers } = app.store.state;
-    const time = times_s ? `  ·  ${times_s[app.moment].toFixed(2)} s` : "";
-    this.timeText(by("empty").checked ? "empty view" : `frame ${numbers?.[app.moment] ?? app.moment}${time}`);
-    by("loading").hidden = false;
-    this.loadPictures();
-    this.update();
-  }
-
-  timeText(text) {
-    by("moment_text").textContent = text;
-  }
-
-  async pictures(current) {
-    const { app } = this;
-    const empty = by("empty").checked;
-    try {
-      await Promise.all([...app.views.values()].map(async (view) => {
-        const there = !empty || app.cameraState(view.name).empty;
-        const query = empty ? "" : `?moment=${app.moment}`;
-        const image = there ? await loadImage(`picture/${encodeURIComponent(view.name)}${query}`) : null;
-        if (!current()) return;
-        view.image = image;
-        view.draw();
-      }));
-    } finally {
-      if (current()) by("loading").hidden = true;
-    }
   }
 
   async forgetPainted() {

@@ -1,6 +1,6 @@
 // The side panel's parts on regions, unknown places and points.
 
-import { button, checkbox, make, number } from "./parts.js";
+import { button, checkbox, make, rounded, table, tableRow } from "./elements.js";
 import { polygonsOf } from "./drawing_pointer.js";
 
 const SAID = {
@@ -23,7 +23,7 @@ export function placesPanel(app, kind) {
   polygons.forEach((polygon, index) => {
     const chosen = app.chosen?.kind === kind && app.chosen.index === index;
     list.append(make("li", { class: chosen ? "chosen" : "" },
-      make("span", { onclick: () => app.choose({ kind, index }) }, `Polygon ${index + 1}`),
+      make("span", { onclick: () => app.set({ chosen: { kind, index } }) }, `Polygon ${index + 1}`),
       make("small", {}, `${polygon.length} corners`),
       button("Delete", () => app.removePolygon(kind, camera, index), { class: "small" })));
   });
@@ -85,7 +85,7 @@ export function pointsPanel(app) {
     list.append(make("li", { class: point.name === app.point ? "chosen" : "" },
       make("span", { onclick: () => app.choosePoint(point.name) }, point.name),
       make("small", { class: worst > 3 ? "bad" : "" },
-        `${clicks ? `${clicks} ×` : "no click"}${worst >= 0 ? ` · ${number(worst, 1)} px` : ""}`)));
+        `${clicks ? `${clicks} ×` : "no click"}${worst >= 0 ? ` · ${rounded(worst, 1)} px` : ""}`)));
   }
   body.push(list);
   const point = doc.points.find((each) => each.name === app.point);
@@ -138,12 +138,10 @@ function pixelTable(app, point) {
   const rows = app.store.state.cameras.map(({ name }) => {
     const pixel = point.pixels[name];
     const error = app.errors[point.name]?.pixels[name]?.error_px;
-    return make("tr", { class: "link", onclick: () => app.enlarge(name) },
-      make("td", {}, name),
-      make("td", {}, pixel ? `${number(pixel[0], 1)}, ${number(pixel[1], 1)}` : "–"),
-      make("td", { class: error > 3 ? "bad" : "" }, error === undefined ? "" : `${number(error, 2)} px`));
+    return tableRow([
+      name, pixel ? `${rounded(pixel[0], 1)}, ${rounded(pixel[1], 1)}` : "–",
+      make("td", { class: error > 3 ? "bad" : "" }, error === undefined ? "" : `${rounded(error, 2)} px`),
+    ], { class: "link", onclick: () => app.enlarge(name) });
   });
-  return make("table", {}, make("thead", {}, make("tr", {},
-    make("th", {}, "camera"), make("th", {}, "click, px"), make("th", {}, "off by"))),
-  make("tbody", {}, ...rows));
+  return table(["camera", "click, px", "off by"], rows);
 }

@@ -1,5 +1,7 @@
 // What is done with points of the scene; mixed into the page.
 
+import { freeName } from "./elements.js";
+
 export const pointActions = {
   // A new point whose name is typed next.
   addPoint() {
@@ -8,9 +10,8 @@ export const pointActions = {
   },
 
   newPoint() {
-    let count = this.store.doc.points.length + 1;
-    while (this.store.doc.points.some((point) => point.name === `point_${count}`)) count++;
-    const name = `point_${count}`;
+    const taken = this.store.doc.points.map((point) => point.name);
+    const name = freeName("point_", taken, taken.length + 1);
     this.point = name;
     this.store.change(`new ${name}`, (doc) => doc.points.push({ name, pixels: {}, position_m: null }));
     return name;

@@ -2,11 +2,11 @@
 
 import { getJson, postJson } from "./api.js";
 import { lensCards, offsetTable, rigFindings } from "./calibration_findings.js";
-import { field, grouped, isWrong } from "./form_fields.js";
+import { field, grouped, isWrong, labelled } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
-import { button, make, refusal } from "./parts.js";
+import { button, freeName, make, notice, refusal } from "./elements.js";
 import { addressOf } from "./rail.js";
-import { dropTarget, fileList, picker, STILLS, Uploads, VIDEOS } from "./uploads.js";
+import { dropTarget, fileList, picker, stemOf, STILLS, Uploads, VIDEOS } from "./uploads.js";
 
 const OF_BOARD = ["board", "square", "marker", "dictionary"];
 // Jobs, each told in the part of the page that begins it.
@@ -23,7 +23,7 @@ export async function calibrateStep(studio, state, project) {
   studio.watch(async (job) => {
     const ended = before === "running" && job.state === "done";
     before = job.state;
-    if (ended) await renew(step).catch((error) => studio.notice(error.message));
+    if (ended) await renew(step).catch((error) => notice(error.message));
     const mine = job.of === project && job.kind in PARTS;
     const place = mine && holders.querySelector(`[data-job=${PARTS[job.kind]}]`);
     (place || step.top).append(step.panel);
@@ -53,10 +53,15 @@ function outcome(job) {
 
 const section = (number, title, id, ...parts) => make("section", { class: "job numbered", id }, make("h3", {}, make("i", {}, number), title), ...parts);
 
-async function begin(step, holder, asked) {
-  if (isWrong(holder)) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
-  if (await step.studio.send("api/calibrate", { project: step.project, ...asked })) step.panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
-}
+const begin = (step, holder, asked) => step.studio.begin("api/calibrate", { project: step.project, ...asked }, step.panel, holder);
+
+// The settings of a command, but for those of the board; in their own part of the page.
+const settings = (step, command, names, typed = command, before = []) => make("div", {}, ...grouped(
+  step.known.forms[command].filter((row) => !OF_BOARD.includes(row.name)), (row) => field(row, step.typed[typed], names), before));
+
+// A button that begins a calibration, and where it is told how that goes.
+const starter = (text, id, start, place, kind = "main") => [
+  make("div", { class: "row end" }, button(text, start, { class: kind, id, "data-calibrate": "" })), make("div", { "data-job": place })];
 
 // 1: the board, and what it looks like.
 function sheetPart(step) {
@@ -65,10 +70,10 @@ function sheetPart(step) {
   const said = make("div", { "aria-live": "polite" });
   step.sheet = make("a", { class: "button quiet", id: "sheet", href: `sheet/board?project=${encodeURIComponent(step.project)}`, download: "" }, "Download board.pdf");
   const produce = async () => {
-    if (isWrong(holder)) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
+    if (isWrong(holder)) return notice("a setting makes no sense: correct the field with the red frame");
     try {
       const board = await postJson("api/board", { project: step.project, settings: step.typed.board });
-      step.studio.notice("");
+      notice("");
       step.known.sheet = true;
       for (const name of OF_BOARD) step.typed.look[name] = board[name];
       const [across, down] = board.squares.map((count) => Number((1000 * count * board.square).toFixed(1)));
@@ -76,7 +81,7 @@ function sheetPart(step) {
         ...(board.symmetric ? [make("p", { class: "note" }, "This board looks the same after half a turn: take one even and one odd number.")] : []));
       await renew(step);
     } catch (error) {
-      step.studio.notice(error.message);
+      notice(error.message);
     }
   };
   holder.append(...grouped(step.known.forms.board, (row) => field(row, step.typed.board, "sheet")));
@@ -88,54 +93,43 @@ function sheetPart(step) {
 
 // 2: stills or a video of the board before each camera.
 function lensPart(step) {
-  const holder = make("div");
-  const { intrinsics } = step.known.forms;
-  holder.append(...grouped(intrinsics.filter((row) => !OF_BOARD.includes(row.name)), (row) => field(row, step.typed.intrinsics, "lens")));
+  const holder = settings(step, "intrinsics", "lens");
   step.boards = make("div");
   const start = () => begin(step, holder, { command: "intrinsics", settings: { ...step.typed.look, ...step.typed.intrinsics } });
   return section("2", "Lenses", "lenses",
     make("p", {}, "For each camera 15 to 30 pictures of the board, or a video of half a minute: near and far, in all parts of the picture, tilted both ways, held still."),
-    step.boards, holder,
-    make("div", { class: "row end" }, button("Calibrate the lenses", start, { class: "main", id: "start_lenses", "data-calibrate": "" })),
-    make("div", { "data-job": "lenses" }));
+    step.boards, holder, ...starter("Calibrate the lenses", "start_lenses", start, "lenses"));
 }
 
 // 3: the board carried through the room, or points that were clicked.
 function positionPart(step) {
-  const holder = make("div");
-  const { extrinsics, sync } = step.known.forms;
   const of = make("select", { id: "positions_of" }, make("option", { value: "boards" }, "the carried board"), make("option", { value: "points" }, "points clicked in Check"));
   if (!step.known.files.some((file) => file.place === "board_walk") && step.known.points) of.value = "points";
-  const from = make("div", { class: "field" }, make("label", { htmlFor: "positions_of" }, "found from"), of,
-    make("p", { class: "note" }, `${step.known.points || "No"} point${step.known.points === 1 ? " has" : "s have"} world coordinates; four are needed, better eight.`));
-  holder.append(...grouped(extrinsics.filter((row) => !OF_BOARD.includes(row.name)), (row) => field(row, step.typed.extrinsics, "rig"), [from]));
+  const from = labelled("found from", of, make("p", { class: "note" }, `${step.known.points || "No"} point${step.known.points === 1 ? " has" : "s have"} world coordinates; four are needed, better eight.`));
+  const holder = settings(step, "extrinsics", "rig", "extrinsics", [from]);
   step.walk = make("div");
   step.rig = make("div");
   const start = () => begin(step, holder, { command: "extrinsics", of: of.value, settings: { ...(of.value === "boards" ? step.typed.look : {}), ...step.typed.extrinsics } });
-  const times = make("div");
-  if (step.typed.boards.by === undefined) step.typed.boards.by = "board";
-  times.append(...grouped(sync.filter((row) => !OF_BOARD.includes(row.name)), (row) => field(row, step.typed.boards, "walk")));
+  step.typed.boards.by ??= "board";
+  const times = settings(step, "sync", "walk", "boards");
   const keep = () => begin(step, times, { command: "sync", of: "boards", settings: { ...(["auto", "board"].includes(step.typed.boards.by) ? step.typed.look : {}), ...step.typed.boards } });
   return section("3", "Positions", "positions",
     make("p", {}, "Fix the cameras, start them, clap once. Lay the board on the floor, face up; then carry it slowly through the room, always in view of two cameras. One video for each camera, named as the pictures above."),
     step.walk,
     make("details", {}, make("summary", {}, "The videos were not started together"), make("div", { class: "inner" },
       make("p", { class: "note" }, "Finds the time of every frame, from the board's speed or from the clap."), times,
-      make("div", { class: "row end" }, button("Put them in step", keep, { id: "start_walk_times", "data-calibrate": "" })), make("div", { "data-job": "walk_times" }))),
-    holder,
-    make("div", { class: "row end" }, button("Calibrate the positions", start, { class: "main", id: "start_positions", "data-calibrate": "" })),
-    make("div", { "data-job": "positions" }), step.rig);
+      ...starter("Put them in step", "start_walk_times", keep, "walk_times", ""))),
+    holder, ...starter("Calibrate the positions", "start_positions", start, "positions"), step.rig);
 }
 
 // 4: the take itself.
 function timePart(step) {
-  const holder = make("div");
-  holder.append(...grouped(step.known.forms.sync.filter((row) => !OF_BOARD.includes(row.name)), (row) => field(row, step.typed.take, "take")));
+  const holder = settings(step, "sync", "take", "take");
   const start = () => begin(step, holder, { command: "sync", of: "take", settings: step.typed.take });
   step.times = make("div");
   return section("4", "The take in step", "times",
     make("p", {}, "Only if the cameras were not triggered together, as telephones and webcams. From the silhouettes of somebody who moves, or from a clap; with the calibration to about a millisecond."),
-    holder, step.times, make("div", { class: "row end" }, button("Find the times", start, { id: "start_times", "data-calibrate": "" })), make("div", { "data-job": "times" }));
+    holder, step.times, ...starter("Find the times", "start_times", start, "times", ""));
 }
 
 function drawFiles(step) {
@@ -149,7 +143,7 @@ function drawFiles(step) {
   step.look.replaceChildren(make("div", { class: "fields" }, ...look({ board: "inner corners", square: "square, m" })),
     make("details", { open: Boolean(step.typed.look.marker) }, make("summary", {}, "Markers", make("small", {}, "of a ChArUco board")), make("div", { class: "fields" }, ...look({ marker: "marker, m", dictionary: "dictionary" }))));
   const of = (place) => known.files.filter((file) => file.place === place);
-  const camera = make("input", { type: "text", id: "camera_name", class: "grow", value: step.camera ?? freeCamera(of("boards")), "aria-label": "Camera of the pictures", maxLength: 80 });
+  const camera = make("input", { type: "text", id: "camera_name", class: "grow", value: step.camera ?? freeName("cam_", of("boards").map(stemOf)), "aria-label": "Camera of the pictures", maxLength: 80 });
   camera.addEventListener("change", () => (step.camera = camera.value.trim()));
   const take = (files) => {
     uploads.add("boards", files, camera.value.trim());
@@ -182,11 +176,4 @@ function drawFiles(step) {
 function allowStarts(step) {
   const waits = step.studio.job.state === "running" || step.uploads.waiting;
   for (const start of step.holders.querySelectorAll("button[data-calibrate]")) start.disabled = waits;
-}
-
-function freeCamera(files) {
-  const taken = files.map((file) => file.name.split("/").at(-1).replace(/\.[^.]*$/, ""));
-  let number = 1;
-  while (taken.includes(`cam_${number}`)) number++;
-  return `cam_${number}`;
 }

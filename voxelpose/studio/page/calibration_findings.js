@@ -1,16 +1,14 @@
 // What calibrations found: each camera's coverage and lens, the rig, and clocks.
 
-import { make, number } from "./parts.js";
-import { fileList } from "./uploads.js";
+import { make, rounded, table, tableRow } from "./elements.js";
+import { fileList, stemOf } from "./uploads.js";
 
-const head = (...names) => make("thead", {}, make("tr", {}, ...names.map((name) => make("th", {}, name))));
-const row = (...cells) => make("tr", {}, ...cells.map((cell) => make("td", {}, cell)));
 const signed = (value, digits) => `${value > 0 ? "+" : ""}${value.toFixed(digits)}`;
 
 // A card for each camera: its pictures, where the board was seen, and how good the lens is.
 export function lensCards(step, files) {
   const found = step.known.lenses ?? {};
-  const names = files.map((file) => file.name.split("/").at(-1).replace(/\.[^.]*$/, ""));
+  const names = files.map(stemOf);
   const cards = files.map((file, index) => card(step, names[index], file, found[names[index]]));
   const others = Object.keys(found).filter((name) => !names.includes(name)).map((name) => card(step, name, null, found[name]));
   return cards.length + others.length ? [make("div", { class: "cards lenses" }, ...cards, ...others)] : [];
@@ -44,10 +42,10 @@ export function coverage({ corners_per_cell: cells, size }) {
 function lensWords(lens) {
   const used = lens.pictures.filter((picture) => picture.left_out === null);
   const left = lens.pictures.filter((picture) => picture.left_out !== null);
-  const before = Number.isFinite(lens.before_rms_px) ? `; before ${number(lens.before_rms_px, 2)} px` : "";
+  const before = Number.isFinite(lens.before_rms_px) ? `; before ${rounded(lens.before_rms_px, 2)} px` : "";
   return [
-    make("p", { class: lens.rms_px < 0.5 ? "good" : lens.rms_px < 1 ? "" : "bad" }, make("b", {}, `${number(lens.rms_px, 2)} px`), ` error in ${used.length} of ${lens.pictures.length} pictures${before}`),
-    make("p", { class: "note" }, `focal length ${number(lens.matrix[0][0], 0)} ± ${number(lens.focal_standard_error_px[0], 1)} px`),
+    make("p", { class: lens.rms_px < 0.5 ? "good" : lens.rms_px < 1 ? "" : "bad" }, make("b", {}, `${rounded(lens.rms_px, 2)} px`), ` error in ${used.length} of ${lens.pictures.length} pictures${before}`),
+    make("p", { class: "note" }, `focal length ${rounded(lens.matrix[0][0], 0)} ± ${rounded(lens.focal_standard_error_px[0], 1)} px`),
     ...lens.advice.map((text) => make("p", { class: "note warn" }, text)),
     left.length > 0 && make("details", { class: "plain" }, make("summary", {}, `${left.length} left out`),
       make("ul", { class: "plain" }, ...left.map((picture) => make("li", {}, `${picture.picture}: ${picture.left_out}`)))),
@@ -60,20 +58,20 @@ export function rigFindings({ known, project }) {
   if (!rig) return known.calibration ? [make("p", { class: "note" }, `${known.calibration} is there, of another program or an earlier time.`)] : [];
   const lines = Object.entries(rig.cameras);
   const before = lines.some(([, line]) => Number.isFinite(line.before_rms_px));
-  const rows = lines.map(([name, line]) => row(name, String(line.seen), ...(before ? [number(line.before_rms_px, 2)] : []), number(line.rms_px, 2),
-    Number.isFinite(line.position_standard_error_mm) ? `± ${number(line.position_standard_error_mm, 1)}` : "reference",
-    Number.isFinite(line.rotation_standard_error_deg) ? `± ${number(line.rotation_standard_error_deg, 2)}` : "", line.center_m.map((value) => number(value, 2).replace(/^-(0\.0+)$/, "$1")).join(", ")));
+  const rows = lines.map(([name, line]) => tableRow([name, String(line.seen), ...(before ? [rounded(line.before_rms_px, 2)] : []), rounded(line.rms_px, 2),
+    Number.isFinite(line.position_standard_error_mm) ? `± ${rounded(line.position_standard_error_mm, 1)}` : "reference",
+    Number.isFinite(line.rotation_standard_error_deg) ? `± ${rounded(line.rotation_standard_error_deg, 2)}` : "", line.center_m.map((value) => rounded(value, 2).replace(/^-(0\.0+)$/, "$1")).join(", ")]));
   const pairs = rig.shared.map(({ cameras, count }) => `${cameras.join("–")} ${count}`).join(", ");
   return [make("div", { class: "found", id: "rig_found" },
-    make("h4", {}, `Found: ${lines.length} cameras, ${number(rig.rms_px, 2)} px`),
-    make("div", { class: "wide" }, make("table", {}, head("camera", "seen", ...(before ? ["before, px", "now, px"] : ["error, px"]), "position, mm", "turn, °", "where, m"), make("tbody", {}, ...rows))),
+    make("h4", {}, `Found: ${lines.length} cameras, ${rounded(rig.rms_px, 2)} px`),
+    make("div", { class: "wide" }, table(["camera", "seen", ...(before ? ["before, px", "now, px"] : ["error, px"]), "position, mm", "turn, °", "where, m"], rows)),
     make("p", { class: "note" }, `Shared by pairs: ${pairs}. Good is below 1 px, and a few millimetres.`),
     ...rig.advice.map((text) => make("p", { class: "note warn" }, text)),
     known.rig_picture && make("img", { class: "shot", src: `rig?${new URLSearchParams({ project, made: known.rig_picture })}`, alt: "The cameras from above and from the side: does it look like the room?" }))];
 }
 
 export function offsetTable(job) {
-  const rows = job.offsets.map((line) => row(line.camera, number(line.fps, 2), ...(line.reference ? ["its clock counts", "", ""]
-    : [signed(line.late_frames, 2), signed(line.late_ms, 1), line.error_ms === null ? "?" : `± ${(2 * line.error_ms).toFixed(1)}`])));
-  return make("div", { class: "wide" }, make("table", { id: "offsets" }, head("camera", "frames a second", "late by, frames", "ms", "ms, 95 %"), make("tbody", {}, ...rows)));
+  const rows = job.offsets.map((line) => tableRow([line.camera, rounded(line.fps, 2), ...(line.reference ? ["its clock counts", "", ""]
+    : [signed(line.late_frames, 2), signed(line.late_ms, 1), line.error_ms === null ? "?" : `± ${(2 * line.error_ms).toFixed(1)}`])]));
+  return make("div", { class: "wide" }, table(["camera", "frames a second", "late by, frames", "ms", "ms, 95 %"], rows, { id: "offsets" }));
 }

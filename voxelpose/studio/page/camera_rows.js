@@ -1,6 +1,6 @@
 // Names and addresses of cameras, which can be added and removed.
 
-import { button, make } from "./parts.js";
+import { button, freeName, make } from "./elements.js";
 
 // Rows for the cameras of the last time, or for the webcams that are there.
 export function cameraRows(known) {
@@ -11,10 +11,7 @@ export function cameraRows(known) {
   const names = () => [...rows.querySelectorAll("[data-name]")].map((input) => input.value.trim());
   const free = () => {
     const next = known.cameras.find((name) => !names().includes(name));
-    if (next) return next;
-    let number = 1;
-    while (names().includes(`cam_${number}`)) number++;
-    return `cam_${number}`;
+    return next ?? freeName("cam_", names());
   };
   const add = (name, address) => {
     const row = make("div", { class: "row" },

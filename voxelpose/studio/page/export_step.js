@@ -1,7 +1,7 @@
 // Export: formats to choose, and one archive to keep.
 
 import { jobPanel } from "./job_panel.js";
-import { button, make } from "./parts.js";
+import { button, make } from "./elements.js";
 import { none, resultsOf } from "./view_step.js";
 
 const USUAL = ["bvh", "glb", "csv", "html"];

@@ -1,9 +1,9 @@
 // Fit: settings in their groups, the estimation as it goes, and the verdict.
 
 import { getJson } from "./api.js";
-import { field, grouped, isWrong } from "./form_fields.js";
+import { field, grouped, labelled } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
-import { button, make, refusal } from "./parts.js";
+import { button, freeName, make, refusal } from "./elements.js";
 import { resultLink, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
 
@@ -46,27 +46,18 @@ function verdicts(step, job) {
   ].filter(Boolean) : [];
 }
 
-// A name that no result has.
-function freeName(step) {
-  const taken = new Set(step.state.results.map((result) => result.name.split("/")[0]));
-  let name = `${step.project}_${step.command}`;
-  for (let number = 2; taken.has(name); number++) name = `${step.project}_${step.command}_${number}`;
-  return name;
-}
-
 function draw(step) {
   const { known, form } = step;
-  const out = make("input", { type: "text", id: "out", value: freeName(step), maxLength: 80 });
+  const taken = step.state.results.map((result) => result.name.split("/")[0]);
+  const stem = `${step.project}_${step.command}`;
+  const out = make("input", { type: "text", id: "out", value: taken.includes(stem) ? freeName(`${stem}_`, taken, 2) : stem, maxLength: 80 });
   const replace = make("input", { type: "checkbox", id: "replace" });
   const names = known.cameras.map((camera) => camera.name);
   const rows = (row) => field(row.name === "camera" ? { ...row, input: "choice", choices: names, none: names.length > 1 && "choose" } : row, step.typed);
-  const groups = grouped(form, rows, methods(step), [make("div", { class: "field" }, make("label", { htmlFor: "out" }, "name of the result"), out,
-    make("label", { class: "note" }, replace, "replace an earlier result of this name"))]);
-  const start = async () => {
-    if (isWrong(step.holder)) return step.studio.notice("a setting makes no sense: correct the field with the red frame");
-    const asked = { project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings: step.typed };
-    if (await step.studio.send("api/fit", asked)) step.panel.scrollIntoView({ block: "nearest" });
-  };
+  const groups = grouped(form, rows, methods(step), [labelled("name of the result", out, make("label", { class: "note" }, replace, "replace an earlier result of this name"))]);
+  const start = () => step.studio.begin("api/fit", {
+    project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings: step.typed,
+  }, step.panel, step.holder);
   const fault = known.fault && (step.command === "fit" || !known.cameras.length);
   step.holder.replaceChildren(
     ...(fault ? [refusal(known.fault), make("p", {}, make("a", { class: "button main", href: addressOf("import", "./", step.project) }, "Mend it: Import"))] : []),
@@ -84,5 +75,5 @@ function methods(step) {
     step.form = await getJson(formPath(step));
     draw(step);
   });
-  return [make("div", { class: "field" }, make("label", { htmlFor: "command" }, "made from"), select)];
+  return [labelled("made from", select)];
 }

@@ -1,6 +1,6 @@
 // Fields of a command's settings, in their groups.
 
-import { checkbox, make } from "./parts.js";
+import { checkbox, make } from "./elements.js";
 
 const GROUPS = { basic: "", person: "The person", camera: "Cameras", output: "Filter and output", expert: "Expert" };
 
@@ -34,8 +34,15 @@ export function field(row, typed, prefix = "set") {
     const text = input.value.trim();
     set(text === "" ? null : row.input === "number" ? Number(text) : text);
   });
-  return make("div", { class: "field" }, make("label", { htmlFor: id }, row.name), input, help);
+  return labelled(row.name, input, help);
 }
+
+// A field with its name above it; what else there is stands below.
+export const labelled = (name, input, ...more) => make("div", { class: "field" }, make("label", { htmlFor: input.id }, name), input, ...more);
+
+// Whether videos that stand for cameras are played again and again.
+export const loopField = (id, set) => make("div", { class: "field" }, checkbox("loop", true, set, { id }),
+  make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."));
 
 // Whether a field of a form holds what it cannot.
 export const isWrong = (holder) => Boolean(holder.querySelector("input:invalid, input.wrong"));

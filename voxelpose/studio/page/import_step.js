@@ -1,7 +1,7 @@
 // Import: files of a project, and what the program reads in them.
 
 import { getJson } from "./api.js";
-import { button, make, refusal } from "./parts.js";
+import { button, make, refusal } from "./elements.js";
 import { addressOf } from "./rail.js";
 import { dropTarget, fileList, picker, STILLS, Uploads, VIDEOS } from "./uploads.js";
 

@@ -1,6 +1,6 @@
 // The program's job: how far it is, and what came of it.
 
-import { button, make, refusal } from "./parts.js";
+import { button, make, refusal } from "./elements.js";
 import { addressOf, STEPS } from "./rail.js";
 
 const VERBS = {

@@ -2,25 +2,23 @@
 
 import { getJson } from "./api.js";
 import { cameraRows } from "./camera_rows.js";
-import { field, grouped, isWrong } from "./form_fields.js";
+import { field, grouped, loopField } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
-import { button, checkbox, make, number } from "./parts.js";
+import { button, make, rounded } from "./elements.js";
 
 export async function liveStep(studio, state, project) {
   const known = await getJson(`api/live?project=${encodeURIComponent(project)}`);
   const step = { studio, project, known, typed: {}, loop: true, panel: make("div", { "aria-live": "polite" }), holder: make("div") };
   const rows = cameraRows(known);
   step.receivers = receiverRows(known.receivers, () => studio.job.state === "running" && studio.send("api/receivers", { receivers: step.receivers.values() }));
-  const begin = async () => {
-    if (isWrong(step.holder)) return studio.notice("a setting makes no sense: correct the field with the red frame");
-    const asked = { project, sources: rows.sources(), receivers: step.receivers.values(), loop: step.loop, settings: step.typed };
-    if (await studio.send("api/live", asked)) step.panel.scrollIntoView({ block: "nearest" });
-  };
+  const begin = () => studio.begin("api/live", {
+    project, sources: rows.sources(), receivers: step.receivers.values(), loop: step.loop, settings: step.typed,
+  }, step.panel, step.holder);
   step.start = button("Start the session", begin, { class: "main", id: "start_live" });
   step.holder.append(
     make("section", { class: "job" }, make("h3", {}, "Cameras"),
       make("p", { class: "note" }, known.there.take.length ? "Without an address, the project's own videos are played as if filmed." : ""), rows.element),
-    ...grouped(known.form, (row) => field(row.name === "camera" && known.cameras.length ? { ...row, input: "choice", choices: known.cameras, none: "all" } : row, step.typed), [], [make("div", { class: "field" }, checkbox("loop", true, (on) => (step.loop = on), { id: "live_loop" }), make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."))]));
+    ...grouped(known.form, (row) => field(row.name === "camera" && known.cameras.length ? { ...row, input: "choice", choices: known.cameras, none: "all" } : row, step.typed), [], [loopField("live_loop", (on) => (step.loop = on))]));
   studio.watch((job) => show(step, job));
   return [
     make("h2", {}, "Live"),
@@ -84,8 +82,8 @@ function session(step, job) {
   const light = (good, name, words) => make("li", {}, make("i", { class: good ? "good" : "bad" }, "●"), make("b", {}, name), make("span", {}, words));
   step.facts.replaceChildren(
     make("ul", {},
-      make("li", {}, make("b", {}, "pictures a second"), make("span", { id: "rates" }, `${number(job.fps, 1)} followed of ${number(job.arriving_fps, 1)}`)),
-      make("li", {}, make("b", {}, "from picture to pose"), make("span", {}, job.latency_s === null ? "–" : `${number(1000 * job.latency_s, 0)} ms`)),
+      make("li", {}, make("b", {}, "pictures a second"), make("span", { id: "rates" }, `${rounded(job.fps, 1)} followed of ${rounded(job.arriving_fps, 1)}`)),
+      make("li", {}, make("b", {}, "from picture to pose"), make("span", {}, job.latency_s === null ? "–" : `${rounded(1000 * job.latency_s, 0)} ms`)),
       make("li", {}, make("b", {}, "pictures followed"), make("span", {}, String(job.frames)))),
     make("ul", {}, ...Object.entries(job.cameras).map(([name, words]) => light(words === "ok", name, words))),
     ...(job.receivers.length ? [make("ul", { id: "receivers" }, ...job.receivers.map((one) => light(one.working, one.address, `${one.message}; ${one.sent} sent`)))] : []));

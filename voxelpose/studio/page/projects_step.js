@@ -1,6 +1,6 @@
 // Projects: what is in the folder, and a new one.
 
-import { button, make } from "./parts.js";
+import { button, make } from "./elements.js";
 import { addressOf } from "./rail.js";
 
 export const verdictTag = (result) => make("b", { class: `tag ${result.level}`, title: result.words }, result.level);

@@ -4,7 +4,8 @@ import { getJson } from "./api.js";
 import { coverage } from "./calibration_findings.js";
 import { cameraRows } from "./camera_rows.js";
 import { jobPanel } from "./job_panel.js";
-import { button, checkbox, make } from "./parts.js";
+import { button, make, notice } from "./elements.js";
+import { labelled, loopField } from "./form_fields.js";
 import { addressOf } from "./rail.js";
 
 const WHAT = {
@@ -25,13 +26,12 @@ export async function recordStep(studio, state, project) {
   const known = await getJson(`api/cameras?project=${encodeURIComponent(project)}`);
   const step = { studio, project, known, panel: make("div", { "aria-live": "polite" }), holder: make("div"), tiles: new Map() };
   step.rows = cameraRows(known);
-  const set = { what: "take", countdown: 5, empty: 2, length: null, loop: true, replace: false };
-  step.set = set;
+  const set = step.set = { what: "take", countdown: 5, empty: 2, length: null, loop: true, replace: false };
   const form = settings(step);
   const open = async () => {
     const sources = step.rows.sources();
-    if (!sources.length) return studio.notice("add a camera first: a webcam, the address of a stream, or a video");
-    if (await studio.send("api/record", { project, sources, ...set })) step.panel.scrollIntoView({ block: "nearest" });
+    if (!sources.length) return notice("add a camera first: a webcam, the address of a stream, or a video");
+    await studio.begin("api/record", { project, sources, ...set }, step.panel, step.holder);
   };
   step.start = button("Open the cameras", open, { class: "main", id: "open_cameras" });
   step.holder.append(make("section", { class: "job" }, make("h3", {}, "Cameras"), step.rows.element), form, make("div", { class: "row end" }, step.start));
@@ -63,14 +63,14 @@ function settings(step) {
   const seconds = (name, title, help, most) => {
     const input = make("input", { type: "number", id: `record_${name}`, value: set[name] ?? "", min: name === "length" ? 0.1 : 0, max: most, step: "any", placeholder: "until Finish" });
     input.addEventListener("change", () => (set[name] = input.value === "" ? (name === "length" ? null : 0) : Number(input.value)));
-    return make("div", { class: "field" }, make("label", { htmlFor: input.id }, title), input, make("p", { class: "note" }, help));
+    return labelled(title, input, make("p", { class: "note" }, help));
   };
   const empty = seconds("empty", "empty view, s", "How long the room without you is recorded; 0 leaves it out. Nothing improves a result more.", 3600);
   const form = make("section", { class: "group" }, make("div", { class: "fields" },
-    make("div", { class: "field" }, make("label", { htmlFor: "what" }, "what is recorded"), what, words, replace),
+    labelled("what is recorded", what, words, replace),
     seconds("countdown", "countdown, s", "Time to step out of the pictures, and into them again.", 3600), empty,
     seconds("length", "length, s", "How long is recorded.", 36000),
-    make("div", { class: "field" }, checkbox("loop", true, (on) => (set.loop = on), { id: "record_loop" }), make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."))));
+    loopField("record_loop", (on) => (set.loop = on))));
   explain();
   return form;
 }
@@ -120,8 +120,7 @@ function tile(step, camera) {
   let known = step.tiles.get(camera.name);
   if (!known) {
     known = { image: make("img", { alt: `Picture of ${camera.name}` }), stage: make("div", { class: "coverage" }), words: make("p", { class: "note" }), count: -1 };
-    known.image.addEventListener("load", () => (known.loading = false));
-    known.image.addEventListener("error", () => (known.loading = false));
+    for (const end of ["load", "error"]) known.image.addEventListener(end, () => (known.loading = false));
     step.tiles.set(camera.name, known);
     step.grid.append(make("section", { class: "card", "data-camera": camera.name }, make("h3", {}, camera.name), known.stage, known.words));
     known.stage.append(known.image);

@@ -2,18 +2,18 @@
 
 import { getJson, onConnection, postJson } from "./api.js";
 import { calibrateStep } from "./calibrate_step.js";
+import { by, notice } from "./elements.js";
 import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
+import { isWrong } from "./form_fields.js";
 import { importStep } from "./import_step.js";
 import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
-import { addRail } from "./rail.js";
+import { addRail, STEPS } from "./rail.js";
 import { recordStep } from "./record_step.js";
 import { viewStep } from "./view_step.js";
 
-const by = (id) => document.getElementById(id);
 const VIEWS = { projects: projectsStep, record: recordStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep, live: liveStep };
-const TITLES = { projects: "Projects", record: "Record", import: "Import", calibrate: "Calibrate", fit: "Fit", view: "View", export: "Export", live: "Live" };
 
 class Studio {
   constructor() {
@@ -21,7 +21,7 @@ class Studio {
     this.watchers = [];
     this.shown = 0;
     addEventListener("hashchange", () => this.show());
-    onConnection((reachable) => this.notice(reachable ? ""
+    onConnection((reachable) => notice(reachable ? ""
       : "The program has ended or cannot be reached: start `voxelpose studio` again, then load this page again."));
     this.listen();
     this.show();
@@ -57,9 +57,9 @@ class Studio {
     const { step, project, result } = this.route;
     const mine = ++this.shown;
     const watchers = (this.watchers = []);
-    this.notice("");
+    notice("");
     addRail(step, "./", step === "projects" ? null : project);
-    document.title = `${project && step !== "projects" ? `${project} – ` : ""}${TITLES[step]} – voxelpose studio`;
+    document.title = `${project && step !== "projects" ? `${project} – ` : ""}${new Map(STEPS).get(step)} – voxelpose studio`;
     by("where").textContent = step === "projects" ? "" : project ?? "";
     try {
       const state = await getJson("api/state");
@@ -71,26 +71,27 @@ class Studio {
     } catch (error) {
       if (mine !== this.shown) return;
       by("step").replaceChildren();
-      this.notice(error.message);
+      notice(error.message);
     }
-  }
-
-  notice(text) {
-    by("banner").hidden = !text;
-    by("banner").textContent = text;
   }
 
   // Sends something; what is refused is told on top. Returns whether it was taken.
   async send(path, content) {
     try {
       await postJson(path, content);
-      this.notice("");
+      notice("");
       return true;
     } catch (error) {
-      this.notice(error.message);
+      notice(error.message);
       by("banner").scrollIntoView({ block: "nearest" });
       return false;
     }
+  }
+
+  // Sends a form, unless a field of it holds what it cannot; then shows the panel of the job.
+  async begin(path, content, panel, holder) {
+    if (isWrong(holder)) return notice("a setting makes no sense: correct the field with the red frame");
+    if (await this.send(path, content)) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
 }
 

@@ -1,12 +1,15 @@
 // Files on their way into a project, one after the other, so that each takes the whole line.
 
 import { postJson } from "./api.js";
-import { button, make } from "./parts.js";
+import { button, make, notice } from "./elements.js";
 
 export const VIDEOS = ".mp4,.avi,.mov,.mkv,.m4v,.webm,.mpg,.mpeg,.wmv,.mts,.m2ts,.ts,.3gp,.ogv";
 export const STILLS = ".png,.jpg,.jpeg,.bmp,.tif,.tiff,.pbm,.pgm,.ppm,.webp";
 const LOOK_AGAIN_MS = 2000;
 const OWN_FOLDERS = ["background", "board_walk"]; // whose loose pictures are each a camera's
+
+// A file's name without its folders and its suffix.
+export const stemOf = (file) => file.name.split("/").at(-1).replace(/\.[^.]*$/, "");
 
 export const megabytes = (bytes) => (bytes === null ? "" : bytes < 1e5 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`);
 
@@ -37,7 +40,7 @@ export class Uploads {
     });
     items.sort((a, b) => (a.camera + a.file.name).localeCompare(b.camera + b.file.name, undefined, { numeric: true }));
     if (items.length) this.take(items);
-    else this.studio.notice("that folder holds no videos and no pictures: choose another");
+    else notice("that folder holds no videos and no pictures: choose another");
   }
 
   take(items) {
@@ -66,7 +69,7 @@ export class Uploads {
       this.busy = null;
       if (this.queue.length && Date.now() - this.seen < LOOK_AGAIN_MS) continue;
       this.seen = Date.now();
-      await this.renew().catch((error) => this.studio.notice(error.message));
+      await this.renew().catch((error) => notice(error.message));
     }
   }
 

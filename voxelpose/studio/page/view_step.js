@@ -1,6 +1,6 @@
 // View: the results of a project, each with its pictures and its viewer.
 
-import { make } from "./parts.js";
+import { make } from "./elements.js";
 import { resultLink, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
 

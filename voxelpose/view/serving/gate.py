@@ -9,26 +9,35 @@ from __future__ import annotations
 import asyncio
 import hmac
 import ipaddress
+import json
 import secrets
 import socket
 import threading
+import traceback
 from asyncio import StreamReader, StreamWriter
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError
 
 UNFRAMED = "frame-ancestors 'none'"
 """Policy of every page: none is shown within another's, whose visitors would press its buttons."""
+PAGE_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
+        f" img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; {UNFRAMED}"
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+}
 _SINGLE = ("host", "origin", "upgrade", "content-length", "transfer-encoding")
 _FILE = "application/octet-stream"
 _HEAD_BYTES = 16384
 _HEAD_S = 10
-_PIECE = 2**16
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
@@ -36,53 +45,60 @@ _LAST_PORT = 65_535
 
 
 @dataclass(frozen=True)
-class GateKeys:
-    """What opens the gate."""
-
-    token: str | None  # the user's; None: whoever can reach the gate may pass
-    cookie: str  # name of the cookie that is set for those who had the token
-    secret: str  # its value, made anew for every session, so that no cookie tells the token
-
-
-@dataclass(frozen=True)
 class Reply:
     """Answer to a request."""
 
     status: str  # of HTTP, such as "401 Unauthorized"
-    content: str | bytes  # a line of text, or the bytes of a file
+    content: (
+        str | bytes | AsyncGenerator[bytes, None]
+    )  # a line of text, bytes, or pieces as they come
     kind: str = "text/plain; charset=utf-8"
     headers: Mapping[str, str] = field(default_factory=dict)
 
-    def encoded(self) -> bytes:
-        """The reply as it is sent, after which the connection is closed."""
+    @classmethod
+    def error(cls, status: str, line: str) -> Reply:
+        """A page's answer that says in a line why there is no other."""
+        content = json.dumps({"error": " ".join(line.split())}).encode()
+        return cls(status, content, "application/json", PAGE_HEADERS)
+
+    async def send(self, writer: StreamWriter) -> None:
+        """Sends the reply, after which the connection is closed."""
         content = self.content
-        body = content if isinstance(content, bytes) else f"{content}\n".encode()
+        if isinstance(content, str):
+            content = f"{content}\n".encode()
         headers = {
             "Content-Type": self.kind,
-            "Content-Length": str(len(body)),
             "Cache-Control": "no-store",
             "Referrer-Policy": "no-referrer",
             "Content-Security-Policy": UNFRAMED,
             "Connection": "close",
             **self.headers,
         }
-        lines = [
-            f"HTTP/1.1 {self.status}",
-            *(f"{name}: {value}" for name, value in headers.items()),
-        ]
-        return "\r\n".join([*lines, "", ""]).encode() + body
+        if isinstance(content, bytes):
+            headers["Content-Length"] = str(len(content))
+        lines = [f"HTTP/1.1 {self.status}", *(f"{name}: {headers[name]}" for name in headers)]
+        writer.write("\r\n".join([*lines, "", ""]).encode())
+        if isinstance(content, bytes):
+            writer.write(content)
+            await writer.drain()
+            return
+        async with aclosing(content) as pieces:
+            async for piece in pieces:
+                writer.write(piece)
+                await writer.drain()
 
 
 @dataclass(frozen=True)
 class GateRequest:
-    """Head of a request."""
+    """A request, of which the head is read."""
 
     method: str
     target: str  # path and query
     headers: dict[str, str]  # value by name in small letters; cookies are joined
+    reader: StreamReader  # of what follows the head
 
     @classmethod
-    def parse(cls, head: bytes) -> GateRequest:
+    def parse(cls, head: bytes, reader: StreamReader) -> GateRequest:
         """Request of a head that ends with an empty line. ValueError where it is not one of
         HTTP/1.1, or says something twice.
         """
@@ -100,7 +116,7 @@ class GateRequest:
                 raise ValueError(line)
             before = headers.get(name)
             headers[name] = value.strip() if before is None else f"{before}; {value.strip()}"
-        return cls(method, target, headers)
+        return cls(method, target, headers, reader)
 
     @property
     def path(self) -> tuple[str, ...]:
@@ -118,30 +134,6 @@ class GateRequest:
         rest = "/".join(path.split("/")[parts + 1 :])
         return replace(self, target=f"/{rest}{mark}{query}")
 
-    def reply(self, keys: GateKeys, largest_body: int = 0, largest_upload: int = 0) -> Reply | None:
-        """Answer of the gate to a request, which may send so many bytes to the page, as JSON or as
-        a file; None: it may pass.
-
-        Another site's page is turned away by its Origin, and a name that somebody has pointed at
-        this machine (DNS rebinding) by its Host.
-        """
-        host = self.headers.get("host", "")
-        if not host:
-            return Reply("400 Bad Request", "This is not understood.")
-        fault = self._check_body(largest_upload if self.is_upload else largest_body)
-        if fault is not None:
-            return fault
-        origin = self.headers.get("origin")
-        if origin is not None and origin.lower().partition("://")[2] != host.lower():
-            return Reply("403 Forbidden", "Another site's page may not open this one.")
-        if keys.token is None:
-            if not is_loopback(_host_name(host)):
-                return Reply(
-                    "403 Forbidden", "Open the page at http://localhost, not by this name."
-                )
-            return None
-        return self._check_token(keys, keys.token)
-
     @property
     def is_upload(self) -> bool:
         """Whether a file is sent, as it is."""
@@ -156,9 +148,10 @@ class GateRequest:
         """Length of what follows the head; of a request that may pass."""
         return int(self.headers.get("content-length", "0"))
 
-    def _check_body(self, largest_body: int) -> Reply | None:
-        """Answer to a method or a body that the page does not take. Only a page of the same origin
-        can send JSON or files of this kind: browsers ask before another's may, and are told no.
+    def check_body(self, largest_body: int) -> Reply | None:
+        """Answer to a method or a body that the page does not take; None: it may pass. Only a page
+        of the same origin can send JSON or files of this kind: browsers ask before another's may,
+        and are told no.
         """
         length = self.headers.get("content-length", "0")
         if "upgrade" in self.headers:
@@ -178,45 +171,6 @@ class GateRequest:
         if int(length) > largest_body:
             return Reply("413 Content Too Large", "This is more than the page takes.")
         return None
-
-    def _check_token(self, keys: GateKeys, token: str) -> Reply | None:
-        given = [value for name, value in self.query if name == "token"]
-        if given:
-            if not all([_is_equal(value, token) for value in given]):
-                return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
-            rest = urlencode([(name, value) for name, value in self.query if name != "token"])
-            # Never "//": a browser would take what follows for another host.
-            path = "/" + urlsplit(self.target).path.lstrip("/") + ("?" + rest if rest else "")
-            cookie = f"{keys.cookie}={keys.secret}; Path=/; HttpOnly; SameSite=Lax"
-            headers = {"Location": path, "Set-Cookie": cookie}
-            return Reply("303 See Other", "The token is right.", headers=headers)
-        for crumb in self.headers.get("cookie", "").split(";"):
-            name, _, value = crumb.strip().partition("=")
-            if name == keys.cookie and _is_equal(value, keys.secret):
-                return None
-        return Reply(
-            "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
-        )
-
-
-async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
-    """Runs until one of them ends, cancels the others, and raises what it raised."""
-    tasks = [asyncio.create_task(work) for work in works]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    for task in done:
-        task.result()
-
-
-async def pass_on(reader: StreamReader, writer: StreamWriter) -> None:
-    """Passes on what comes until its end."""
-    while piece := await reader.read(_PIECE):
-        writer.write(piece)
-        await writer.drain()
 
 
 def is_loopback(host: str) -> bool:
@@ -253,8 +207,8 @@ def _host_name(host: str) -> str:
     return host.partition(":")[0]
 
 
-Handler = Callable[[GateRequest, StreamReader, StreamWriter], Awaitable[None]]
-"""Answers a request that may pass: reads what follows its head, and writes."""
+Handler = Callable[[GateRequest], Awaitable[Reply]]
+"""Answers a request that may pass. InputError or OSError: with a line that the page shows."""
 
 
 @dataclass(frozen=True)
@@ -282,26 +236,52 @@ class Address:
                 f"--port {self.port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
             )
 
+    def url(self, port: int) -> str:
+        """Address that whoever is served at a port can open, the token included."""
+        host = _reachable(self.host)
+        query = "" if self.token is None else f"/?token={quote(self.token, safe='')}"
+        return f"http://{f'[{host}]' if ':' in host else host}:{port}{query}"
 
-class Gate:
-    """Lets requests pass that may."""
+
+class GatedServer:
+    """Serves pages to requests that may pass, from a thread of its own, until it is closed.
+
+    Attributes:
+        port: on which it listens; 0 where it is a part of other pages.
+        url: address that whoever is served can open, the token included.
+    """
 
     def __init__(
-        self, address: Address, handle: Handler, largest_body: int = 0, largest_upload: int = 0
+        self,
+        address: Address | None,
+        answer: Handler,
+        end: Callable[[], None],
+        largest_body: int = 0,
+        largest_upload: int = 0,
     ) -> None:
-        """Listens, from a thread of its own, in which `handle` answers what may pass; a page may
-        send so many bytes of JSON with one request, or of a file. InputError where the address
-        cannot be used.
+        """Listens, if it has an address. InputError where that cannot be used.
+
+        Args:
+            address: where; None: the pages are a part of others, which call `answer` themselves.
+            answer: called in the server's thread.
+            end: ends what the pages work on, after all connections.
+            largest_body: bytes of JSON that a page may send with one request.
+            largest_upload: bytes of a file likewise.
         """
-        self._address, self._handle = address, handle
+        self.answer, self._end, self._ended = answer, end, threading.Event()
         self._largest_body, self._largest_upload = largest_body, largest_upload
         self._passed = 0
         self._tasks: set[asyncio.Task[None]] = set()
-        self._loop = asyncio.new_event_loop()
-        self._stopped = asyncio.Event()
+        self._thread: threading.Thread | None = None
+        self.url, self.port = "", 0
+        if address is None:
+            return
+        self._token = address.token  # the user's; None: whoever can reach the gate may pass
+        self._secret = secrets.token_urlsafe(32)  # of this session alone: no cookie tells the token
+        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
         ready: Future[int] = Future()
         self._thread = threading.Thread(
-            target=self._run, args=(ready,), name="gate of the page", daemon=True
+            target=self._run, args=(address, ready), name="gate of the page", daemon=True
         )
         self._thread.start()
         try:
@@ -312,36 +292,37 @@ class Gate:
                 f"--host {address.host} --port {address.port}: the page cannot be served there"
                 f" ({getattr(error, 'strerror', None) or error}): choose another"
             ) from None
+        self.url = address.url(self.port)
 
-    @property
-    def url(self) -> str:
-        """Address that whoever is served can open, the token included."""
-        host, token = _reachable(self._address.host), self._address.token
-        query = f"/?token={quote(token, safe='')}" if token is not None else ""
-        name = f"[{host}]" if ":" in host else host
-        return f"http://{name}:{self.port}{query}"
+    def run(self) -> None:
+        """Waits until somebody interrupts, or the server is closed."""
+        while not self._ended.wait(0.5):
+            pass
 
     def close(self) -> None:
-        """Ends all connections and the thread."""
-        with suppress(RuntimeError):  # closed already
-            self._loop.call_soon_threadsafe(self._stopped.set)
-        self._thread.join()
+        """Ends all connections and threads."""
+        self._ended.set()
+        if self._thread is not None:
+            with suppress(RuntimeError):  # closed already
+                self._loop.call_soon_threadsafe(self._stopped.set)
+            self._thread.join()
+        self._end()
 
-    def _run(self, ready: Future[int]) -> None:
+    def _run(self, address: Address, ready: Future[int]) -> None:
         try:
-            self._loop.run_until_complete(self._serve(ready))
+            self._loop.run_until_complete(self._serve(address, ready))
         finally:
             self._loop.close()
 
-    async def _serve(self, ready: Future[int]) -> None:
+    async def _serve(self, address: Address, ready: Future[int]) -> None:
         try:
-            server = await self._listen()
+            server = await self._listen(address.host, address.port)
         except (OSError, OverflowError) as error:
             ready.set_exception(error)
             return
         port = int(server.sockets[0].getsockname()[1])
         # Browsers send cookies to all ports of a host: the name tells sessions apart.
-        self._keys = GateKeys(self._address.token, f"voxelpose_{port}", secrets.token_urlsafe(32))
+        self._cookie = f"voxelpose_{port}"
         ready.set_result(port)
         await self._stopped.wait()
         server.close()
@@ -349,8 +330,7 @@ class Gate:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    async def _listen(self) -> asyncio.Server:
-        host, port = self._address.host, self._address.port
+    async def _listen(self, host: str, port: int) -> asyncio.Server:
         last = port + _MOST_PORTS - 1
         while True:
             try:
@@ -369,19 +349,19 @@ class Gate:
             return
         self._tasks.add(task)
         try:
-            await self._answer(reader, writer)
-        except (OSError, asyncio.CancelledError):
+            await self._serve_request(reader, writer)
+        except (EOFError, OSError, asyncio.CancelledError):
             pass  # the other side is gone, or the session ends
         finally:
             self._tasks.discard(task)
             writer.close()
 
-    async def _answer(self, reader: StreamReader, writer: StreamWriter) -> None:
+    async def _serve_request(self, reader: StreamReader, writer: StreamWriter) -> None:
         try:
             async with asyncio.timeout(_HEAD_S):
                 head = await reader.readuntil(b"\r\n\r\n")
-            request = GateRequest.parse(head)
-            reply = request.reply(self._keys, self._largest_body, self._largest_upload)
+            request = GateRequest.parse(head, reader)
+            reply = self._refusal(request)
         except (ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
             reply = Reply("400 Bad Request", "This is not understood.")
         else:
@@ -390,32 +370,63 @@ class Gate:
             if reply is None:
                 self._passed += 1
                 try:
-                    await self._handle(request, reader, writer)
+                    await (await self._answered(request)).send(writer)
                 finally:
                     self._passed -= 1
                 return
         if reply.status.startswith("401"):
             await asyncio.sleep(0.2)  # slows down who tries many
-        writer.write(reply.encoded())
-        await writer.drain()
+        await reply.send(writer)
 
+    async def _answered(self, request: GateRequest) -> Reply:
+        """The answer; what the user can correct as a line, a bug as 500."""
+        try:
+            return await self.answer(request)
+        except (EOFError, TimeoutError):
+            raise  # who asked is gone
+        except (InputError, OSError) as error:
+            return Reply.error("400 Bad Request", str(error))
+        except Exception:
+            traceback.print_exc()
+            words = "a bug: the terminal shows its traceback; the page goes on"
+            return Reply.error("500 Internal Server Error", words)
 
-class GatedServer:
-    """Serves pages behind a gate, if they have one of their own, until it is closed."""
+    def _refusal(self, request: GateRequest) -> Reply | None:
+        """Answer of the gate to a request; None: it may pass.
 
-    def __init__(self, gate: Gate | None, end: Callable[[], None]) -> None:
-        """`end` ends what the pages work on, after the gate."""
-        self._gate, self._end, self._ended = gate, end, threading.Event()
-        self.url, self.port = ("", 0) if gate is None else (gate.url, gate.port)
+        Another site's page is turned away by its Origin, and a name that somebody has pointed at
+        this machine (DNS rebinding) by its Host.
+        """
+        host = request.headers.get("host", "")
+        if not host:
+            return Reply("400 Bad Request", "This is not understood.")
+        most = self._largest_upload if request.is_upload else self._largest_body
+        if (fault := request.check_body(most)) is not None:
+            return fault
+        origin = request.headers.get("origin")
+        if origin is not None and origin.lower().partition("://")[2] != host.lower():
+            return Reply("403 Forbidden", "Another site's page may not open this one.")
+        if self._token is not None:
+            return self._check_token(request, self._token)
+        if not is_loopback(_host_name(host)):
+            return Reply("403 Forbidden", "Open the page at http://localhost, not by this name.")
+        return None
 
-    def run(self) -> None:
-        """Waits until somebody interrupts, or the server is closed."""
-        while not self._ended.wait(0.5):
-            pass
-
-    def close(self) -> None:
-        """Ends all connections and threads."""
-        self._ended.set()
-        if self._gate is not None:
-            self._gate.close()
-        self._end()
+    def _check_token(self, request: GateRequest, token: str) -> Reply | None:
+        given = [value for name, value in request.query if name == "token"]
+        if given:
+            if not all([_is_equal(value, token) for value in given]):
+                return Reply("401 Unauthorized", "The token is wrong: see the session's terminal.")
+            rest = urlencode([(name, value) for name, value in request.query if name != "token"])
+            # Never "//": a browser would take what follows for another host.
+            path = "/" + urlsplit(request.target).path.lstrip("/") + ("?" + rest if rest else "")
+            cookie = f"{self._cookie}={self._secret}; Path=/; HttpOnly; SameSite=Lax"
+            headers = {"Location": path, "Set-Cookie": cookie}
+            return Reply("303 See Other", "The token is right.", headers=headers)
+        for crumb in request.headers.get("cookie", "").split(";"):
+            name, _, value = crumb.strip().partition("=")
+            if name == self._cookie and _is_equal(value, self._secret):
+                return None
+        return Reply(
+            "401 Unauthorized", "This page needs its token: open http://HOST:PORT/?token=TOKEN."
+        )

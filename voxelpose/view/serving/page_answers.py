@@ -1,39 +1,72 @@
-"""What a page of the program's own is answered: its files, pictures, and requests as JSON."""
+"""What a page of the program's own is answered: its files, and what its functions return."""
+
+from __future__ import annotations
 
 import asyncio
-import traceback
-from asyncio import StreamReader, StreamWriter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import inspect
+from collections.abc import AsyncGenerator, Callable, Iterable, Iterator, Mapping
 from importlib.resources import files
-from typing import Annotated, Any, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+from urllib.parse import quote
 
 import msgspec
 from msgspec import Meta
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import UNFRAMED, GateRequest, Reply
+from voxelpose.view.serving.gate import PAGE_HEADERS, GateRequest, Reply
 
-Content = tuple[bytes, str]
-"""Bytes and their kind."""
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Moment = Annotated[int, Meta(ge=0, le=10_000_000)]
 Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Corner = tuple[Pixel, Pixel]
 _BODY_S = 60
 _BEAT_MS = 10_000  # between signs of life
+_PIECE = 2**18
 # Packages in whose folders `page` lies what pages share: the player's pieces, then those of forms.
 _SHARED = "voxelpose.export", "voxelpose.view.serving"
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
-PAGE_HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
-        f" img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; {UNFRAMED}"
-    ),
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "X-Content-Type-Options": "nosniff",
-}
 Asked = TypeVar("Asked")
+
+
+class _Route:
+    """A function that answers, and what its arguments may be."""
+
+    def __init__(self, method: str, path: str, work: Callable[..., Any]) -> None:
+        self._method, self._parts, self._work = method, path.split("/"), work
+        hints = get_type_hints(work, include_extras=True)
+        arguments: list[Any] = [
+            (name, hints.get(name, str), *([] if each.default is each.empty else [each.default]))
+            for name, each in inspect.signature(work).parameters.items()
+        ]
+        self._kind: Any = arguments[0][1] if len(arguments) == 1 else None
+        self._whole = hasattr(self._kind, "__struct_fields__")  # what is sent is the argument
+        if not self._whole:
+            strict = method == "POST"
+            self._kind = msgspec.defstruct("Query", arguments, forbid_unknown_fields=strict)
+
+    def named(self, method: str, path: tuple[str, ...]) -> dict[str, str] | None:
+        """Parts of a path by their names in braces; None: it is another route's."""
+        if method != self._method or len(path) != len(self._parts):
+            return None
+        named = {}
+        for part, given in zip(self._parts, path, strict=True):
+            if part.startswith("{"):
+                named[part[1:-1]] = given
+            elif part != given:
+                return None
+        return named
+
+    def answer(self, query: Mapping[str, str], body: bytes) -> Any:
+        """What the function returns. InputError where it is asked for what nobody understands."""
+        if self._method == "POST":
+            asked = parse_request(body, self._kind)
+        else:
+            try:
+                asked = msgspec.convert(query, self._kind, strict=False)
+            except msgspec.ValidationError as error:
+                raise not_understood(error) from None
+        return self._work(asked) if self._whole else self._work(**msgspec.structs.asdict(asked))
 
 
 class PageAnswers:
@@ -42,77 +75,59 @@ class PageAnswers:
     def __init__(
         self,
         package: str,
-        got: Callable[[Sequence[str], Mapping[str, str]], Content | None],
-        posted: Callable[[Sequence[str], bytes], Content | None],
-        folder: str = "",
+        got: Mapping[str, Callable[..., Any]],
+        posted: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
         """Reads the page's files.
 
         Args:
             package: in whose folder `page` they lie.
-            got: answers a path and its query, None where there is no such thing; any thread calls.
-            posted: answers a path and JSON likewise.
-            folder: of the server, in which the page is; "": it is all that is served.
+            got: functions by path, such as "picture/{camera}", whose arguments are the path's named
+                parts and its query. They are called in any thread, and return a page as text, a
+                picture as bytes, JPEG or PNG, a Reply, or what is sent as JSON.
+            posted: likewise, with the JSON that is sent: its fields are the arguments, or it is the
+                only one, an object of a class of msgspec. None returned is an empty object.
         """
         folders = (files(each).joinpath("page") for each in (*_SHARED, package))
         self._files = {file.name: file.read_bytes() for each in folders for file in each.iterdir()}
-        self._got, self._posted, self._folder = got, posted, folder
+        routes = [("GET", got), ("POST", posted or {})]
+        self._routes = [_Route(method, *one) for method, works in routes for one in works.items()]
 
-    def answers(self, request: GateRequest) -> bool:
-        """Whether a request is for this page."""
-        return not self._folder or request.target.startswith(f"/{self._folder}/")
-
-    async def serve(self, request: GateRequest, reader: StreamReader, writer: StreamWriter) -> None:
+    async def answer(self, request: GateRequest) -> Reply:
         """Reads what follows a request's head, which is no file, and answers it."""
-        try:
-            async with asyncio.timeout(_BODY_S):
-                body = await reader.readexactly(request.body_bytes)
-        except (asyncio.IncompleteReadError, TimeoutError):
-            return  # who asked is gone
-        reply = await asyncio.to_thread(self._reply, request, body)
-        writer.write(reply.encoded())
-        await writer.drain()
-
-    def _reply(self, request: GateRequest, body: bytes) -> Reply:
-        """The answer; what the user can correct as a line, a bug as 500."""
-        path = request.path[1:] if self._folder else request.path
-        try:
-            if request.method == "POST":
-                content = self._posted(path, body)
-            else:
-                content = self._got(path, dict(request.query)) or self.file("/".join(path))
-        except (InputError, OSError) as error:
-            return error_reply("400 Bad Request", str(error))
-        except Exception:
-            traceback.print_exc()
-            words = "a bug: the terminal shows its traceback; the page goes on"
-            return error_reply("500 Internal Server Error", words)
-        if content is None:
-            return error_reply("404 Not Found", "this is not there")
-        return Reply("200 OK", *content, PAGE_HEADERS)
-
-    def file(self, name: str) -> Content | None:
-        """A file of the page, "" its first one; None where there is none of that name."""
-        name = name or "index.html"
+        async with asyncio.timeout(_BODY_S):
+            body = await request.reader.readexactly(request.body_bytes)
+        path = request.path or ("",)
+        for route in self._routes:
+            named = route.named(request.method, path)
+            if named is not None:
+                query = dict(request.query) | named
+                return page_reply(await asyncio.to_thread(route.answer, query, body))
+        name = "/".join(path) or "index.html"
         kind = _KINDS.get(name.rpartition(".")[2])
-        if kind is None or name not in self._files:
-            return None
-        return self._files[name], f"{kind}; charset=utf-8"
+        if request.method == "GET" and kind is not None and name in self._files:
+            return Reply("200 OK", self._files[name], f"{kind}; charset=utf-8", PAGE_HEADERS)
+        return Reply.error("404 Not Found", "this is not there")
 
 
-def json_content(content: Any) -> Content:
-    """An answer as JSON."""
-    return msgspec.json.encode(content), "application/json"
+def page_reply(content: Any) -> Reply:
+    """A page's answer: a page as text, a picture as bytes, a Reply itself, all else as JSON."""
+    match content:
+        case Reply():
+            return content
+        case str():
+            content, kind = content.encode(), "text/html; charset=utf-8"
+        case bytes():
+            kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+        case _:
+            kind = "application/json"
+            content = msgspec.json.encode({} if content is None else content)
+    return Reply("200 OK", content, kind, PAGE_HEADERS)
 
 
-def whole_number(query: Mapping[str, str], name: str) -> int | None:
-    """The number of a name in a query; None: there is none. InputError where it is no number."""
-    text = query.get(name)
-    if text is None:
-        return None
-    if not (text.isascii() and text.isdigit() and len(text) < 9):
-        raise InputError(f"{name} is no number")
-    return int(text)
+def not_understood(error: Exception) -> InputError:
+    """The error of a page that sent what it should not."""
+    return InputError(f"the page sent what is not understood: {str(error)[:200]}")
 
 
 def parse_request(body: bytes, kind: type[Asked]) -> Asked:
@@ -122,7 +137,7 @@ def parse_request(body: bytes, kind: type[Asked]) -> Asked:
     try:
         return msgspec.json.decode(body, type=kind)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
-        raise InputError(f"the page sent what is not understood: {str(error)[:200]}") from None
+        raise not_understood(error) from None
 
 
 def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
@@ -137,33 +152,38 @@ def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
             )
 
 
-async def send_events(writer: StreamWriter, events: Iterator[Any], every_ms: int) -> None:
-    """Sends what is told, looking every so often, as server-sent events; None: nothing is new. A
-    sign of life now and then shows whether the other side is still there.
+def event_stream(events: Iterator[Any], every_ms: int) -> Reply:
+    """What is told, looked for every so often, as server-sent events; None: nothing is new. A sign
+    of life now and then shows whether the other side is still there.
     """
+
+    async def pieces() -> AsyncGenerator[bytes, None]:
+        silent_ms = 0
+        for event in events:
+            if event is not None:
+                yield b"data: " + msgspec.json.encode(event) + b"\n\n"
+            elif silent_ms >= _BEAT_MS:
+                yield b":\n\n"
+            silent_ms = silent_ms + every_ms if event is None and silent_ms < _BEAT_MS else 0
+            await asyncio.sleep(every_ms / 1000)
+
+    return Reply("200 OK", pieces(), "text/event-stream", PAGE_HEADERS)
+
+
+def file_to_keep(path: Path, name: str, nothing: str) -> Reply:
+    """A file that is to be kept under a name. InputError with a line where there is `nothing`."""
+    try:
+        file = path.open("rb")
+    except OSError:
+        raise InputError(nothing) from None
+
+    async def pieces() -> AsyncGenerator[bytes, None]:
+        with file:
+            while piece := await asyncio.to_thread(file.read, _PIECE):
+                yield piece
+
     headers = PAGE_HEADERS | {
-        "Content-Type": "text/event-stream",
-        "Cache-Control": "no-store",
-        "Connection": "close",
+        "Content-Length": str(path.stat().st_size),
+        "Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}",
     }
-    writer.write(response_head(headers))
-    silent_ms = 0
-    for event in events:
-        if event is not None:
-            writer.write(b"data: " + msgspec.json.encode(event) + b"\n\n")
-        elif silent_ms >= _BEAT_MS:
-            writer.write(b":\n\n")
-        silent_ms = silent_ms + every_ms if event is None and silent_ms < _BEAT_MS else 0
-        await writer.drain()
-        await asyncio.sleep(every_ms / 1000)
-
-
-def response_head(headers: Mapping[str, str]) -> bytes:
-    """Head of an answer whose content follows."""
-    lines = [f"{name}: {value}" for name, value in headers.items()]
-    return "\r\n".join(["HTTP/1.1 200 OK", *lines, "", ""]).encode()
-
-
-def error_reply(status: str, text: str) -> Reply:
-    """An answer that says in a line why there is no other."""
-    return Reply(status, *json_content({"error": text}), PAGE_HEADERS)
+    return Reply("200 OK", pieces(), "application/octet-stream", headers)

@@ -6,10 +6,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
-from voxelpose.export.player_scene import numbers, packed
+from voxelpose.export.player_scene import numbers, other_poses, packed
 from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.view.images import canvas
 from voxelpose.view.images.figure import body_parts
@@ -29,19 +28,14 @@ _FARTHEST_MM = 65535  # as two bytes hold it
 
 def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
     """A frame of the page: hull, other poses, what is said about it, and pictures, if wanted."""
-    likeliest = max([1e-9, *(pose.probability for pose in scene.hypotheses)])
     return {
         "frame": scene.frame,
         "lines": frame_lines(scene),
         "notes": list(scene.notes),
         "hull": None if scene.hull is None else _hull(scene.hull),
-        "hypotheses": [
-            {
-                "ends": packed(_finite_lines(pose.joints_m[pose.bones]).astype(np.float32)),
-                "share": pose.probability / likeliest,
-            }
-            for pose in scene.hypotheses
-        ],
+        "hypotheses": other_poses(
+            [(pose.probability, pose.joints_m[pose.bones]) for pose in scene.hypotheses]
+        ),
         "pictures": {} if pictures is None else _pictures(scene, pictures),
     }
 
@@ -108,8 +102,3 @@ def _pictures(scene: Scene, pictures: Pictures) -> dict[str, str]:
         for name, picture in images.items()
         if picture is not None
     }
-
-
-def _finite_lines(ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those of lines (B, 2, 3) whose ends are known."""
-    return ends[np.isfinite(ends).all((1, 2))]

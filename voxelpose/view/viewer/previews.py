@@ -7,13 +7,15 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import cv2
+import msgspec
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.estimator import Frame
 from silhouette_core.image.foreground import SilhouetteStages
@@ -21,7 +23,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.tuning import COLOURS
 from voxelpose.recording.folder import Recording
 from voxelpose.view.images.canvas import encoded, hatched, png
-from voxelpose.view.serving.page_answers import Corner, Moment, Name
+from voxelpose.view.serving.page_answers import Corner, Moment, Name, check_camera_names
 
 _KEPT = 4  # moments
 SILHOUETTE = (64, 200, 255)  # RGB
@@ -105,18 +107,40 @@ class StageAsked(Struct, forbid_unknown_fields=True):
     pixel: Corner | None = None  # px of the camera's picture; None: none is asked about
 
 
-def stage_answer(
-    stages: SilhouetteStages, asked: StageAsked, size: tuple[int, int]
-) -> dict[str, Any]:
-    """What a page is told of the stages of a camera's silhouette, whose picture has a size (W, H)
-    px: a picture, and a pixel explained. InputError where there is no such stage.
-    """
-    answer: dict[str, Any] = {"ready": True}
-    if asked.stage is not None:
-        answer["png"] = base64.b64encode(_draw_stage(stages, asked.stage)).decode()
-    if asked.pixel is not None:
-        answer["explained"] = _explain(stages, pixel_at(asked.pixel, size, stages.first.shape))
-    return answer
+class StageExplorer:
+    """Tells a page how the silhouettes of a recording came about, for one thread at a time."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        frames: Callable[[int], Mapping[str, Frame]],
+        model: Callable[[Any], Silhouettes | None],
+    ) -> None:
+        """Of the frames of moments, by camera name, and of silhouettes as they are asked for; None
+        while their backgrounds are learned.
+        """
+        self._rig, self._frames, self._model = rig, frames, model
+        self._key, self._stages = b"", cast(SilhouetteStages, None)  # what was asked last
+
+    def answer(self, asked: StageAsked) -> dict[str, Any]:
+        """A stage of a camera's silhouette: `ready` with a picture, and a pixel explained; or not
+        yet. InputError where there is no such moment, camera or stage, or files cannot be read.
+        """
+        check_camera_names([asked.camera], self._rig.names)
+        key = msgspec.json.encode(msgspec.structs.replace(asked, stage=None, pixel=None))
+        if self._key != key:
+            model = self._model(asked)
+            if model is None:
+                return {"ready": False}
+            frame = self._frames(asked.moment)[asked.camera]
+            self._key, self._stages = key, model.stages(asked.camera, frame, asked.moment)
+        answer: dict[str, Any] = {"ready": True}
+        if asked.stage is not None:
+            answer["png"] = base64.b64encode(_draw_stage(self._stages, asked.stage)).decode()
+        if asked.pixel is not None:
+            pixel = pixel_at(asked.pixel, self._rig[asked.camera].size, self._stages.first.shape)
+            answer["explained"] = _explain(self._stages, pixel)
+        return answer
 
 
 def pixel_at(pixel: Corner, size: tuple[int, int], shape: tuple[int, ...]) -> tuple[int, int]:

@@ -193,10 +193,6 @@ class ResultScenes:
         """
         return self._areas(frame)
 
-    def poses(self, frame: int) -> list[Pose | None]:
-        """The fitted poses of a frame; None where one was not found."""
-        return [posed and posed[0].pose(posed[1]) for posed in self._posed_bodies(frame)]
-
     def part_poses(self, frame: int) -> list[PartPoses | None]:
         """Where the parts of the fitted bodies are in a frame; None where one was not found."""
         return [posed and posed[0].parts(posed[1]) for posed in self._posed_bodies(frame)]

@@ -7,18 +7,18 @@ the other cameras; of one camera, what is no piece of the person is left out.
 
 import base64
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
 from silhouette_core.estimator import ONE_CAMERA, Frame
-from silhouette_core.image.foreground import SilhouetteStages
 from silhouette_core.image.silhouettes import Silhouettes, as_recorded
 from silhouette_core.monocular.person import find_person
 from voxelpose.multiview.silhouettes.completion import SilhouetteCompletion
@@ -173,10 +173,6 @@ class FitSilhouettes:
         return as_recorded(mask.astype(np.float32), self._scenes.rig[name]) > 0.5
 
 
-FOLDER = "silhouettes"
-"""Of the server, in which the page is."""
-
-
 class SilhouettePage:
     """Shows the silhouettes of scenes; its `answers` are to requests of the page."""
 
@@ -186,37 +182,23 @@ class SilhouettePage:
         """
         if scenes.recording is None or (reader := scenes.reader) is None:
             raise InputError(scenes.missing)
-        self._scenes, self._recording = scenes, scenes.recording
+        self._scenes, self._recording, self._reader = scenes, scenes.recording, reader
         self._moments = previews.MomentFrames(self._recording)
         self._fit = FitSilhouettes(scenes)
         self._models = previews.BackgroundModels(lambda _: reader.silhouettes)
         self._working = threading.Lock()
-        self._reader = reader
-        self._stages = lru_cache(1)(self._make_stages)
+        self._explorer = previews.StageExplorer(
+            self._recording.rig, self._frames, lambda _: self._models.get("plain")
+        )
         self._fitted = lru_cache(1)(self._make_fitted)
         self.answers = page_answers.PageAnswers(
-            "voxelpose.view.viewer", self._get, self._post, FOLDER
+            "voxelpose.view.viewer",
+            {"api/state": self.state, "picture/{camera}": self._picture},
+            {"api/stage": self.stage},
         )
 
-    def _get(self, path: Sequence[str], query: Mapping[str, str]) -> page_answers.Content | None:
-        match path:
-            case ("api", "state"):
-                return page_answers.json_content(self._state())
-            case ("picture", camera):
-                page_answers.check_camera_names([camera], self._recording.rig.names)
-                picture = self._frames(page_answers.whole_number(query, "moment") or 0)[camera]
-                return encoded(picture, ".jpg", 93), "image/jpeg"
-        return None
-
-    def _post(self, path: Sequence[str], body: bytes) -> page_answers.Content | None:
-        if tuple(path) != ("api", "stage"):
-            return None
-        asked = page_answers.parse_request(body, previews.StageAsked)
-        page_answers.check_camera_names([asked.camera], self._recording.rig.names)
-        with self._working:
-            return page_answers.json_content(self._stage(asked))
-
-    def _state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
+        """All that the page shows at first."""
         recording = self._recording
         return {
             "name": self._scenes.name,
@@ -230,6 +212,10 @@ class SilhouettePage:
             "cameras": [{"name": each.name, "size": list(each.size)} for each in recording.rig],
         }
 
+    def _picture(self, camera: str, moment: page_answers.Moment = 0) -> bytes:
+        page_answers.check_camera_names([camera], self._recording.rig.names)
+        return encoded(self._frames(moment)[camera], ".jpg", 93)
+
     def _frames(self, moment: int) -> dict[str, Frame]:
         """Frames of a moment, from 0, by camera name, put in step as by the fit."""
         last = self._recording.frame_count - 1
@@ -241,21 +227,19 @@ class SilhouettePage:
             for name in self._recording.rig.names
         }
 
-    def _stage(self, asked: previews.StageAsked) -> dict[str, Any]:
-        """A stage's picture, and a pixel explained, or that backgrounds are still learned."""
+    def stage(self, asked: previews.StageAsked) -> dict[str, Any]:
+        """See `StageExplorer.answer`, and what the fit made of a silhouette. InputError where
+        nothing is fitted, too.
+        """
+        page_answers.check_camera_names([asked.camera], self._recording.rig.names)
         body, answer = asked.stage == "body", {"ready": True}
-        if self._models.get("plain") is None:
-            return {"ready": False}
-        if not self._recording.silhouettes_given:
-            alone = previews.StageAsked(
-                asked.moment, asked.camera, None if body else asked.stage, asked.pixel
-            )
-            stages = self._stages(asked.camera, asked.moment)
-            answer = previews.stage_answer(stages, alone, self._recording.rig[asked.camera].size)
-        return answer | self._changed(asked, answer) if body else answer
-
-    def _make_stages(self, camera: str, moment: int) -> SilhouetteStages:
-        return self._reader.silhouettes.stages(camera, self._frames(moment)[camera], moment)
+        with self._working:
+            if self._models.get("plain") is None:
+                return {"ready": False}
+            if not self._recording.silhouettes_given:
+                alone = msgspec.structs.replace(asked, stage=None) if body else asked
+                answer = self._explorer.answer(alone)
+            return answer | self._changed(asked, answer) if body else answer
 
     def _make_fitted(self, moment: int) -> Mapping[str, FitSilhouette]:
         return self._fit.of(moment, self._frames(moment), self._reader.silhouettes)

@@ -1,17 +1,14 @@
 // Requests to the program. Errors carry a line for the user.
 
-const lost = new EventTarget();
 let reachable = true;
+let told = () => {};
 
-export function onConnection(call) {
-  lost.addEventListener("change", () => call(reachable));
-}
+// Calls whenever the program cannot be reached any more, or again.
+export const onConnection = (call) => (told = call);
 
 function mark(now) {
-  if (now !== reachable) {
-    reachable = now;
-    lost.dispatchEvent(new Event("change"));
-  }
+  if (now !== reachable) told(now);
+  reachable = now;
 }
 
 async function ask(path, options) {
@@ -20,7 +17,7 @@ async function ask(path, options) {
     answer = await fetch(path, options);
   } catch {
     mark(false);
-    throw new Error("the program cannot be reached");
+    throw new Error("the program has ended or cannot be reached: start it again");
   }
   mark(true);
   const text = await answer.text();

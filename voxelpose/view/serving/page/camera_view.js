@@ -1,5 +1,7 @@
 // One camera: its picture and all that is laid over it, zoomed and panned.
 
+import { button, make } from "./elements.js";
+
 const COLOURS = {
   region: "#50c878", unknown: "#ff9628", point: "#ffd23f", expected: "#ff6ec7",
   x: "#ff5a4d", y: "#5fd068", z: "#5a9bff", grid: "rgb(255 255 255 / 42%)",
@@ -13,14 +15,9 @@ export class CameraView {
     this.camera = camera;
     this.name = camera.name;
     [this.width, this.height] = camera.size;
-    this.element = document.createElement("div");
-    this.element.className = "tile";
-    this.element.dataset.camera = camera.name;
-    this.canvas = document.createElement("canvas");
-    this.canvas.tabIndex = 0;
-    this.canvas.setAttribute("role", "button");
-    this.canvas.setAttribute("aria-label", `Enlarge ${camera.name}`);
-    this.element.append(this.canvas, label(camera), buttons(this));
+    this.canvas = make("canvas", { tabIndex: 0, role: "button", "aria-label": `Enlarge ${camera.name}` });
+    this.element = make("div", { class: "tile", "data-camera": camera.name }, this.canvas,
+      make("div", { class: "name" }, camera.name, make("small", {}, camera.size.join(" × "))), buttons(this));
     this.zoom = 1; // over what fits
     this.middle = [0.5, 0.5]; // of the picture, in the middle of the canvas
     this.image = this.silhouette = this.staged = this.painted = this.hidden = null;
@@ -292,30 +289,12 @@ function hatch(pen) {
   return hatching;
 }
 
-function label(camera) {
-  const name = document.createElement("div");
-  name.className = "name";
-  name.textContent = camera.name;
-  const size = document.createElement("small");
-  size.textContent = `${camera.size[0]} × ${camera.size[1]}`;
-  name.append(size);
-  return name;
-}
-
 function buttons(view) {
-  const row = document.createElement("div");
-  row.className = "buttons";
-  for (const [text, title, event] of [
+  return make("div", { class: "buttons" }, ...[
     ["Whole picture", "Zoom out until all of it is seen (0)", "whole"],
     ["All cameras", "Back to all cameras (Esc)", "all"],
-  ]) {
-    const button = document.createElement("button");
-    Object.assign(button, { textContent: text, title });
-    button.addEventListener("click", (click) => {
-      click.stopPropagation();
-      view.element.dispatchEvent(new CustomEvent(event));
-    });
-    row.append(button);
-  }
-  return row;
+  ].map(([text, title, event]) => button(text, (click) => {
+    click.stopPropagation();
+    view.element.dispatchEvent(new CustomEvent(event));
+  }, { title })));
 }

@@ -100,10 +100,6 @@ export class Pointer {
   }
 }
 
-export function at(event) {
-  return [event.offsetX, event.offsetY];
-}
+export const at = (event) => [event.offsetX, event.offsetY];
 
-export function distance([a, b], [c, d]) {
-  return Math.hypot(a - c, b - d);
-}
+export const distance = ([a, b], [c, d]) => Math.hypot(a - c, b - d);

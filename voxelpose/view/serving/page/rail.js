@@ -1,6 +1,6 @@
 // The rail of the studio's steps, above every page that belongs to one of them.
 
-import { make } from "./parts.js";
+import { make } from "./elements.js";
 
 export const STEPS = [
   ["projects", "Projects"], ["record", "Record"], ["import", "Import"], ["calibrate", "Calibrate"], ["check", "Check"], ["fit", "Fit"], ["view", "View"], ["export", "Export"], ["live", "Live"],

@@ -1,9 +1,8 @@
 // Stages of silhouettes: what they are called, their pictures, and the pixel under the mouse explained.
 
 import { loadImage, postJson } from "./api.js";
-import { make } from "./parts.js";
+import { by, make } from "./elements.js";
 
-const by = (id) => document.getElementById(id);
 const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
 export const STAGES = {

@@ -73,8 +73,7 @@ export class Hull {
   draw(player) {
     if (!this.mesh) return;
     const inside = player.shown.body && player.bodies.some((_, k) => player.row(k) >= 0);
-    const through = player.viewpoint.pinhole && !player.viewpoint.flight;
-    const opacity = through ? 0.25 : inside && this.style !== "dots" ? 0.42 : 1;
+    const opacity = player.viewpoint.through ? 0.25 : inside && this.style !== "dots" ? 0.42 : 1;
     const size = { surface: 1, cubes: 0.94 * this.size, dots: 0.5 * this.size }[this.style];
     player.renderer.drawSolid(this.mesh, size, opacity);
   }

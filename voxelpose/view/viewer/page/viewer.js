@@ -1,35 +1,16 @@
 // The viewer: the player, with the hulls and pictures of frames that are asked for one after the other.
 
+import { getJson } from "./api.js";
 import { unpacked } from "./body.js";
-import { checkbox, choice, make, swatch } from "./elements.js";
+import { checkbox, choice, make, notice, swatch } from "./elements.js";
 import { FrameStore } from "./frame_store.js";
 import { Hull, hullLegend } from "./hull.js";
 import { Player } from "./player.js";
-import { BALL, boneFaces } from "./renderer.js";
+import { LIKELY, UNLIKELY, drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
 const AREA = [90, 214, 200];
 const DISPUTED = [170, 110, 240];
 const LATE_S = 0.2;  // that hull and pictures may be late while playing
-const LIKELY = 225;
-const BACKGROUND = 40;
-const part = (name) => document.querySelector(`.${name}`);
-
-function complain(text) {
-  part("banner").hidden = !text;
-  part("banner").textContent = text;
-}
-
-async function asked(path) {
-  let answer;
-  try {
-    answer = await fetch(path);
-  } catch {
-    throw new Error("The program has ended or cannot be reached: start `voxelpose view` again.");
-  }
-  const content = await answer.json();
-  if (!answer.ok) throw new Error(content.error);
-  return content;
-}
 
 // What the player's page lacks.
 function addParts() {
@@ -47,9 +28,9 @@ class Viewer {
     this.cameraKind = "both";
     this.part = "";
     this.hull = new Hull(state);
-    this.hidden = new Set();
+    this.largest = {};
     this.store = new FrameStore(
-      (frame) => asked(`api/frame?frame=${frame}&pictures=${this.cameraKind}`), (frame) => this.arrived(frame), (text) => this.failed(text));
+      (frame) => getJson(`api/frame?frame=${frame}&pictures=${this.cameraKind}`), (frame) => this.arrived(frame), (text) => this.failed(text));
     this.cameraChoice = choice("Cameras show", [["both", "picture and silhouette"], ["picture", "picture"],
       ["silhouette", "silhouette"], ["none", "no picture"]], "both", (kind) => {
       this.cameraKind = kind;
@@ -86,7 +67,7 @@ class Viewer {
     if (this.part) lines.push(swatch([AREA], "where the chosen part could be (its movable area)"),
       swatch([DISPUTED], "where another part could be, too: they are matched together"));
     if (this.state.hypotheses && player.shown.hypotheses) {
-      lines.push(swatch([[LIKELY, LIKELY, LIKELY], [BACKGROUND, BACKGROUND, BACKGROUND]], "other poses that the camera leaves open, likely to unlikely"));
+      lines.push(swatch([LIKELY, UNLIKELY].map((grey) => [grey, grey, grey]), "other poses that the camera leaves open, likely to unlikely"));
     }
     return lines;
   }
@@ -106,7 +87,7 @@ class Viewer {
   }
 
   failed(text) {
-    complain(text);
+    notice(text);
     this.tell();
   }
 
@@ -123,7 +104,7 @@ class Viewer {
     const answer = this.store.get(frame);
     Object.assign(this, { used: frame, usedKind: this.cameraKind });
     this.hull.take(answer.hull, this.player);
-    this.otherPoses(answer.hypotheses);
+    this.others = otherPoses(this.player.renderer, answer.hypotheses, this.others);
     this.player.redraw();
     const lines = answer.lines.map((line) => make("p", {}, line));
     part("lines").replaceChildren(...lines, ...answer.notes.map((note) => make("p", { class: "warning" }, `⚠ ${note}`)), this.link(frame));
@@ -133,12 +114,9 @@ class Viewer {
       return sent ? createImageBitmap(jpeg(sent)) : null;
     }));
     cameras.forEach((camera, k) => {
-      if (this.used === frame) camera.filmed = Boolean(images[k]);
-      if (this.used === frame && images[k]) {
-        camera.texture ??= renderer.texture(true);
-        renderer.picture(camera.texture, images[k]);
-      }
-      images[k]?.close();
+      if (this.used !== frame) return images[k]?.close();
+      camera.empty = !images[k];
+      return images[k] && filmed(renderer, camera, images[k]);
     });
     this.player.redraw();
   }
@@ -162,11 +140,7 @@ class Viewer {
     return Math.abs(timeline.frame - this.used) > (timeline.playing ? LATE_S * scene.fps : 0);
   }
 
-  pictures(player) {
-    for (const camera of player.cameras) {
-      if (camera.filmed) player.renderer.drawPicture(camera.texture, camera.corners(player.depth));
-    }
-  }
+  pictures = drawPictures;
 
   // Behind the scene, through a camera: its picture, with the outlines of the bodies.
   backdrop(player, camera) {
@@ -174,7 +148,7 @@ class Viewer {
     const [scale, left, top] = camera.fitted(width, height);
     const x = [left, left + scale * camera.size[0]].map((value) => (2 * value) / width - 1);
     const y = [top, top + scale * camera.size[1]].map((value) => 1 - (2 * value) / height);
-    const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : camera.filmed && camera.texture;
+    const texture = this.large?.camera === camera && this.large.frame === player.timeline.frame ? this.large.texture : !camera.empty && camera.texture;
     const corners = [[x[0], y[0], 0], [x[1], y[0], 0], [x[1], y[1], 0], [x[0], y[1], 0]];
     if (texture) player.renderer.drawPicture(texture, corners, this.late() ? 0.25 : 1, true);
   }
@@ -197,29 +171,12 @@ class Viewer {
     if (!answer.ok || this.backdropKey !== path) return;
     const image = await createImageBitmap(await answer.blob());
     if (this.through === camera && this.backdropKey === path) this.enlarged(camera, frame, image);
-    image.close();
   }
 
   enlarged(camera, frame, image) {
-    const { renderer } = this.player;
-    const texture = this.largeTexture ??= renderer.texture(true);
-    renderer.picture(texture, image);
-    this.large = { camera, texture, frame };
+    filmed(this.player.renderer, this.largest, image);
+    this.large = { camera, texture: this.largest.texture, frame };
     this.player.redraw();
-  }
-
-  otherPoses(hypotheses) {
-    const { renderer } = this.player;
-    const [faces, normals, colours] = [[], [], []];
-    for (const { ends: sent, share } of hypotheses) {
-      const ends = unpacked(sent);
-      const grey = Math.round(BACKGROUND + (LIKELY - BACKGROUND) * (0.15 + 0.85 * Math.min(share, 1)));
-      const before = faces.length;
-      for (let k = 0; k < ends.length; k += 6) boneFaces([...ends.slice(k, k + 3)], [...ends.slice(k + 3, k + 6)], 0.009, faces, normals);
-      for (let k = before; k < faces.length; k++) colours.push(grey);
-    }
-    renderer.drop(this.others);
-    this.others = faces.length ? renderer.surface(new Float32Array(faces), new Float32Array(normals), new Uint8Array(colours)) : null;
   }
 
   // Where the chosen part could be in the shown frame.
@@ -230,18 +187,16 @@ class Viewer {
     this.areaKey = key;
     let answer = { text: "Choose a part to see where it could be, and with which others it is matched together." };
     try {
-      if (this.part) answer = await asked(`api/area?frame=${frame}&part=${encodeURIComponent(this.part)}`);
+      if (this.part) answer = await getJson(`api/area?frame=${frame}&part=${encodeURIComponent(this.part)}`);
     } catch (error) {
-      complain(error.message);
+      notice(error.message);
     }
     if (this.areaKey !== key) return;
     part("reach").querySelector(".note").textContent = answer.text;
     const { renderer } = this.player;
     this.areas?.forEach((mesh) => renderer.drop(mesh));
-    this.areas = [[answer.reach, AREA], [answer.disputed, DISPUTED]].map(([sent, colour]) => {
-      const places = unpacked(sent) ?? new Float32Array();
-      return renderer.crowd(BALL, places, new Uint8Array(places.length).map((_, k) => colour[k % 3]));
-    });
+    this.areas = [[answer.reach, AREA], [answer.disputed, DISPUTED]].map(
+      ([sent, colour]) => renderer.balls(unpacked(sent) ?? new Float32Array(), colour));
     this.player.showLegend();
     this.player.redraw();
   }
@@ -260,10 +215,7 @@ class Viewer {
 const jpeg = (text) => new Blob([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], { type: "image/jpeg" });
 
 try {
-  const state = await asked("api/scene");
-  part("view").closest("body").querySelector("h1").textContent = state.name;
-  document.querySelector("header small").textContent = `${state.count} frames, ${(state.count / state.fps).toFixed(1)} s`;
-  window.viewer = new Viewer(state);
+  window.viewer = new Viewer(await getJson("api/scene"));
 } catch (error) {
-  complain(error.message);
+  notice(error.message);
 }
