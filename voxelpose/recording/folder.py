@@ -440,7 +440,7 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
 def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
     """Error that leads to a calibration, or to `track` where a single camera filmed."""
     remedy = (
-        "put one there as calibration.toml (or .yml, .json, .xml, .txt, .xcp), or make one,"
+        "put one there as calibration.toml (or .yml, .json, .xml, .txt, .xcp, .mat), or make one,"
         " beginning with `voxelpose calibrate board` (docs/calibration.md)"
     )
     if len(cameras) == 1:

@@ -1,0 +1,103 @@
+"""DANNCE's calibration as MATLAB's files: `*_dannce.mat` with all cameras, `params` beside their
+names `camnames`; or a file for each, `hires_cam1_params.mat`.
+
+`K`, `r` and `t` are MATLAB's of row vectors: x_cam = x_world r + t, pixels = x_cam K, so that K and
+r are the transposes of OpenCV's. Pixels count from 1. `RDistort` is k1 k2 or k1 k2 k3, `TDistort`
+p1 p2, as OpenCV's. Size and unit are not in the file; DANNCE itself works in mm.
+"""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.camera import Camera, Rig
+from calib.documents import LARGEST_CALIBRATION, load_bytes
+from calib.files.fields import Source
+
+_CAMERA = ("K", "r", "t", "RDistort", "TDistort")
+
+
+def is_matlab(path: Path) -> bool:
+    """Whether a file is one of MATLAB's."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(6) == b"MATLAB"
+
+
+def read_dannce(source: Source) -> Rig:
+    """Reads the rig.
+
+    Raises:
+        InputError: A camera is missing, incomplete or wrong, or the unit is not given.
+    """
+    content = load_matlab(source)
+    if is_dannce_camera(content) or "params" not in content:
+        return source.rig([dannce_camera(source, source.path.stem, content)])
+    cameras = _several(content.get("params"))
+    names = [str(name) for name in _several(content.get("camnames"))]
+    if not all(isinstance(camera, dict) for camera in cameras):
+        raise source.error(
+            "params must be a cell array of structs with K, r, t, RDistort, TDistort"
+        )
+    if names and len(names) != len(cameras):
+        raise source.error(f"camnames has {len(names)} names, params {len(cameras)} cameras")
+    names = names or [f"Camera{number}" for number in range(1, len(cameras) + 1)]
+    named = zip(names, cameras, strict=True)
+    return source.rig([dannce_camera(source, name, camera) for name, camera in named])
+
+
+def load_matlab(source: Source) -> dict[str, Any]:
+    """Variables of a calibration of DANNCE's.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    from scipy.io import loadmat  # takes longer than all other readers
+
+    data = load_bytes(source.path, LARGEST_CALIBRATION)
+    names = [*_CAMERA, "params", "camnames"]
+    try:
+        return loadmat(io.BytesIO(data), variable_names=names, simplify_cells=True)
+    except NotImplementedError:
+        raise source.error("is MATLAB's of version 7.3: save it with -v7") from None
+    except Exception as error:  # whatever the bytes make of SciPy's reader
+        words = " ".join(str(error).split())[:200]
+        raise source.error(f"is no MATLAB file that can be read: {words}") from None
+
+
+def is_dannce_camera(content: dict[str, Any]) -> bool:
+    """Whether variables are one camera's."""
+    return {*_CAMERA} <= content.keys()
+
+
+def dannce_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera | None:
+    """Camera from its variables.
+
+    Raises:
+        InputError: It is incomplete or wrong.
+    """
+    matrix = source.numbers(name, "K", fields.get("K"), (3, 3)).T
+    if matrix[2, :2].any() and not matrix[:2, 2].any():
+        raise source.error("K is not transposed as MATLAB's is: write K'", name)
+    radial = source.numbers(name, "RDistort", fields.get("RDistort"))
+    values = {
+        "matrix": matrix - np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]]),
+        "distortions": np.r_[
+            radial[:2], source.numbers(name, "TDistort", fields.get("TDistort"), (2,)), radial[2:]
+        ],
+        "rotation": source.numbers(name, "r", fields.get("r"), (3, 3)).T,
+        "translation": fields.get("t"),
+    }
+    remedy = "DANNCE works in mm: pass --unit mm"
+    return source.camera(name, values, source.metres_per_unit(None, remedy))
+
+
+def _several(value: Any) -> Sequence[Any]:
+    """Items of a cell array; SciPy leaves out the array where there is one."""
+    if value is None or isinstance(value, dict | str):
+        return [] if value is None else [value]
+    return list(np.atleast_1d(np.asarray(value, object)).ravel())
