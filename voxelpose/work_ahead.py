@@ -21,10 +21,9 @@ def work_ahead(recording: Recording, estimator: str) -> str:
     Raises:
         InputError: the folder of temporary files has no room for it.
     """
-    one = estimator in ONE_CAMERA
     frames, cameras = recording.frame_count, len(recording.rig)
     pictures = frames * cameras
-    seconds = pictures * (_MS_ONE if one else _MS_SEVERAL) / 1000
+    seconds = pictures * (_MS_ONE if estimator in ONE_CAMERA else _MS_SEVERAL) / 1000
     if seconds < _LONG_S:
         return ""
     scratch, folder = pictures * _SCRATCH, tempfile.gettempdir()

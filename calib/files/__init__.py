@@ -177,11 +177,7 @@ def _reader_of_json(content: Any) -> Callable[[Source], Rig]:
     """Returns the reader that fits the content of JSON."""
     if isinstance(content, list):
         return read_projections
-    readers = {
-        "projections": read_projections,
-        "cameras": read_json,
-        "frames": read_nerfstudio,
-    }
+    readers = {"projections": read_projections, "cameras": read_json, "frames": read_nerfstudio}
     for key, reader in readers.items():
         if key in content:
             return reader

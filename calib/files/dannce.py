@@ -7,7 +7,7 @@ p1 p2, as OpenCV's. Size and unit are not in the file; DANNCE itself works in mm
 """
 
 import io
-from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,9 @@ _CAMERA = ("K", "r", "t", "RDistort", "TDistort")
 
 def is_matlab(path: Path) -> bool:
     """Whether a file is one of MATLAB's."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
+    with suppress(OSError), path.open("rb") as file:
         return file.read(6) == b"MATLAB"
+    return False
 
 
 def read_dannce(source: Source) -> Rig:
@@ -37,16 +36,16 @@ def read_dannce(source: Source) -> Rig:
     content = load_matlab(source)
     if is_dannce_camera(content) or "params" not in content:
         return source.rig([dannce_camera(source, source.path.stem, content)])
-    cameras = _several(content.get("params"))
-    names = [str(name) for name in _several(content.get("camnames"))]
-    if not all(isinstance(camera, dict) for camera in cameras):
+    cameras, names = (
+        # SciPy leaves out an array of one item.
+        [given] if isinstance(given, dict | str) else list(np.ravel(np.asarray(given, object)))
+        for given in (content["params"], content.get("camnames", []))
+    )
+    if len(names) != len(cameras) or not all(isinstance(camera, dict) for camera in cameras):
         raise source.error(
-            "params must be a cell array of structs with K, r, t, RDistort, TDistort"
+            f"params must be a cell array of structs ({', '.join(_CAMERA)}), camnames their names"
         )
-    if names and len(names) != len(cameras):
-        raise source.error(f"camnames has {len(names)} names, params {len(cameras)} cameras")
-    names = names or [f"Camera{number}" for number in range(1, len(cameras) + 1)]
-    named = zip(names, cameras, strict=True)
+    named = zip(map(str, names), cameras, strict=True)
     return source.rig([dannce_camera(source, name, camera) for name, camera in named])
 
 
@@ -65,8 +64,7 @@ def load_matlab(source: Source) -> dict[str, Any]:
     except NotImplementedError:
         raise source.error("is MATLAB's of version 7.3: save it with -v7") from None
     except Exception as error:  # whatever the bytes make of SciPy's reader
-        words = " ".join(str(error).split())[:200]
-        raise source.error(f"is no MATLAB file that can be read: {words}") from None
+        raise source.error(f"is no MATLAB file that can be read: {str(error)[:200]}") from None
 
 
 def is_dannce_camera(content: dict[str, Any]) -> bool:
@@ -84,20 +82,11 @@ def dannce_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera |
     if matrix[2, :2].any() and not matrix[:2, 2].any():
         raise source.error("K is not transposed as MATLAB's is: write K'", name)
     radial = source.numbers(name, "RDistort", fields.get("RDistort"))
+    tangential = source.numbers(name, "TDistort", fields.get("TDistort"), (2,))
     values = {
         "matrix": matrix - np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]]),
-        "distortions": np.r_[
-            radial[:2], source.numbers(name, "TDistort", fields.get("TDistort"), (2,)), radial[2:]
-        ],
+        "distortions": np.r_[radial[:2], tangential, radial[2:]],
         "rotation": source.numbers(name, "r", fields.get("r"), (3, 3)).T,
         "translation": fields.get("t"),
     }
-    remedy = "DANNCE works in mm: pass --unit mm"
-    return source.camera(name, values, source.metres_per_unit(None, remedy))
-
-
-def _several(value: Any) -> Sequence[Any]:
-    """Items of a cell array; SciPy leaves out the array where there is one."""
-    if value is None or isinstance(value, dict | str):
-        return [] if value is None else [value]
-    return list(np.atleast_1d(np.asarray(value, object)).ravel())
+    return source.camera(name, values, source.metres_per_unit(None, "DANNCE works in mm:"))

@@ -398,7 +398,9 @@ def test_dannce_has_transposed_matrices_and_pixels_from_1(tmp_path, count):
     for number, camera in enumerate(rig):
         pixels, _ = camera.project(points(number))
         np.testing.assert_allclose(pixels, corner_pixels(number) + 0.5, atol=0.01)
-    assert "in which unit are its lengths? DANNCE works in mm" in refusal(path, size=SIZE)
+    assert "in which unit are its lengths? DANNCE works in mm: or pass --unit" in refusal(
+        path, size=SIZE
+    )
     for one in range(count):
         savemat(tmp_path / f"{NAMES[one]}.mat", dannce(one) | {"RDistort": [K1, K2, 0.1]})
     path.unlink()
@@ -409,7 +411,7 @@ def test_matlab_files_that_are_not_dannces_are_named(tmp_path):
     path = tmp_path / "a.mat"
     savemat(path, dannce(0) | {"K": dannce(0)["K"].T})
     assert "camera a: K is not transposed" in refusal(path, unit="mm", size=SIZE)
-    savemat(path, {"params": [1, 2]})
+    savemat(path, {"params": [1, 2], "camnames": ["a", "b"]})
     assert "params must be a cell array of structs" in refusal(path, unit="mm", size=SIZE)
     savemat(path, {"other": 1})
     assert "camera a: K is missing" in refusal(path, unit="mm", size=SIZE)

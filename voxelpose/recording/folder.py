@@ -22,21 +22,11 @@ from voxelpose.recording.camera_files import (
 )
 from voxelpose.recording.chapters import FilmReader, chapters_apart, open_camera
 from voxelpose.recording.file_times import recorded_times
-from voxelpose.recording.frame_reader import (
-    VIDEOS,
-    Frame,
-    FrameReader,
-    other_size,
-    read_together,
-)
+from voxelpose.recording.frame_reader import VIDEOS, Frame, FrameReader, other_size, read_together
 from voxelpose.recording.mask_labels import cut_outs, open_masks
 from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.subject import Subject, read_subject
-from voxelpose.recording.timestamps import (
-    TIMESTAMPS,
-    matched_by_time,
-    times_by_rate,
-)
+from voxelpose.recording.timestamps import TIMESTAMPS, matched_by_time, times_by_rate
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
