@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+from scipy.io import savemat
+
 _POSE = [[1, 0, 0, 0.5], [0, 0, -1, -3], [0, 1, 0, 1.2], [0, 0, 0, 1]]
 _XCP = """<?xml version="1.0"?>
 <Cameras>
@@ -78,6 +81,20 @@ def write_kinect(folder: Path) -> None:
     camera = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": lens}
     content = {"CalibrationInformation": {"Cameras": [camera]}}
     (folder / "rig.json").write_text(json.dumps(content))
+
+
+def write_dannce(folder: Path) -> None:
+    """Writes two cameras as MATLAB does."""
+    camera = {
+        "K": np.array([[300, 0, 161], [0, 301, 121], [0, 0, 1.0]]).T,
+        "r": np.array([row[:3] for row in _POSE[:3]], float).T,
+        "t": [[500.0, -3000, 1200]],
+        "RDistort": [[-0.1, 0.01]],
+        "TDistort": [[0.001, 0.001]],
+    }
+    params, names = np.empty((2, 1), object), np.empty((1, 2), object)
+    params[:, 0], names[0] = [camera, camera], ["Camera1", "Camera2"]
+    savemat(folder / "rig.mat", {"params": params, "camnames": names})
 
 
 def write_opencap(folder: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -359,6 +360,50 @@ def _use_image(folder: Path, thorough: bool, name: str) -> None:
         frame.mean()
 
 
+def _make_film(folder: Path, cover: bool) -> None:
+    """Two chapters of a film; or a film behind a still picture, as its file's second track."""
+    import imageio_ffmpeg
+
+    (folder / "cam_0").mkdir()
+    if not cover:
+        for chapter in (1, 2):
+            _make_video(folder, f"cam_0/GX0{chapter}0012.mp4")
+        return
+    _make_video(folder, "film.mov")
+    _make_image(folder, "cover.png")
+    words = ["-loglevel", "error", "-i", folder / "cover.png", "-i", folder / "film.mov"]
+    words += ["-map", "0:v", "-map", "1:v", "-c", "copy", folder / "cam_0.mov"]
+    subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), *words], check=True)
+
+
+def _use_film(folder: Path, thorough: bool, name: str) -> None:
+    from voxelpose.recording.chapters import open_camera
+
+    for frame in open_camera(folder / name):
+        frame.mean()
+
+
+def _make_images(folder: Path, turned: bool) -> None:
+    """Three images, one of which EXIF data turn; or whose opacity is a person's silhouette."""
+    (folder / "cam_0").mkdir()
+    for number in range(3):
+        layers = np.random.default_rng(number).integers(0, 255, (48, 64, 4), np.uint8)
+        layers[..., 3] = 0
+        layers[10:40, 8 * number + 8 : 8 * number + 24, 3] = 255
+        path, exif = folder / "cam_0" / f"{number}.{'jpg' if turned else 'png'}", Image.Exif()
+        exif[0x0112] = 6 if number == 1 else 1
+        Image.fromarray(layers[..., :3] if turned else layers).save(path, exif=exif)
+
+
+def _use_images(folder: Path, thorough: bool) -> None:
+    from voxelpose.recording.frame_reader import FrameReader
+    from voxelpose.recording.mask_labels import cut_outs
+
+    reader = FrameReader.open(folder / "cam_0")
+    for frame in cut_outs({"cam_0": reader})[0].get("cam_0", reader):
+        frame.mean()
+
+
 def _make_image_names(folder: Path) -> None:
     """Names of the images of some cameras, which tell numbers and times in several ways."""
     forms = (
@@ -621,6 +666,7 @@ TARGETS: dict[str, FuzzTarget] = {
     "vicon": _foreign(calibrations.write_vicon, "rig.xcp", any_text, "mm"),
     "kinect": FuzzTarget(calibrations.write_kinect, {"rig.json": any_json}, _use_lens),
     "opencap": _foreign(calibrations.write_opencap, "rig.json", any_json, "mm"),
+    "dannce": _foreign(calibrations.write_dannce, "rig.mat", any_bytes, "mm"),
     "points": FuzzTarget(_make_points, {"points.csv": any_table}, _use_points),
     "bvh": FuzzTarget(_make_bvh, {"clip.bvh": any_text}, partial(_use_clip, name="clip.bvh")),
     "exponential-map": FuzzTarget(
@@ -653,6 +699,20 @@ TARGETS: dict[str, FuzzTarget] = {
     "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
     "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
     "image-names": FuzzTarget(_make_image_names, {"names.txt": any_text}, _use_image_names),
+    "chapters": FuzzTarget(
+        partial(_make_film, cover=False),
+        {"cam_0/GX020012.mp4": any_bytes},
+        partial(_use_film, name="cam_0"),
+    ),
+    "film-track": FuzzTarget(
+        partial(_make_film, cover=True),
+        {"cam_0.mov": any_bytes},
+        partial(_use_film, name="cam_0.mov"),
+    ),
+    "exif": FuzzTarget(partial(_make_images, turned=True), {"cam_0/1.jpg": any_bytes}, _use_images),
+    "alpha": FuzzTarget(
+        partial(_make_images, turned=False), {"cam_0/1.png": any_bytes}, _use_images
+    ),
     "times-mov": _video("mov"),
     "times-mkv": _video("mkv"),
     "times-avi": _video("avi"),

@@ -62,7 +62,7 @@ def adjust(
         fixed: What defines the world if camera poses are free: the first camera or the first board.
 
     Returns:
-        The adjusted scene; covariances assume independent errors of the size of the residuals.
+        The adjusted scene; covariances assume that boards, not corners, have independent errors.
 
     Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 1999, 3.4, 4 and 10.
     """
@@ -79,9 +79,7 @@ def adjust(
     ).x
     parameters = problem.parameters(from_step @ step)
     residuals = problem.reprojection(parameters)
-    # Standard deviation estimated from the median absolute deviation, which resists outliers.
-    sigma = 1.4826 * float(np.median(np.abs(residuals)))
-    covariances = _covariances(problem.jacobian(parameters), sigma, problem)
+    covariances = _covariances(problem.jacobian(parameters), residuals, problem)
     return Adjustment(problem.scene(parameters), residuals, covariances)
 
 
@@ -195,12 +193,7 @@ class _Problem:
     def _moved(self, camera: Camera, block: FloatArray) -> Camera:
         """A camera with its block of parameters applied."""
         if self.lens_at:
-            rotation = matrix_from_rodrigues(block[:3])
-            camera = replace(
-                camera,
-                rotation=rotation @ camera.rotation,
-                translation=rotation @ camera.translation + block[3:6],
-            )
+            camera = camera.turned(matrix_from_rodrigues(block[:3]), block[3:6])
         if self.block == self.lens_at:
             return camera
         lens = block[self.lens_at :]
@@ -287,35 +280,63 @@ class _Problem:
 
 
 def _covariances(
-    jacobian: sparse.csr_matrix, sigma: float, problem: _Problem
+    jacobian: sparse.csr_matrix, residuals: FloatArray, problem: _Problem
 ) -> tuple[FloatArray, ...]:
-    """Each camera's block of the inverse normal matrix; very large in undetermined directions."""
+    """Each camera's block of the covariance; very large in undetermined directions.
+
+    Errors of one board have causes in common: how it is lit, bent or blurred. So the covariance is
+    that of the boards' pulls on the cameras (a sandwich, clustered by board), and no less than that
+    of independent errors. Few boards do not tell every direction: their covariance shrinks toward
+    the same in all.
+
+    Source: Liang and Zeger, Longitudinal data analysis using generalized linear models, 1986.
+    """
     if not problem.block:
         return ()
-    normal = (jacobian.T @ jacobian).toarray()
+    # Standard deviation estimated from the median absolute deviation, which resists outliers.
+    sigma = 1.4826 * float(np.median(np.abs(residuals)))
+    flat = residuals.ravel()
+    flat = np.r_[
+        flat / np.hypot(1, flat / BOARDS.robust_px), np.zeros(jacobian.shape[0] - flat.size)
+    ]
     ours = np.flatnonzero(problem.moving < problem.boards_at)
-    inner = normal[np.ix_(ours, ours)]
+    columns = jacobian.tocsc()
+    by_camera = columns[:, ours].tocsr()
+    inner, pulls = (by_camera.T @ by_camera).toarray(), []
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     # Boards are eliminated one by one (Schur complement): no residual depends on two of them.
     for first in range(problem.boards_at, problem.size, 6):
         board = np.flatnonzero((problem.moving >= first) & (problem.moving < first + 6))
         if len(board):
-            inner -= (
-                normal[np.ix_(ours, board)]
-                @ np.linalg.pinv(normal[np.ix_(board, board)])
-                @ normal[np.ix_(board, ours)]
-            )
-    scale = np.sqrt(np.maximum(normal[ours, ours], 1e-300))
+            by_board = columns[:, board]
+            rows = np.unique(by_board.indices)
+            own, pose = by_camera[rows].toarray(), by_board.tocsr()[rows].toarray()
+            along = pose @ np.linalg.lstsq(pose, own, rcond=None)[0]
+            inner -= along.T @ along
+            pulls.append((own - along).T @ flat[rows])
     level, axes = np.linalg.eigh(inner / np.outer(scale, scale))
     with np.errstate(divide="ignore"):
         inverse = np.where(level > 1e-12, 1 / np.maximum(level, 1e-12), 1e12)
+    root = axes * np.sqrt(inverse) / scale[:, None]
     whole = np.zeros((problem.boards_at, problem.boards_at))
     whole[np.ix_(problem.moving[ours], problem.moving[ours])] = (
-        sigma**2 * (axes * inverse) @ axes.T / np.outer(scale, scale)
+        root @ _spread(np.reshape(pulls, (-1, len(ours))) @ root, sigma) @ root.T
     )
     return tuple(
         whole[first : first + problem.block, first : first + problem.block]
         for first in range(0, problem.boards_at, problem.block)
     )
+
+
+def _spread(pulls: FloatArray, sigma: float) -> FloatArray:
+    """Covariance (p, p) of pulls (boards, p), of which independent errors of a standard deviation
+    sigma give sigma squared in every direction.
+    """
+    count, size = pulls.shape
+    spread = pulls.T @ pulls * count / max(count - 1, 1)
+    same = max(np.trace(spread) / max(size, 1), sigma**2)
+    level, axes = np.linalg.eigh((count * spread + size * same * np.eye(size)) / (count + size))
+    return (axes * np.maximum(level, sigma**2)) @ axes.T
 
 
 def rms_px(residuals_px: FloatArray) -> float:

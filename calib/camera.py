@@ -96,9 +96,26 @@ class Camera:
         return self.matrix @ np.column_stack([self.rotation, self.translation])
 
     @property
+    def view_deg(self) -> float:
+        """Angle between the middles of the image's left and right edges, degrees."""
+        edges = np.array([[-0.5, self.matrix[1, 2]], [self.size[0] - 0.5, self.matrix[1, 2]]])
+        left, right = self.rays(edges)[1]
+        return float(np.degrees(np.arccos(np.clip(left @ right, -1, 1))))
+
+    @property
     def is_pinhole(self) -> bool:
         """Whether the lens has no distortion."""
         return not self.fisheye and not self.distortion.any()
+
+    def turned(self, turn: FloatArray, shift_m: ArrayLike = 0.0) -> "Camera":
+        """A camera that has what is at x before this one at turn x + shift, m, before it."""
+        translation = turn @ self.translation + shift_m
+        return replace(self, rotation=turn @ self.rotation, translation=translation)
+
+    def in_world(self, turn: FloatArray, shift_m: FloatArray) -> "Camera":
+        """The same camera in a world in which a point x of this one is at turn x + shift, m."""
+        rotation = self.rotation @ turn.T
+        return replace(self, rotation=rotation, translation=self.translation - rotation @ shift_m)
 
     def project(self, points_world: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Projects world points (N, 3), m, into the image plane.

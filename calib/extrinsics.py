@@ -212,15 +212,8 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
     index = moments.index(floor)
     # The board's z points into the floor: up is -z, and y changes its sign too.
     world_from_old = np.diag([1.0, -1, -1]) @ scene.rotations[index].T
-    origin = scene.translations[index]
-    moved = tuple(
-        replace(
-            camera,
-            rotation=camera.rotation @ world_from_old.T,
-            translation=camera.translation + camera.rotation @ origin,
-        )
-        for camera in scene.cameras
-    )
+    shift = -world_from_old @ scene.translations[index]
+    moved = tuple(camera.in_world(world_from_old, shift) for camera in scene.cameras)
     under = [camera.name for camera in moved if camera.center_m[2] < 0]
     if under:
         raise InputError(

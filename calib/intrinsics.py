@@ -19,6 +19,9 @@ _MIN_PICTURES = 4
 _COVERAGE_GRID = 8
 _EDGE_CELLS = 2
 _ROUNDED_PX = 1 / 2  # largest error of what is known to whole pixels
+# Of a focal length, by what markers near the corners do in all pictures alike: over 32 drawn boards
+# -0.1 to 0.1 %, by the part of a picture in which corners are refined.
+_BY_MARKERS = 1 / 1000
 
 
 @dataclass(frozen=True)
@@ -158,7 +161,8 @@ def _solve(
         [rms_px(adjusted.residuals_px[owner == index]) for index in range(len(views))]
     )
     # The solver's parameters are logarithms of the focal lengths.
-    deviations = np.sqrt(np.diag(adjusted.covariances[0])[:2]) * np.diag(calibrated.matrix)[:2]
+    variances = np.diag(adjusted.covariances[0])[:2] + (board.marker_m is not None) * _BY_MARKERS**2
+    deviations = np.sqrt(variances) * np.diag(calibrated.matrix)[:2]
     return calibrated, errors, deviations
 
 

@@ -147,34 +147,26 @@ def relative(known: str, new: str, board_poses: Candidates) -> tuple[FloatArray,
                 if flipped_a and flipped_b:
                     continue  # equivalent to neither being flipped
                 rotation = rb @ ra.T
-                penalty = np.log1p(error_a / (a[0][2] + tiny)) + np.log1p(
-                    error_b / (b[0][2] + tiny)
-                )
+                ratios = error_a / (a[0].error + tiny), error_b / (b[0].error + tiny)
+                penalty = float(np.log1p(ratios).sum())
                 candidates.append((rotation, tb - rotation @ ta, number, penalty))
-    rotations = np.array([candidate[0] for candidate in candidates])
-    translations = np.array([candidate[1] for candidate in candidates])
-    boards = np.array([candidate[2] for candidate in candidates])
+    rotations, translations, boards, penalties = map(np.array, zip(*candidates, strict=True))
     best, agrees = np.inf, np.zeros(len(candidates), dtype=bool)
     for index in range(len(candidates)):
-        angle = np.arccos(
-            np.clip((np.einsum("nij,ij->n", rotations, rotations[index]) - 1) / 2, -1, 1)
-        )
-        distance = np.linalg.norm(translations - translations[index], axis=1) / (
-            1 + np.linalg.norm(translations[index])
-        )
-        distance = np.minimum(angle + distance, 0.5)
+        cosine = (np.einsum("nij,ij->n", rotations, rotations[index]) - 1) / 2
+        apart = np.linalg.norm(translations - translations[index], axis=1)
+        apart /= 1 + np.linalg.norm(translations[index])
+        distance = np.minimum(np.arccos(np.clip(cosine, -1, 1)) + apart, 0.5)
         nearest = np.full(boards.max() + 1, 0.5)
         np.minimum.at(nearest, boards, distance)
         # Of candidates with equal support, the tilt with the smaller reprojection error.
-        score = float(nearest.sum()) + 0.02 * candidates[index][3]
+        score = float(nearest.sum()) + 0.02 * penalties[index]
         if score < best:
             best, agrees = score, distance < BOARDS.same_pose
             agrees[index] = True
-    pose = (
-        nearest_rotation(rotations[agrees].mean(axis=0)),
-        np.median(translations[agrees], axis=0),
-    )
-    return *pose, len(np.unique(boards[agrees]))
+    rotation = nearest_rotation(rotations[agrees].mean(axis=0))
+    shift = np.median(translations[agrees], axis=0)
+    return rotation, shift, len(np.unique(boards[agrees]))
 
 
 def refuse_mirrored(
@@ -217,11 +209,11 @@ def refuse_mirrored(
 
 def _gain(board: Board, lenses: Rig, views: Views, name: str, excluded: Pair) -> int:
     """Number of boards gained in agreement with the other cameras by mirroring a camera."""
-    others = [other for other in lenses.names if other not in excluded]
     return sum(
-        (1 if mirrored else -1) * _agreement(board, lenses, views, name, other, mirrored)
-        for other in others
-        for mirrored in (True, False)
+        sign * _agreement(board, lenses, views, name, other, sign > 0)
+        for other in lenses.names
+        if other not in excluded
+        for sign in (1, -1)
     )
 
 
@@ -234,11 +226,8 @@ def _agreement(
         moment: _mirrored(board, lenses[name], seen[name]) if mirrored else seen[name]
         for moment, seen in both.items()
     }
-    candidates = board_candidates(
-        board,
-        lenses,
-        {moment: {name: first[moment], other: seen[other]} for moment, seen in both.items()},
-    )
+    views = {moment: {name: first[moment], other: seen[other]} for moment, seen in both.items()}
+    candidates = board_candidates(board, lenses, views)
     candidates = {moment: seen for moment, seen in candidates.items() if len(seen) == 2}
     return relative(other, name, candidates)[2] if candidates else 0
 

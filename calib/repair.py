@@ -224,9 +224,10 @@ def _scaled(suspect: SuspectCamera) -> Repair | None:
     about = f", and shifted by {shift[0]:.0f}, {shift[1]:.0f} px" if not centred else ""
     summary = (
         f"{camera.name}'s picture is not as it was calibrated: {scale_x:.3f} of the width and"
-        f" {scale_y:.3f} of the height{about}"
+        f" {scale_y:.3f} of the height{about}, a field of view of {after.view_deg:.0f} degrees, not"
+        f" {camera.view_deg:.0f} (another mode of its lens, black bars, a crop or a stretch)"
     )
-    return _repair(suspect, "scaled", f"{summary} (black bars, a crop or a stretch)", after)
+    return _repair(suspect, "scaled", summary, after)
 
 
 def _swapped(
@@ -313,9 +314,7 @@ def moved_camera(camera: Camera, x: FloatArray) -> Camera:
     pixel = 1 / camera.matrix[0, 0]
     turn = matrix_from_rodrigues(x[:3] * pixel)
     shift = x[3:] * pixel * 4 if len(x) == 6 else np.zeros(3)
-    return replace(
-        camera, rotation=turn @ camera.rotation, translation=turn @ camera.translation + shift
-    )
+    return camera.turned(turn, shift)
 
 
 def stretched_camera(camera: Camera, x: FloatArray) -> Camera:

@@ -9,7 +9,7 @@ Cameras that lie on their side, as telephones do, have it the other way round.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
@@ -80,17 +80,7 @@ class UprightFrame:
         """The cameras of a rig, calibrated in this frame."""
         if self.is_world:
             return rig
-        return Rig(
-            tuple(
-                replace(
-                    camera,
-                    rotation=camera.rotation @ self.rotation.T,
-                    translation=camera.translation
-                    - camera.rotation @ self.rotation.T @ self._offset_m,
-                )
-                for camera in rig
-            )
-        )
+        return Rig(tuple(camera.in_world(self.rotation, self._offset_m) for camera in rig))
 
 
 def unit_vector(direction: ArrayLike) -> FloatArray:

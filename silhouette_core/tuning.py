@@ -197,7 +197,8 @@ class CameraMotion:
     first frame is hardly ever found again."""
     over_noise: float = 4.0
     """1. An edge's slope over that of half the rim. Slopes of noise alone exceed it once in 70,000
-    (Rayleigh's distribution)."""
+    (Rayleigh's distribution). Likewise the difference of an empty view over what its exposure
+    leaves: 1 to 2.5 of four real and rendered ones, 9 to 40 with another exposure or HLG."""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ from voxelpose.results import (
     open_people,
 )
 from voxelpose.view.images.overlay import draw_pictures, refusal_drawn
+from voxelpose.work_ahead import work_ahead
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def fit_people(
     writer = ResultWriter(output.folder, output.overwrite, keep_out_of=recording.folder)
     load_backend(settings.backend)  # refuses an unknown name before the work begins
     installed_network(settings.network)  # likewise what is no network
-    for words in recording.notes:
+    for words in filter(None, (*recording.notes, work_ahead(recording, estimator))):
         reporter.note(words)
     with writer as folder:
         inputs = input_digests(recording, estimator)  # before they can change

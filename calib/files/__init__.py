@@ -15,6 +15,7 @@ from calib.errors import InputError
 from calib.files.anipose import read_anipose, write_anipose
 from calib.files.camera_folder import read_camera_folder
 from calib.files.colmap import is_colmap, read_colmap
+from calib.files.dannce import is_matlab, read_dannce
 from calib.files.easymocap import is_easymocap, read_easymocap, write_easymocap
 from calib.files.fields import Source
 from calib.files.foreign_json import (
@@ -55,6 +56,7 @@ RIG_FORMATS = {
     "vicon": RigFormat(read_vicon),
     "kinect": RigFormat(read_kinect),
     "opencap": RigFormat(read_opencap),
+    "dannce": RigFormat(read_dannce),
 }
 WRITTEN = tuple(name for name, form in RIG_FORMATS.items() if form.write is not None)
 """Names of the formats that are written."""
@@ -77,8 +79,9 @@ def read_rig(
     Args:
         path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
             matrices, nerfstudio's, OpenCap's and Kinect's JSON, Qualisys .qca.txt, Theia's, Vicon
-            .xcp, Metashape's XML), or a folder (EasyMocap's intri.yml and extri.yml, COLMAP's text
-            model, or one file of OpenCV's, OpenCap's or Kinect's per camera).
+            .xcp, Metashape's XML, DANNCE's .mat), or a folder (EasyMocap's intri.yml and extri.yml,
+            COLMAP's text model, or one file of OpenCV's, OpenCap's, Kinect's or DANNCE's per
+            camera).
         unit: "m", "cm" or "mm", for a file that does not state its unit.
         size: Image (width, height), px, for a file that does not state it.
         cameras: Names of the cameras that are wanted; None for all. Others may be left out of the
@@ -139,6 +142,8 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         return read_camera_folder
     if not source.path.exists():
         raise source.error("no such calibration file")
+    if is_matlab(source.path):
+        return read_dannce
     text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
@@ -167,11 +172,7 @@ def _reader_of_json(content: Any) -> Callable[[Source], Rig]:
     """Returns the reader that fits the content of JSON."""
     if isinstance(content, list):
         return read_projections
-    readers = {
-        "projections": read_projections,
-        "cameras": read_json,
-        "frames": read_nerfstudio,
-    }
+    readers = {"projections": read_projections, "cameras": read_json, "frames": read_nerfstudio}
     for key, reader in readers.items():
         if key in content:
             return reader

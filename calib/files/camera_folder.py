@@ -1,5 +1,5 @@
 """A folder with one file per camera: `cam_1.xml`, `cam_2.xml` ... (named after the file), or
-`cam_1/config.xml` ... (after the folder). They are OpenCV's, or OpenCap's or Kinect's JSON.
+`cam_1/config.xml` ... (after the folder): OpenCV's, OpenCap's or Kinect's JSON, or DANNCE's.
 """
 
 from collections.abc import Callable
@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Camera, Rig
+from calib.files.dannce import dannce_camera, is_dannce_camera, is_matlab, load_matlab
 from calib.files.fields import Source
 from calib.files.file_storage import load_storage
 from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
 from calib.files.opencv import is_opencv_camera, opencv_camera
 from calib.storage.documents import visible_entries
 
-_SUFFIXES = {".yml", ".yaml", ".xml", ".json"}
+_SUFFIXES = {".yml", ".yaml", ".xml", ".json", ".mat"}
 
 
 def read_camera_folder(source: Source) -> Rig:
@@ -28,6 +29,7 @@ def read_camera_folder(source: Source) -> Rig:
         files = [entry] if entry.is_file() else visible_entries(entry)
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         contents = {file: load_storage(file) for file in files if _is_storage(file)}
+        contents |= {file: load_matlab(Source(file)) for file in files if is_matlab(file)}
         readers = {file: reader for file in contents if (reader := _reader_of(contents[file]))}
         if entry.is_dir() and len(readers) > 1:
             raise Source(entry).error(
@@ -59,4 +61,6 @@ def _reader_of(
         return kinect_camera
     if OPENCAP_MATRIX in content:
         return opencap_camera
+    if is_dannce_camera(content):
+        return dannce_camera
     return opencv_camera if is_opencv_camera(content) else None

@@ -27,13 +27,8 @@ from calib.files.file_storage import dump_storage, load_storage
 _ALIASES = {
     "matrix": ("cameramatrix", "k", "intrinsicmatrix", "intrinsics", "mtx", "matrix"),
     "distortions": (
-        "distortioncoefficients",
-        "distortioncoeffs",
-        "distcoeffs",
-        "dist",
-        "d",
-        "distortions",
-        "distortion",
+        *("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distortions"),
+        *("distortion", "dist", "d"),
     ),
     "rotation": ("rotation", "r", "rot", "rvec", "rvecs", "rotationvector", "rotationmatrix"),
     "translation": ("translation", "t", "tvec", "tvecs", "translationvector"),

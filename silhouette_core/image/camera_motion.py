@@ -35,7 +35,8 @@ class CameraMovement:
     Attributes:
         moves: Whether most frames show another place, or one that is too far away to be found.
         shakes: Whether the rim is found, elsewhere in a quarter of the frames or the empty view.
-        other_settings: Whether the empty view is found only with the exposure of the take.
+        other_settings: Whether the empty view differs from the take but for its exposure, or is
+            found only with that.
         other_tones: Whether it is found only by the order of its grey levels: no exposure makes it
             what the take shows.
 
@@ -72,18 +73,21 @@ class CameraMovement:
 
     def _empty_away_px(self, frame: ByteArray) -> float:
         """How far a picture of the empty view is away, px as of `_away_px`."""
-        moved = self._moved_to(frame)
-        away_px = [self._away_px(moved)]
+        grey, away_px = _reduced(frame), [self._away_px(self._moved_to(frame))]
+        usual, empty = (np.repeat(one[..., None], 3, axis=2) for one in (self._usual, grey))
+        exposed = Aligner(usual.astype(np.float32)).aligned(empty)
+        off, left = (
+            float(np.median(cv2.absdiff(one, self._usual)[_rim(grey.shape)]))
+            for one in (grey, _reduced(exposed))
+        )
+        self.other_settings = off > CAMERA_MOTION.over_noise * max(left, 1)
         if away_px[0] > CAMERA_MOTION.still_px:
-            grey = _reduced(frame)
-            usual, empty = (np.repeat(one[..., None], 3, axis=2) for one in (self._usual, grey))
-            exposed = Aligner(usual.astype(np.float32)).aligned(empty)
             for picture in (exposed, _with_tones(grey, self._usual)):
                 away_px.append(self._away_px(self._moved_to(picture)))
             # It stands still if it does with any settings; else the plainest that finds it tell.
             still = [way for way in range(3) if away_px[way] <= CAMERA_MOTION.still_px]
             way = (still or [way for way in range(3) if np.isfinite(away_px[way])] or [0])[0]
-            self.other_settings, self.other_tones = way > 0, way == 2
+            self.other_settings, self.other_tones = self.other_settings or way > 0, way == 2
             return 0.0 if self.other_tones else away_px[way]
         return away_px[0]
 

@@ -68,6 +68,22 @@ def test_errors_are_as_large_as_is_stated():
     assert 0.6 < np.mean(values) / 6 < 1.5
 
 
+def test_errors_that_the_corners_of_a_board_have_in_common_are_stated():
+    """Each picture is bent in a way of its own, as a board that is held in the hands."""
+    truth = scene(12, (0.0, 0.0, 0.0, 0.0))
+    one = BundleScene(truth.cameras[:1], truth.rotations, truth.translations)
+    squares = []
+    for seed in range(12):
+        seen = photographed(one, seed, 0.05)
+        bends = np.random.default_rng(seed).normal(0, 6, (12, 2))[seen.board]
+        offset = CORNERS[:, :2][np.tile(np.arange(len(CORNERS)), 12)]
+        pixels = seen.pixels + bends * (offset**2).sum(axis=1, keepdims=True)
+        found = adjust(one, replace(seen, pixels=pixels), "lenses")
+        error = np.log(np.diag(found.scene.cameras[0].matrix)[:2] / 600)
+        squares.append(error**2 / np.diag(found.covariances[0])[:2])
+    assert 0.3 < np.mean(squares) < 3  # 12 if corners counted as independent
+
+
 def test_a_few_corners_that_were_taken_for_others_do_no_harm():
     truth = scene()
     seen = photographed(truth, 0)

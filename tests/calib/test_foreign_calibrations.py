@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from calib.camera import Camera
@@ -374,6 +375,48 @@ def test_a_folder_may_hold_a_file_per_camera_of_opencap_or_of_kinect(tmp_path):
     assert rig["front"].matrix[0, 0] == 0.48 * 1280
     with pytest.raises(InputError, match="camera back: has a lens and no position"):
         read_rig(folder, size=(1280, 720))
+
+
+def dannce(number: int) -> dict:
+    return {
+        "K": np.array([[FX, 0, CX + 1], [0, FY, CY + 1], [0, 0, 1]]).T,
+        "r": TURNS[number].as_matrix().T,
+        "t": 1000 * -TURNS[number].apply(CENTRES[number])[None],
+        "RDistort": np.array([[K1, K2]]),
+        "TDistort": np.array([[P1, P2]]),
+    }
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_dannce_has_transposed_matrices_and_pixels_from_1(tmp_path, count):
+    path = tmp_path / "label3d_dannce.mat"
+    params, names = np.empty((count, 1), object), np.empty((1, count), object)
+    params[:, 0], names[0] = [*map(dannce, range(count))], NAMES[:count]
+    savemat(path, {"params": params, "camnames": names, "sync": {"data_frame": [1]}})
+    rig = read_rig(path, "mm", SIZE)
+    assert rig.names == NAMES[:count]
+    for number, camera in enumerate(rig):
+        pixels, _ = camera.project(points(number))
+        np.testing.assert_allclose(pixels, corner_pixels(number) + 0.5, atol=0.01)
+    assert "in which unit are its lengths? DANNCE works in mm: or pass --unit" in refusal(
+        path, size=SIZE
+    )
+    for one in range(count):
+        savemat(tmp_path / f"{NAMES[one]}.mat", dannce(one) | {"RDistort": [K1, K2, 0.1]})
+    path.unlink()
+    assert read_rig(tmp_path, "mm", SIZE)["left"].distortion.tolist() == [K1, K2, P1, P2, 0.1]
+
+
+def test_matlab_files_that_are_not_dannces_are_named(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, dannce(0) | {"K": dannce(0)["K"].T})
+    assert "camera a: K is not transposed" in refusal(path, unit="mm", size=SIZE)
+    savemat(path, {"params": [1, 2], "camnames": ["a", "b"]})
+    assert "params must be a cell array of structs" in refusal(path, unit="mm", size=SIZE)
+    savemat(path, {"other": 1})
+    assert "camera a: K is missing" in refusal(path, unit="mm", size=SIZE)
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + bytes([0, 2]) + b"IM" + bytes(200))
+    assert "version 7.3: save it with -v7" in refusal(path, unit="mm", size=SIZE)
 
 
 def qualisys(path: Path, models: dict[str, str], root='type="regular"') -> Path:

@@ -1,5 +1,7 @@
 """Lenses from boards: synthetic ones whose truth is known, and real ones."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -43,6 +45,16 @@ def test_the_true_lens_is_found_in_noise(lens, distortion):
     off_px = np.abs(np.diag(result.camera.matrix)[:2] - [900, 905])
     assert (off_px < 4 * result.focal_error_px).all()
     assert (result.focal_error_px < 5).all()
+
+
+def test_what_markers_do_in_all_pictures_counts():
+    plain = Board(8, 5, 0.03)
+    views = lens_views(camera([0.0] * 4), 12, 0.1, plain)
+    marked = replace(plain, marker_m=0.02)
+    error_px, with_markers_px = (
+        calibrate_intrinsics(board, views).focal_error_px for board in (plain, marked)
+    )
+    np.testing.assert_allclose(with_markers_px, np.hypot(error_px, [0.9, 0.905]), rtol=0.01)
 
 
 def test_an_earlier_lens_is_judged_in_the_same_pictures():

@@ -32,6 +32,7 @@ from voxelpose.recording.camera_files import not_read, pictures_by_camera
 from voxelpose.recording.file_times import times_in_files
 from voxelpose.recording.folder import Recording, calibration_path, open_readers
 from voxelpose.recording.frame_reader import FrameReader
+from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.sound import STEP_S, has_sound, onsets
 from voxelpose.recording.timestamps import Times, even_numbers, write_timestamps
 from voxelpose.tuning import SYNCHRONISATION
@@ -113,7 +114,7 @@ class Sync:
 
     Attributes:
         times: times of every camera's frames by its own clock, s, as the files tell, else from
-            their rates and a common start.
+            their rates and a common start; those of repeated pictures, too.
     """
 
     result: Synchronisation | SignalOffsets
@@ -168,8 +169,9 @@ class _Films:
     folder: Path  #: the recording folder.
     settings: SyncSettings
     calibrated: bool  #: whether it holds a calibration.
-    readers: dict[str, FrameReader]  #: frame readers by camera name.
+    readers: dict[str, FrameReader]  #: frame readers by camera name, without repeated pictures.
     times: dict[str, Times]  #: (frames,) float64, s, by each camera's clock.
+    file_times: dict[str, Times]  #: of all frames of the files, the repeated ones too.
     fps: dict[str, float]  #: rates.
     notes: tuple[str, ...]  #: what files tell of their frames' times.
 
@@ -191,7 +193,7 @@ class _Films:
                 + not_read(folder, " ({})")
             )
         checked_reference(names, settings.reference)
-        readers = dict(open_readers(folder, names, settings.label)[0])
+        readers, given, _ = open_readers(folder, names, settings.label)
         fps = {name: _rate(name, readers[name], settings) for name in names}
         for reader in readers.values():
             if reader.frame_count < 3:
@@ -205,8 +207,11 @@ class _Films:
                 times |= file_times.times
                 fps[name] = 1 / even_numbers(times[name])[1]
                 notes.append(file_times.note)
-        calibrated = calibration_path(folder) is not None
-        return cls(folder, settings, calibrated, readers, times, fps, tuple(notes))
+        calibrated, distinct, kept = calibration_path(folder) is not None, dict(readers), times
+        if not given:
+            distinct, kept, repeats = without_repeats(readers, times, None)
+            notes += repeats
+        return cls(folder, settings, calibrated, distinct, kept or times, times, fps, tuple(notes))
 
     @property
     def shortest_s(self) -> float:
@@ -237,7 +242,7 @@ class _Films:
     ) -> Sync:
         """Offsets at which signals correlate."""
         offsets = offsets_from_signals(signals, settings, self.settings.reference)
-        return Sync(offsets, by, self.times, self.fps, (*self.notes, *notes))
+        return Sync(offsets, by, self.file_times, self.fps, (*self.notes, *notes))
 
 
 def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
@@ -299,7 +304,7 @@ def _by_outlines(films: _Films, by: SyncMethod, reporter: Reporter) -> Sync:
             "a camera does not agree with the others even so, and its offset is unsure: `voxelpose"
             " calibrate check` names it"
         )
-    return Sync(result, by, films.times, films.fps, (*films.notes, *notes))
+    return Sync(result, by, films.file_times, films.fps, (*films.notes, *notes))
 
 
 def _by_board(films: _Films, reporter: Reporter) -> Sync:

@@ -9,7 +9,17 @@ from calib.storage.documents import visible_entries
 from voxelpose.recording.chapters import chapters_in
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
-CALIBRATION_SUFFIXES = (".toml", ".yml", ".yaml", ".json", ".xml", ".txt", ".qca.txt", ".xcp")
+CALIBRATION_SUFFIXES = (
+    ".toml",
+    ".yml",
+    ".yaml",
+    ".json",
+    ".xml",
+    ".txt",
+    ".qca.txt",
+    ".xcp",
+    ".mat",
+)
 """Of a recording's `calibration`; what it is is told by the content."""
 REPLACED = "before_repair"
 """Folder of a recording that keeps what a repair has replaced."""

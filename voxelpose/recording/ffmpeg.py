@@ -15,6 +15,7 @@ QUIET = ("-v", "quiet", "-nostdin")
 _STREAMS = frozenset(".ts .mts .m2ts .mpg .mpeg".split())  # they begin at any time of a clock
 _UNKNOWN = -(2**62)  # ticks, below which FFmpeg says that it does not know
 _AS_LONG = re.compile("Video: (ffv1|mpeg4)")  # they may spend as many bytes on what is repeated
+_ALIKE = "Video: mjpeg"  # it codes a picture in the same bytes again
 _SMALL = 10  # times smaller than the mean is a coded picture that may be the one before
 _HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
 _FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
@@ -63,7 +64,9 @@ def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
         return False
     small = _SMALL * (coded[:, 0] - _HEADERS) < coded[:, 0].mean()
     alike = (coded[1:] == coded[:-1]).all(axis=1)
-    return bool(small.any() or alike.any() or _AS_LONG.search(words))
+    # What codes each picture by itself, by a budget, spends as many bytes on a repeated one.
+    alone = coded[:, 2].all() and _ALIKE not in words
+    return bool(small.any() or alike.any() or alone or _AS_LONG.search(words))
 
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:
@@ -80,7 +83,9 @@ def packets(path: Path, *words: str) -> NDArray[np.float64]:
 
 
 def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
-    """Times as of `packets`, numbers of bytes and checksums, (n, 4); and what FFmpeg says."""
+    """Times as of `packets`, numbers of bytes, checksums, and whether a picture is coded by itself,
+    (n, 5); and what FFmpeg says.
+    """
     source = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy"]
     done = finished("-nostdin", *source, "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
@@ -89,8 +94,9 @@ def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
             top, _, bottom = line.removeprefix("#tb 0:").partition("/")
             unit = float(top) / float(bottom)
         elif line.startswith("0,"):
-            rows.append([int(line.split(",")[k], 0) for k in (1, 2, 4, 5)])
-    table = np.array(rows, np.int64).reshape(-1, 4)
+            key = "F=0x" not in line
+            rows.append([*(int(line.split(",")[k], 0) for k in (1, 2, 4, 5)), key])
+    table = np.array(rows, np.int64).reshape(-1, 5)
     times = np.where(table[:, :2] > _UNKNOWN, table[:, :2] * unit, np.nan)
     return np.column_stack([times, table[:, 2:].astype(np.float64)]), done.stderr
 

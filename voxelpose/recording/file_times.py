@@ -179,9 +179,7 @@ def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
         )
 
 
-def _common_numbers(
-    named: Mapping[str, NameReading],
-) -> tuple[dict[str, Times], tuple[str, ...]]:
+def _common_numbers(named: Mapping[str, NameReading]) -> tuple[dict[str, Times], tuple[str, ...]]:
     """Numbers of the cameras' images, counted in steps from a common begin, and what is to be told.
 
     Where all count as many, each begins with its first: some count from 0, others from 1.

@@ -22,21 +22,11 @@ from voxelpose.recording.camera_files import (
 )
 from voxelpose.recording.chapters import FilmReader, chapters_apart, open_camera
 from voxelpose.recording.file_times import recorded_times
-from voxelpose.recording.frame_reader import (
-    VIDEOS,
-    Frame,
-    FrameReader,
-    other_size,
-    read_together,
-)
+from voxelpose.recording.frame_reader import VIDEOS, Frame, FrameReader, other_size, read_together
 from voxelpose.recording.mask_labels import cut_outs, open_masks
 from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.subject import Subject, read_subject
-from voxelpose.recording.timestamps import (
-    TIMESTAMPS,
-    matched_by_time,
-    times_by_rate,
-)
+from voxelpose.recording.timestamps import TIMESTAMPS, matched_by_time, times_by_rate
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
@@ -429,7 +419,7 @@ def default_camera(name: str, size: tuple[int, int]) -> Camera:
 def _no_calibration(folder: Path, cameras: Sequence[str] = ()) -> InputError:
     """Error that leads to a calibration, or to `track` where a single camera filmed."""
     remedy = (
-        "put one there as calibration.toml (or .yml, .json, .xml, .txt, .xcp), or make one,"
+        "put one there as calibration.toml (or .yml, .json, .xml, .txt, .xcp, .mat), or make one,"
         " beginning with `voxelpose calibrate board` (docs/calibration.md)"
     )
     if len(cameras) == 1:

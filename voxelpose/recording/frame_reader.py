@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, Self
@@ -309,7 +310,7 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     """
     pillow = _pillow()
     try:
-        with pillow.open(file) as image:
+        with pillow.open(BytesIO(data)) as image:  # not the file: a network drive opens it slowly
             size = image.size
     except pillow.DecompressionBombError:
         size = None

@@ -60,10 +60,10 @@ class NameReading:
         """Whether at least half of the steps are alike, and times are those of a camera."""
         if len(self.values) < 2:
             return True
-        steps = np.diff(self.values)
-        usual = float(np.median(steps))
-        alike = 2 * np.count_nonzero(np.abs(steps - usual) <= usual / 4) >= len(steps)
-        return bool(alike) and (self.kind != "time" or possible_rate(1 / usual))
+        usual, alike = _usual_step(np.diff(self.values))
+        return 2 * alike >= len(self.values) - 1 and (
+            self.kind != "time" or possible_rate(1 / usual)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +114,8 @@ class _Columns:
 
     @classmethod
     def of(cls, stems: list[str]) -> "_Columns":
-        numbers = zip(*(_NUMBER.findall(stem) for stem in stems), strict=True)
         words, before, spans, end = [], [], [], 0
+        numbers = zip(*map(_NUMBER.findall, stems), strict=True)
         for group, match in zip(numbers, _NUMBER.finditer(stems[0]), strict=True):
             parts = [re.split("[.,]", word) for word in group]
             many = max(map(len, parts))
@@ -138,10 +138,8 @@ class _Columns:
         """
         covered, words = set[int](), f"the time in {self.stems[0]}"
         for pattern in (*_DATED, *_CLOCK):
-            if covered or not pattern.search(self.stems[0]):
-                continue
             matches = [match for stem in self.stems if (match := pattern.search(stem))]
-            if len(matches) < len(self.stems):
+            if covered or len(matches) < len(self.stems):
                 continue
             start, end = matches[0].span()
             groups = {k for k, (a, b) in enumerate(self.spans) if start < b and a < end}
@@ -173,11 +171,8 @@ class _Columns:
                 return  # two counters, or a camera and a counter
             whole, kind = ["0"] * len(whole), "ticks"  # of a camera, a take, or all of one second
         for part in _parts(self.words[k], whole, decimal):
-            signed = zip(whole, part, strict=True)
-            yield (
-                kind,
-                [int(word) + (-share if word[0] == "-" else share) for word, share in signed],
-            )
+            signs = (-1 if word[0] == "-" else 1 for word in whole)
+            yield kind, [int(w) + s * share for w, s, share in zip(whole, signs, part, strict=True)]
 
     def counter(self, k: int) -> NameReading | None:
         """Reading of a group as a number."""
@@ -185,9 +180,8 @@ class _Columns:
             return None
         numbers = [int(word) for word in self.words[k]]
         steps = np.diff(np.unique(numbers))
-        exact = not len(steps) or not (steps % steps.min()).any()
-        kind = "number" if exact else "ticks"
-        return _reading(kind, numbers, f"the number {self.words[k][0]}")
+        ticks = len(steps) and (steps % steps.min()).any()
+        return _reading("ticks" if ticks else "number", numbers, f"the number {self.words[k][0]}")
 
 
 def _reading(kind: Kind, values: Sequence[float], words: str) -> NameReading | None:
@@ -214,18 +208,14 @@ def _moments(groups: Sequence[tuple[str, ...]]) -> Iterator[list[float]]:
     dated, joint = bool(groups[0][0]), {group[6] for group in groups if group[7]}
     if not dated and (joint in ({""}, set()) or not 1 < len({*whole}) < len(whole)):
         return
-    found = False
-    if len(joint) == 1:
-        decimal = joint <= {".", ","}
-        none = "0" * max(len(group[7]) for group in groups)  # as some write a whole second
-        for part in _parts([group[7] or none for group in groups], whole, decimal):
-            found = True
-            seconds = np.array(whole) + part - zones
-            if not dated and np.ptp(seconds) > _DAY_S / 2:  # past midnight
-                seconds = np.where(seconds < _DAY_S / 2, seconds + _DAY_S, seconds)
-            yield seconds.tolist()
-    if dated and not found:
-        yield (np.array(whole) - zones).tolist()
+    none = "0" * max(len(group[7]) for group in groups)  # as some write a whole second
+    words, decimal = [group[7] or none for group in groups], joint <= {".", ","}
+    parts = list(_parts(words, whole, decimal)) if len(joint) == 1 else []
+    for part in parts or [0.0] * dated:
+        seconds = np.array(whole) + part - zones
+        if not dated and np.ptp(seconds) > _DAY_S / 2:  # past midnight
+            seconds = np.where(seconds < _DAY_S / 2, seconds + _DAY_S, seconds)
+        yield seconds.tolist()
 
 
 def _parts(words: Sequence[str], whole: Sequence[object], decimal: bool) -> Iterator[list[float]]:
@@ -281,6 +271,12 @@ def _decided(columns: _Columns, natural: NDArray[np.int64], clock: bool) -> _Ima
     return _agreed(times, counters, natural)
 
 
+def _usual_step(steps: NDArray[np.number]) -> tuple[float, int]:
+    """The median of steps, and how many are like it."""
+    usual = float(np.median(steps))
+    return usual, int(np.count_nonzero(np.abs(steps - usual) <= usual / 4))
+
+
 def _goes_along(order: NDArray[np.int64], values: Sequence[float]) -> bool:
     """Whether other numbers in the names of images increase as these do, or are no numbers of
     images: all different, in irregular steps.
@@ -289,9 +285,7 @@ def _goes_along(order: NDArray[np.int64], values: Sequence[float]) -> bool:
     if (np.diff(along) >= 0).all():
         return True
     steps = np.diff(np.unique(along))
-    usual = np.median(steps)
-    alike = int(np.count_nonzero(np.abs(steps - usual) <= usual / 4))
-    return len(steps) + 1 == len(along) and 2 * alike < len(steps)
+    return len(steps) + 1 == len(along) and 2 * _usual_step(steps)[1] < len(steps)
 
 
 def _agreed(
@@ -319,15 +313,14 @@ def _hexadecimal(stems: Sequence[str]) -> NameReading | None:
     if len({_HEX.sub("#", stem) for stem in stems}) > 1:
         return None
     changing = [column for column in zip(*runs, strict=True) if len({*column}) > 1]
-    if len(changing) != 1:
-        return None
-    words = changing[0]
+    words = changing[0] if len(changing) == 1 else ()
     padded = len({len(word) for word in words}) == 1
-    if not padded and any(word[0] == "0" != word for word in words):
+    counted = padded or not any(word[0] == "0" != word for word in words)
+    if not (counted and any(map(str.isdigit, "".join(words)))):
         return None
     reading = _reading("number", [int(word, 16) for word in words], f"the number {words[0]}")
     few = reading is not None and reading.plausible and reading.lost.sum() < len(words)
-    return reading if few and any(map(str.isdigit, "".join(words))) else None
+    return reading if few else None
 
 
 def names_by_camera(stills: Mapping[str, Sequence[Path]]) -> dict[str, NameReading | None]:
@@ -342,10 +335,8 @@ def names_by_camera(stills: Mapping[str, Sequence[Path]]) -> dict[str, NameReadi
     names = {camera: _ImageNames.of(paths) for camera, paths in stills.items()}
     kinds = {one.reading.kind for one in names.values() if one.reading is not None}
     if "time" in kinds and len(kinds) > 1:  # within a second, its part may look like a counter
-        for camera, paths in stills.items():
-            again = _ImageNames.of(paths, clock=True)
-            if again.reading is not None and again.reading.kind == "time":
-                names[camera] = again
+        again = {camera: _ImageNames.of(paths, clock=True) for camera, paths in stills.items()}
+        names |= {k: one for k, one in again.items() if one.reading and one.reading.kind == "time"}
     for camera, paths in stills.items():
         question = names[camera].question
         if not question and (names[camera].order != np.arange(len(paths))).any():
@@ -362,8 +353,5 @@ def in_order(paths: Sequence[Path]) -> tuple[Path, ...]:
 
 def natural_order(path: Path) -> list[tuple[int, str]]:
     """Returns a sort key that puts frame_2 before frame_10."""
-    return [
-        (int(word), "") if word.isdecimal() else (-1, word)
-        for word in re.split(r"(\d+)", path.name)
-        if word
-    ]
+    words = filter(None, re.split(r"(\d+)", path.name))
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]

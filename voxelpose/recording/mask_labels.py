@@ -176,9 +176,7 @@ def open_masks(
     }, notes
 
 
-def cut_outs(
-    readers: Mapping[str, FrameReader],
-) -> tuple[dict[str, MaskReader], tuple[str, ...]]:
+def cut_outs(readers: Mapping[str, FrameReader]) -> tuple[dict[str, MaskReader], tuple[str, ...]]:
     """Readers of the silhouettes that frames hold in their opacity, by camera name, and what is
     worth telling; no readers where frames are no cut-outs.
 

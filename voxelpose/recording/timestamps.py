@@ -233,10 +233,7 @@ def rates_differ(rates: Iterable[float]) -> bool:
 
 
 def matched_by_time(
-    path: Path,
-    readers: Mapping[str, FrameReader],
-    times: Mapping[str, Times],
-    earliest: bool,
+    path: Path, readers: Mapping[str, FrameReader], times: Mapping[str, Times], earliest: bool
 ) -> tuple[dict[str, FrameReader], NDArray[np.int64], float, Times]:
     """Readers of the frames that match in time, their numbers on an even grid (M,) int64, frames
     per second, and times since the first, s.

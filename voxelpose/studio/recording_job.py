@@ -182,7 +182,12 @@ class _Filming:
         self._reporter.picture(name, encoded(image, ".jpg", 75))
         known["size"] = size = picture.shape[1], picture.shape[0]
         if name in self._finders:
-            view = self._finders[name](picture)
+            finder = self._finders[name]
+            view = finder(picture)
+            printed = finder.board.as_printed(picture) if isinstance(view, str) else None
+            if printed not in (None, finder.board):  # as the commands will take it
+                self._finders = {one: BoardFinder(printed, stills=False) for one in self._finders}
+                view = self._finders[name](picture)
             known["sees"] = isinstance(view, BoardView)
             cells = self._coverage.setdefault(name, corner_coverage([], size))
             if isinstance(view, BoardView) and self._recorder is not None:

@@ -79,7 +79,19 @@ def test_an_empty_view_of_other_settings_does_not_shake_the_camera(settings, ton
         assert motion.shakes and not motion.other_settings
     else:
         assert (motion.shakes, motion.other_tones) == (False, tones)
-        assert motion.other_settings >= tones
+        assert motion.other_settings
+
+
+def test_an_empty_view_in_hlg_is_named_wherever_it_is_found():
+    rng = np.random.default_rng(6)
+    scene = cv2.GaussianBlur(room(rng), (0, 0), 2)
+    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
+    light = 0.3 * (scene[10:250, 20:340] / 255) ** 2.2  # to BT.2100's curve
+    curve = 0.17883277 * np.log(np.maximum(12 * light - 0.28466892, 1e-6)) + 0.55991073
+    empty = np.uint8(255 * np.where(light <= 1 / 12, np.sqrt(3 * light), curve))
+    assert CameraMovement(frames, [empty]).other_settings
+    same = CameraMovement(frames, [np.uint8(scene[10:250, 20:340])])
+    assert not same.other_settings and not same.shakes
 
 
 def test_a_camera_that_was_touched_after_its_empty_view_is_told():

@@ -68,6 +68,16 @@ def test_a_recording_in_step_has_no_offsets(tmp_path: Path, rig, capsys):
     np.testing.assert_allclose(late, 0, atol=0.1)
 
 
+def test_pictures_that_a_camera_repeats_are_left_out(tmp_path: Path, rig, capsys):
+    films = film(rig, dict.fromkeys(rig.names, 0.0), 30)
+    films["cam_2"][12:18] = [films["cam_2"][11]] * 6
+    folder, out = write_figure(tmp_path, rig, films), tmp_path / "timestamps.csv"
+    assert run(["calibrate", "sync", str(folder), "--most", "0.4", "--out", str(out)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "cam_2 repeats the picture before in 6 frames (12 to 17)" in said
+    assert len(out.read_text().splitlines()) == 1 + 3 * 30
+
+
 def test_what_cannot_be_synchronised_is_refused(tmp_path: Path, rig, capsys):
     still = {camera.name: figure_masks(camera, [7.0] * 20) for camera in rig}
     folder = write_figure(tmp_path, rig, still)

@@ -25,7 +25,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
-from calib.files.anipose import read_up
+from calib.files.anipose import read_notes, read_up
 from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import FIRST_SUMMARY, waving
@@ -168,18 +168,20 @@ def test_pictures_that_exif_data_turn_have_one_lens(studio, truth, tmp_path, cap
 
 
 @pytest.mark.parametrize(
-    ("kind", "asked", "words"),
+    ("name", "kind", "asked", "words"),
     [
         (
+            "charuco_legacy",
             "legacy",
             ["--board", "5x8", "--marker", "0.0216"],
             "it has 8 x 5 inner corners), and its",
         ),
-        ("exif3", ["--board", "8x5"], "turned back to the sensor's pixels"),
+        ("board_exif_mixed", "exif3", ["--board", "8x5"], "turned back to the sensor's pixels"),
+        ("board_exif_mixed", "exif6", ["--board", "8x5"], "turned back to the sensor's pixels"),
     ],
 )
-def test_shared_pictures_of_boards(shared, tmp_path, capsys, kind, asked, words):
-    script = shared / "cases" / "scripts" / "charuco_legacy" / "boards.py"
+def test_shared_pictures_of_boards(shared, tmp_path, capsys, name, kind, asked, words):
+    script = shared / "cases" / "scripts" / name / "boards.py"
     if not script.is_file():
         pytest.skip(f"no script that draws boards at {script}")
     subprocess.run([sys.executable, script, tmp_path / "cam_1", kind, "1"], check=True)
@@ -189,6 +191,8 @@ def test_shared_pictures_of_boards(shared, tmp_path, capsys, kind, asked, words)
     assert words in capsys.readouterr().err
     matrix = read_rig(out, lenses=True)["cam_1"].matrix
     np.testing.assert_allclose(matrix, [[820, 0, 505], [0, 820, 345], [0, 0, 1]], atol=3)
+    error_px = read_notes(out)["intrinsics"]["cam_1"]["focal_standard_error_px"]
+    assert (np.abs(np.diag(matrix)[:2] - 820) < 3 * np.array(error_px)).all()
 
 
 def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):

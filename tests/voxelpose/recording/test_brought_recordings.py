@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
+from voxelpose.reliability import verdict_of
 
 
 @pytest.fixture
@@ -92,3 +94,28 @@ def test_shared_cases_are_understood(shared: Path, name: str, fps, count: int, w
     recording = Recording.open(folder, fps=fps)
     assert (recording.frame_count, recording.silhouettes_given) == (count, name.startswith("m_"))
     assert words in "; ".join(recording.notes)
+
+
+@pytest.mark.slow
+def test_frames_of_nobody_are_no_fault(made, tmp_path: Path):
+    folder = made("person_not_always_there", "late")
+    recording = Recording.open(folder, frames=(5, 20))
+    result = fit(recording, Output(tmp_path / "fit", pictures=False))
+    assert verdict_of(result.summary).level == "reliable"
+    np.testing.assert_array_equal(result.motion.frames, range(10, 20))
+
+
+@pytest.mark.slow
+def test_angles_of_a_turn_do_not_jump(shared: Path, fitted: Path, tmp_path: Path):
+    scripts = shared / "cases" / "scripts" / "bvh_angle_jumps"
+    if not scripts.is_dir():
+        pytest.skip(f"no shared scripts {scripts}")
+    out = tmp_path / "out"
+    for words in (["bvh_turn.py", fitted, out], ["bvh_jumps.py", out / "motion.bvh"]):
+        done = subprocess.run(
+            [sys.executable, scripts / words[0], *words[1:]],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert "jumps over 180 deg: 0 " in done.stdout

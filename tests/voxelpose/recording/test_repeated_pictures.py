@@ -62,6 +62,7 @@ CODED = {
     "strong": {"words": ["-c:v", "libx264", "-crf", "30", "-pix_fmt", "yuv420p"]},
     "mpeg4": {"words": ["-c:v", "mpeg4", "-q:v", "3"], "ext": "avi"},
     "mjpeg": {"words": ["-c:v", "mjpeg", "-q:v", "3"], "ext": "avi"},
+    "intra": {"words": ["-c:v", "libx264", "-g", "1", "-b:v", "2M", "-pix_fmt", "yuv420p"]},
     "ffv1": {"words": ["-c:v", "ffv1"], "ext": "mkv"},
 }
 

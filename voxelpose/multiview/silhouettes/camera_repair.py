@@ -82,7 +82,11 @@ def repair_cameras(
         if checked.agrees:
             return unchanged
         if not checked.culprits:
-            return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
+            views = ", ".join(f"{camera.name} {camera.view_deg:.0f}" for camera in rig)
+            modes = (
+                f"were the lenses set to the fields of view of the calibration ({views} degrees)?"
+            )
+            return replace(unchanged, words=(f"{checked.summary}: {modes} {_LOOK}",))
         most = min(_MOST_LATE, (len(store) - 1) // 3)
         near = np.unique(
             np.clip(moments[:, None] + np.arange(-most - 1, most + 2), 0, len(store) - 1)
@@ -109,7 +113,8 @@ def repair_cameras(
     improved = after.error_px < checked.error_px / AGREEMENT.explained_gain and not disagreeing
     unexplained = len(repairs) - len(small)  # by shadows or lost limbs, perhaps
     if not (small and (after.agrees or improved) and len(rig) - unexplained >= _FEWEST):
-        return replace(unchanged, words=(f"{checked.summary}: {_LOOK}",))
+        told = [repair.summary for repair in repairs if repair.kind == "scaled"]
+        return replace(unchanged, words=(f"{'; '.join([checked.summary, *told])}: {_LOOK}",))
     summary = "; ".join(repair.summary for repair in small)
     if not put_right:
         return replace(unchanged, words=(f"{summary}: --repair auto puts it right",))

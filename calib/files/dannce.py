@@ -1,0 +1,92 @@
+"""DANNCE's calibration as MATLAB's files: `*_dannce.mat` with all cameras, `params` beside their
+names `camnames`; or a file for each, `hires_cam1_params.mat`.
+
+`K`, `r` and `t` are MATLAB's of row vectors: x_cam = x_world r + t, pixels = x_cam K, so that K and
+r are the transposes of OpenCV's. Pixels count from 1. `RDistort` is k1 k2 or k1 k2 k3, `TDistort`
+p1 p2, as OpenCV's. Size and unit are not in the file; DANNCE itself works in mm.
+"""
+
+import io
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calib.camera import Camera, Rig
+from calib.files.fields import Source
+from calib.storage.documents import LARGEST_CALIBRATION, load_bytes
+
+_CAMERA = ("K", "r", "t", "RDistort", "TDistort")
+
+
+def is_matlab(path: Path) -> bool:
+    """Whether a file is one of MATLAB's."""
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(6) == b"MATLAB"
+    return False
+
+
+def read_dannce(source: Source) -> Rig:
+    """Reads the rig.
+
+    Raises:
+        InputError: A camera is missing, incomplete or wrong, or the unit is not given.
+    """
+    content = load_matlab(source)
+    if is_dannce_camera(content) or "params" not in content:
+        return source.rig([dannce_camera(source, source.path.stem, content)])
+    cameras, names = (
+        # SciPy leaves out an array of one item.
+        [given] if isinstance(given, dict | str) else list(np.ravel(np.asarray(given, object)))
+        for given in (content["params"], content.get("camnames", []))
+    )
+    if len(names) != len(cameras) or not all(isinstance(camera, dict) for camera in cameras):
+        raise source.error(
+            f"params must be a cell array of structs ({', '.join(_CAMERA)}), camnames their names"
+        )
+    named = zip(map(str, names), cameras, strict=True)
+    return source.rig([dannce_camera(source, name, camera) for name, camera in named])
+
+
+def load_matlab(source: Source) -> dict[str, Any]:
+    """Variables of a calibration of DANNCE's.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    from scipy.io import loadmat  # takes longer than all other readers
+
+    data = load_bytes(source.path, LARGEST_CALIBRATION)
+    names = [*_CAMERA, "params", "camnames"]
+    try:
+        return loadmat(io.BytesIO(data), variable_names=names, simplify_cells=True)
+    except NotImplementedError:
+        raise source.error("is MATLAB's of version 7.3: save it with -v7") from None
+    except Exception as error:  # whatever the bytes make of SciPy's reader
+        raise source.error(f"is no MATLAB file that can be read: {str(error)[:200]}") from None
+
+
+def is_dannce_camera(content: dict[str, Any]) -> bool:
+    """Whether variables are one camera's."""
+    return {*_CAMERA} <= content.keys()
+
+
+def dannce_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera | None:
+    """Camera from its variables.
+
+    Raises:
+        InputError: It is incomplete or wrong.
+    """
+    matrix = source.numbers(name, "K", fields.get("K"), (3, 3)).T
+    if matrix[2, :2].any() and not matrix[:2, 2].any():
+        raise source.error("K is not transposed as MATLAB's is: write K'", name)
+    radial = source.numbers(name, "RDistort", fields.get("RDistort"))
+    tangential = source.numbers(name, "TDistort", fields.get("TDistort"), (2,))
+    values = {
+        "matrix": matrix - np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]]),
+        "distortions": np.r_[radial[:2], tangential, radial[2:]],
+        "rotation": source.numbers(name, "r", fields.get("r"), (3, 3)).T,
+        "translation": fields.get("t"),
+    }
+    return source.camera(name, values, source.metres_per_unit(None, "DANNCE works in mm:"))
