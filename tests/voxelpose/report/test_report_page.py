@@ -118,7 +118,9 @@ def test_missing_pictures_are_reported(fitted):
     assert "data:image/webp" not in text
 
 
-def test_mistakes(fitted, capsys):
+def test_mistakes(fitted, capsys, monkeypatch):
+    monkeypatch.setattr("voxelpose.report.page._contents", lambda *_: {})
+    monkeypatch.setattr("voxelpose.report.page.render_page", lambda *_: "")
     (fitted / "mine.txt").write_text("precious")
     for words, line in (
         (["walk"], "walk is not a result of voxelpose"),
