@@ -13,7 +13,6 @@ from silhouette_core.estimator import Estimate, Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.sources import ring, write_staged
-from voxelpose.cli import run
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import TRUE_MOTION
@@ -54,7 +53,7 @@ def turned(motion: Motion) -> Motion:
 def assert_found(
     recording: Path, folder: Path, frames: int, most_deg: float, most_mm: float
 ) -> None:
-    """The motion that `film_example` has filmed is found in every frame, shown and exported."""
+    """The motion that `film_example` has filmed is found in every frame."""
     result, truth = Result.open(folder), read_motion(recording / TRUE_MOTION)
     motion = result.motion
     assert len(motion) == frames and motion.model.names == truth.model.names
@@ -67,6 +66,3 @@ def assert_found(
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["body"]["parts"] == len(truth.model.names)
     assert "joint_error_mm" not in summary["quality"] and summary["verdict"]["level"] == "reliable"
-    exported = folder.with_name("exported")
-    assert run(["report", str(folder)]) == 0
-    assert run(["export", str(folder), "--out", str(exported)]) == 0

@@ -93,8 +93,9 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
 
 
 def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Path:
-    """Writes a recording of a posed body, or of some, before an empty room: lossless videos,
-    backgrounds and calibration. It lasts as long as the first one's motion.
+    """Writes a recording of a posed body, or of some, before an empty room: lossless videos
+    (JPEG-LS: whether FFV1 holds an opacity is looked for, which takes long), backgrounds and
+    calibration. It lasts as long as the first one's motion.
     """
     (folder / "background").mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
@@ -104,7 +105,7 @@ def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Pat
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
         writer = cv2.VideoWriter(
             str(folder / f"{camera.name}.mkv"),
-            cv2.VideoWriter.fourcc(*"FFV1"),
+            cv2.VideoWriter.fourcc(*"MJLS"),
             motion.fps,
             camera.size,
         )

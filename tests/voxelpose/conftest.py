@@ -1,5 +1,6 @@
 """Fixtures of the application's tests."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -15,14 +16,22 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return open_desk(tmp_path, monkeypatch)
 
 
+@pytest.fixture(scope="session")
+def fitted_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What tests are given copies of as `fitted`."""
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("fitted"), patch)
+        write_recording(desk / "walk", ring(2))
+        words = "fit walk --out fitted --estimator standing --stature 1.8 --no-pictures"
+        assert run(words.split()) == 0
+    return desk
+
+
 @pytest.fixture
-def fitted(desk: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+def fitted(desk: Path, fitted_once: Path) -> Path:
     """The result of a fit of `walk`, a recording by two cameras without a truth."""
-    write_recording(desk / "walk", ring(2))
-    assert (
-        run("fit walk --out fitted --estimator standing --stature 1.8 --no-pictures".split()) == 0
-    )
-    capsys.readouterr()
+    for name in ("walk", "fitted"):
+        shutil.copytree(fitted_once / name, desk / name)
     return desk / "fitted"
 
 
@@ -39,12 +48,21 @@ def standing4(shared: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def couple_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What tests are given copies of as `couple`; not to be changed."""
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("couple"), patch)
+        first, second = waving_couple(5)
+        write_staged(desk / "dance", first, ring(3, (320, 240)), second)
+        words = "fit dance --out couple --estimator standing --people 2 --no-pictures"
+        assert run(words.split()) == 0
+    return desk / "couple"
+
+
 @pytest.fixture
-def couple(desk: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+def couple(desk: Path, couple_once: Path) -> Path:
     """The result `couple` of two people of the recording `dance` by three cameras."""
-    first, second = waving_couple(5)
-    write_staged(desk / "dance", first, ring(3, (320, 240)), second)
-    words = "fit dance --out couple --estimator standing --people 2 --no-pictures"
-    assert run(words.split()) == 0
-    capsys.readouterr()
+    for name in ("dance", "couple"):
+        shutil.copytree(couple_once.parent / name, desk / name)
     return desk / "couple"

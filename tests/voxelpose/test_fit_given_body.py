@@ -13,4 +13,5 @@ def test_a_quadruped_is_fitted_by_the_command(desk):
     film_example(desk / "quadruped", "quadruped", 4)
     words = ["fit", "quadruped", "--out", "out", "--body", f"quadruped/{BODY}"]
     assert run(words) == 0
+    assert run(["report", "out"]) == 0 and run(["export", "out", "--out", "exported"]) == 0
     assert_found(desk / "quadruped", desk / "out", 4, 6.0, 20.0)

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import threading
 import time
@@ -65,16 +66,17 @@ def test_one_that_fails_does_not_stop_the_others_and_a_second_run_does_the_rest(
 
 def test_tables_begin_with_what_is_wrong(studio):
     out = studio / "out"
+    shutil.rmtree(studio / "in" / "three")
     words = ["in", "--out", str(out), "--set", "estimator=standing", "--jobs", "1"]
     assert run(["batch", *words]) == 1
     with (out / "table.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert rows[0]["recording"] == "two" and rows[0]["verdict"] == "failed"
-    assert {row["recording"] for row in rows[1:]} == {"one", "three"}
+    assert [row["recording"] for row in rows[1:]] == ["one"]
     assert (out / "table.md").read_text().splitlines()[2].startswith("| two | failed |")
     page = (out / "index.html").read_text()
     assert page.index(">two<") < page.index(">one<")
-    assert 'href="one/report.html"' in page and page.count("data:image/webp") == 2
+    assert 'href="one/report.html"' in page and page.count("data:image/webp") == 1
     assert (out / "one" / "report.html").is_file()
 
 
@@ -219,7 +221,7 @@ def test_a_recordings_own_settings_count_within_a_batch(studio):
     )
     own = studio / "in" / "three" / "voxelpose.toml"
     own.write_text("[fit]\nstature = 1.5\nfps = 12.5\n")
-    words = ["batch", "in/one", "in/three"]
+    words = ["batch", "in/one", "in/three", "--jobs", "1"]
     assert run(words) == 0
     one, three = (
         json.loads((studio / "out" / name / "summary.json").read_text())
@@ -231,7 +233,7 @@ def test_a_recordings_own_settings_count_within_a_batch(studio):
     assert not (studio / "out" / "one" / "report.html").exists()
     made = (studio / "out" / "three" / "summary.json").stat().st_mtime_ns
     own.write_text("[fit]\nstature = 1.5\nfps = 12.5\nsmooth = true\n")
-    assert run([*words, "--set", "stature=1.4", "--jobs", "1"]) == 0
+    assert run([*words, "--set", "stature=1.4"]) == 0
     settings = (studio / "out" / "three" / "settings.toml").read_text()
     assert "stature_m = 1.4" in settings
     assert (studio / "out" / "three" / "summary.json").stat().st_mtime_ns > made

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.sources import ring, write_recording
+from tests.clips import waving
+from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import COMMANDS, run
 from voxelpose.cli.options import load_command, options_of
-from voxelpose.demo.room import make_recording
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAVY = ("numpy", "scipy", "cv2", "numba", "open3d", "trimesh", "rich.progress", "safetensors")
@@ -240,9 +240,9 @@ def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
 
 @pytest.mark.parametrize("command", ["fit", "carve"])
 def test_a_tolerance_that_leaves_no_hull_is_refused(desk, capsys, command):
-    make_recording(desk / "walk", 1, cameras=["cam_1", "cam_2", "cam_3"])
+    write_staged(desk / "dance", waving(2), ring(3, (320, 240)))
     for tolerance in ("2", "3", "99"):
-        assert run([command, "walk", "--out", "out", "--tolerance", tolerance]) == 2
+        assert run([command, "dance", "--out", "out", "--tolerance", tolerance]) == 2
         assert f"--tolerance {tolerance} is impossible with 3 cameras: give 0 to 1" in (
             capsys.readouterr().err
         )

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import cv2
@@ -11,7 +12,7 @@ import pytest
 from calib.camera import Rig
 from calib.files import read_rig, write_rig
 from tests.clips import waving
-from tests.sources import ring, write_staged
+from tests.sources import open_desk, ring, write_staged
 from voxelpose.cli import run
 from voxelpose.results import Result
 from voxelpose.view.viewer.result_scenes import ResultScenes
@@ -19,15 +20,26 @@ from voxelpose.view.viewer.result_scenes import ResultScenes
 KNEW = "changed in the recording since the fit, which knew them otherwise: "
 
 
-@pytest.fixture
-def fitted(desk):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A result "out" of the recording "walk", which has a region and settings."""
-    write_staged(desk / "walk", waving(3), ring(3, (320, 240)))
-    (desk / "walk" / "regions").mkdir()
-    white = np.full((240, 320), 255, np.uint8)
-    cv2.imwrite(str(desk / "walk" / "regions" / "cam_1.png"), white)
-    (desk / "walk" / "voxelpose.toml").write_text("[fit]\nsex = 'male'\n[track]\nsex = 'male'\n")
-    assert run("fit walk --out out --estimator standing --no-pictures".split()) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("made"), patch)
+        write_staged(desk / "walk", waving(3), ring(3, (320, 240)))
+        (desk / "walk" / "regions").mkdir()
+        white = np.full((240, 320), 255, np.uint8)
+        cv2.imwrite(str(desk / "walk" / "regions" / "cam_1.png"), white)
+        settings = "[fit]\nsex = 'male'\n[track]\nsex = 'male'\n"
+        (desk / "walk" / "voxelpose.toml").write_text(settings)
+        assert run("fit walk --out out --estimator standing --no-pictures".split()) == 0
+    return desk
+
+
+@pytest.fixture
+def fitted(desk, made):
+    """A copy of what is made."""
+    for name in ("walk", "out"):
+        shutil.copytree(made / name, desk / name)
     return desk
 
 

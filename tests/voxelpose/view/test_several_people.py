@@ -17,16 +17,16 @@ from voxelpose.view.viewer.scene import frame_lines
 from voxelpose.view.viewer.silhouette_page import FitSilhouettes
 
 
-@pytest.fixture
-def scenes(couple):
-    opened = ResultScenes(couple, voxel_size_m=0.04)
+@pytest.fixture(scope="module")
+def scenes(couple_once):
+    opened = ResultScenes(couple_once, voxel_size_m=0.04)
     yield opened
     opened.close()
 
 
-def test_everybody_is_in_the_hull_and_nobody_leaves_the_others_unexplained(scenes):
+def test_everybody_is_in_the_hull_and_nobody_leaves_the_others_unexplained(scenes, couple_once):
     scene = scenes.scene(3)
-    alone = ResultScenes(f"{scenes.title}/person_2", voxel_size_m=0.04)
+    alone = ResultScenes(couple_once / "person_2", voxel_size_m=0.04)
     hull, (first, second) = scene.hull, scene.bodies
     for body, motion in zip(scene.bodies, waving_couple(5), strict=True):
         row = motion.frames.tolist().index(3)

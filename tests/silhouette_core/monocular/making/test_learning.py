@@ -35,7 +35,7 @@ from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 from tests.silhouette_core.monocular.tree.small_library import SETTINGS, swaying
 
 STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
-TINY = LearningSettings(frames=400, pictures=200, encoding=STEPS, training=STEPS)
+TINY = LearningSettings(frames=240, pictures=120, encoding=STEPS, training=STEPS)
 
 
 def learn_tiny(motion, *more, settings=TINY, **named):

@@ -151,10 +151,10 @@ def test_trained_encoders_tell_places_that_are_seen(rng):
             ),
         )
 
-    settings = TrainingSettings(steps=60, batch=64, rate=5e-3, units=32, blocks=1, modes=1)
+    settings = TrainingSettings(steps=40, batch=48, rate=5e-3, units=32, blocks=1, modes=1)
     encoders = train_encoders(draw, FEET, settings, rng, SilentReporter())
     assert encoders.outline.codes == OUTLINE_CODES and encoders.inside.codes == INSIDE_CODES
-    seen = draw(rng, 400)
+    seen = draw(rng, 200)
     codes = (
         encoders.outline.encode(outline_images(seen.coverage))[:, :6],
         encoders.inside.encode(inside_images(seen.skin, seen.shading))[:, :6],
