@@ -12,6 +12,8 @@ parts take dominates the other. All of it is exact, unless the search of a large
 bound of its memory: then the best choice found so far stands, and the result says so.
 """
 
+from __future__ import annotations
+
 import heapq
 import itertools
 from collections.abc import Sequence
@@ -76,7 +78,7 @@ class _Part:
         count_new(self.bits, taken, new)
         return self.gain + new
 
-    def only(self, kept: np.ndarray) -> "_Part":
+    def only(self, kept: np.ndarray) -> _Part:
         """The part with a subset of its placements, by mask or index."""
         return _Part(self.number, self.rows[kept], self.bits[kept], self.gain[kept])
 

@@ -168,8 +168,8 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
 
     joints, precision = nearest()
     for _ in range(_ROUNDS):
-        away = np.einsum("clij,clj->cli", across, joints - centres[:, None])
-        square = (away**2).sum(axis=2) / sigma**2
+        offsets = np.einsum("clij,clj->cli", across, joints - centres[:, None])
+        square = (offsets**2).sum(axis=2) / sigma**2
         weight = sigma**-2 * (freedom + 2) / (freedom + square)
         joints, precision = nearest()
     return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])

@@ -87,11 +87,11 @@ def nearest_samples(
         source = sources[n]
         view = source % views
         first = view - view % same_pitch
-        kept = 0
+        filled = 0
         room = index.shape[1]
         for c in range(bases.shape[1]):
             joints = squares[n, c]
-            if kept == room and joints >= distance2[n, room - 1]:
+            if filled == room and joints >= distance2[n, room - 1]:
                 break
             for v in range(first, first + same_pitch):
                 other = bases[n, c] * views + v
@@ -102,13 +102,13 @@ def nearest_samples(
                 square = joints + per_root[n] * angle * angle
                 if other == source:
                     square = 0.0
-                if kept == room and square >= distance2[n, room - 1]:
+                if filled == room and square >= distance2[n, room - 1]:
                     continue
-                k = kept if kept < room else room - 1
-                kept = min(kept + 1, room)
+                k = filled if filled < room else room - 1
+                filled = min(filled + 1, room)
                 while k > 0 and distance2[n, k - 1] > square:
                     distance2[n, k], index[n, k] = distance2[n, k - 1], index[n, k - 1]
                     k -= 1
                 distance2[n, k], index[n, k] = square, other
-        for k in range(kept, room):
+        for k in range(filled, room):
             index[n, k], distance2[n, k] = source, np.inf
