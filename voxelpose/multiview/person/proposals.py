@@ -89,17 +89,17 @@ def proposals_of(
     read = sorted({*range(0, len(observations), step), *frames})
 
     def proposed(camera: int) -> dict[int, ProposedPoses | None]:
-        shown = ((t / fps, observations.masks(t)[camera]) for t in read)
-        poses = proposer.propose(views.rig.cameras[camera], MEASURING.usual_m, shown)
+        pictures = ((t / fps, observations.masks(t)[camera]) for t in read)
+        poses = proposer.propose(views.rig.cameras[camera], MEASURING.usual_m, pictures)
         return dict(zip(read, poses, strict=True))
 
-    cameras, found = range(len(views.rig)), {}
+    cameras, proposals = range(len(views.rig)), {}
     each = side_by_side(proposed, cameras)
     for t in frames:
         seen = {c: poses for c in cameras if (poses := each[c][t]) is not None}
         if len(seen) > 1:
-            found[t] = FrameProposals.of([*seen.values()], views.center_m[[*seen]], stature_m)
-    return found
+            proposals[t] = FrameProposals.of([*seen.values()], views.center_m[[*seen]], stature_m)
+    return proposals
 
 
 _ROUNDS = 5  # of reweighting
