@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Camera, Rig
+<<<<<<< HEAD
 from calib.files.dannce import dannce_camera, is_dannce_camera, is_matlab, load_matlab
+=======
+from calib.documents import visible_entries
+from calib.files.dannce import dannce_camera, is_dannce_camera, is_matlab, load_dannce
+>>>>>>> h2-s75
 from calib.files.fields import Source
 from calib.files.file_storage import load_storage
 from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera
@@ -29,7 +34,7 @@ def read_camera_folder(source: Source) -> Rig:
         files = [entry] if entry.is_file() else visible_entries(entry)
         files = [file for file in files if file.suffix.lower() in _SUFFIXES]
         contents = {file: load_storage(file) for file in files if _is_storage(file)}
-        contents |= {file: load_matlab(Source(file)) for file in files if is_matlab(file)}
+        contents |= {file: load_dannce(Source(file)) for file in files if is_matlab(file)}
         readers = {file: reader for file in contents if (reader := _reader_of(contents[file]))}
         if entry.is_dir() and len(readers) > 1:
             raise Source(entry).error(

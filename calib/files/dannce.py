@@ -6,7 +6,6 @@ r are the transposes of OpenCV's. Pixels count from 1. `RDistort` is k1 k2 or k1
 p1 p2, as OpenCV's. Size and unit are not in the file; DANNCE itself works in mm.
 """
 
-import io
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,11 @@ import numpy as np
 
 from calib.camera import Camera, Rig
 from calib.files.fields import Source
+<<<<<<< HEAD
 from calib.storage.documents import LARGEST_CALIBRATION, load_bytes
+=======
+from calib.files.matlab import load_matlab
+>>>>>>> h2-s75
 
 _CAMERA = ("K", "r", "t", "RDistort", "TDistort")
 
@@ -33,15 +36,17 @@ def read_dannce(source: Source) -> Rig:
     Raises:
         InputError: A camera is missing, incomplete or wrong, or the unit is not given.
     """
-    content = load_matlab(source)
+    content = load_dannce(source)
     if is_dannce_camera(content) or "params" not in content:
         return source.rig([dannce_camera(source, source.path.stem, content)])
-    cameras, names = (
-        # SciPy leaves out an array of one item.
-        [given] if isinstance(given, dict | str) else list(np.ravel(np.asarray(given, object)))
-        for given in (content["params"], content.get("camnames", []))
-    )
-    if len(names) != len(cameras) or not all(isinstance(camera, dict) for camera in cameras):
+    params, names = content["params"], content.get("camnames")
+    cells = params if isinstance(params, list) else [params]
+    cameras = [one for cell in cells for one in (cell if isinstance(cell, list) else [cell])]
+    if (
+        not all(isinstance(camera, dict) for camera in cameras)
+        or not isinstance(names, list)
+        or len(names) != len(cameras)
+    ):
         raise source.error(
             f"params must be a cell array of structs ({', '.join(_CAMERA)}), camnames their names"
         )
@@ -49,22 +54,13 @@ def read_dannce(source: Source) -> Rig:
     return source.rig([dannce_camera(source, name, camera) for name, camera in named])
 
 
-def load_matlab(source: Source) -> dict[str, Any]:
+def load_dannce(source: Source) -> dict[str, Any]:
     """Variables of a calibration of DANNCE's.
 
     Raises:
         InputError: The file cannot be read.
     """
-    from scipy.io import loadmat  # takes longer than all other readers
-
-    data = load_bytes(source.path, LARGEST_CALIBRATION)
-    names = [*_CAMERA, "params", "camnames"]
-    try:
-        return loadmat(io.BytesIO(data), variable_names=names, simplify_cells=True)
-    except NotImplementedError:
-        raise source.error("is MATLAB's of version 7.3: save it with -v7") from None
-    except Exception as error:  # whatever the bytes make of SciPy's reader
-        raise source.error(f"is no MATLAB file that can be read: {str(error)[:200]}") from None
+    return load_matlab(source, (*_CAMERA, "params", "camnames"))
 
 
 def is_dannce_camera(content: dict[str, Any]) -> bool:

@@ -392,7 +392,8 @@ def test_dannce_has_transposed_matrices_and_pixels_from_1(tmp_path, count):
     path = tmp_path / "label3d_dannce.mat"
     params, names = np.empty((count, 1), object), np.empty((1, count), object)
     params[:, 0], names[0] = [*map(dannce, range(count))], NAMES[:count]
-    savemat(path, {"params": params, "camnames": names, "sync": {"data_frame": [1]}})
+    content = {"params": params, "camnames": names, "sync": {"data_frame": [1]}}
+    savemat(path, content, do_compression=count > 1)
     rig = read_rig(path, "mm", SIZE)
     assert rig.names == NAMES[:count]
     for number, camera in enumerate(rig):
@@ -413,6 +414,8 @@ def test_matlab_files_that_are_not_dannces_are_named(tmp_path):
     assert "camera a: K is not transposed" in refusal(path, unit="mm", size=SIZE)
     savemat(path, {"params": [1, 2], "camnames": ["a", "b"]})
     assert "params must be a cell array of structs" in refusal(path, unit="mm", size=SIZE)
+    path.write_bytes(path.read_bytes()[:140])
+    assert "is no MATLAB file that can be read" in refusal(path, unit="mm", size=SIZE)
     savemat(path, {"other": 1})
     assert "camera a: K is missing" in refusal(path, unit="mm", size=SIZE)
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + bytes([0, 2]) + b"IM" + bytes(200))
