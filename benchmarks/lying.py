@@ -27,15 +27,16 @@ from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth
 from voxelpose.reliability import verdict_of
+from voxelpose.results import Result
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "lying"
 SEEDS = tuple(range(811, 821))
 KINDS = "back", "front", "side", "fall", "crawl", "exercise"
 _FRAMES, _FPS = 16, 15
-_LIMBS = [
+LIMBS = [
     k for k, name in enumerate(LANDMARK_NAMES) if name.endswith(("knee", "ankle", "elbow", "wrist"))
 ]
-_FALSE_MM = 150
+FALSE_MM = 150
 _BENT = "crawl", "exercise"  # whose hips and knees are those of somebody who sits
 
 
@@ -98,6 +99,13 @@ def draw(folder: Path, seed: int) -> Path:
     return out
 
 
+def limb_errors_mm(result: Result, truth: np.ndarray) -> np.ndarray:
+    """Errors (T, 8) of `LIMBS` in the frames of a result, mm; truth (frames, 15, 3) in metres."""
+    motion = result.motion
+    apart = motion.landmarks()[:, LIMBS] - truth[motion.frames][:, LIMBS]
+    return 1000 * np.linalg.norm(apart, axis=2)
+
+
 def main(words: list[str]) -> int:
     """Draws, fits and scores."""
     if not SHARED.is_dir():
@@ -114,14 +122,12 @@ def main(words: list[str]) -> int:
         truth = read_truth(recording / "truth.json")
         joints = read_joints(out / "joints.csv", len(truth))
         scored = score_motion(truth, joints)
-        motion = result.motion
-        off_mm = 1000 * np.linalg.norm(joints - truth, axis=2)[motion.frames]
-        known = motion.quality["landmark_confidence"] >= 0.5
-        false = (known & (off_mm > _FALSE_MM))[:, _LIMBS].sum()
+        quality, off_mm = result.motion.quality, limb_errors_mm(result, truth)
+        false = (off_mm > FALSE_MM) & (quality["landmark_confidence"][:, LIMBS] >= 0.5)
         print(
             f"{recording.name:<16}{len(Recording.open(recording).rig):>7}{scored.root_mm:>6.0f}"
-            f"{scored.mpjpe_mm:>6.0f}{off_mm[:, _LIMBS].mean(axis=0).max():>6.0f}"
-            f"{np.nanmean(motion.quality['joint_error_mm']):>6.0f}{false:>7}{spent:>5.0f}"
+            f"{scored.mpjpe_mm:>6.0f}{off_mm.mean(axis=0).max():>6.0f}"
+            f"{np.nanmean(quality['joint_error_mm']):>6.0f}{false.sum():>7}{spent:>5.0f}"
             f"  {verdict_of(result.summary)}",
             flush=True,
         )

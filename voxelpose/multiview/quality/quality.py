@@ -12,7 +12,8 @@ log(error + 3 mm) the median error:
     P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
 
 with a constant :math:`w_j` for every joint. The weights stand in expected_error.toml, which
-`python -m benchmarks.expected_error ... --fit` writes.
+`python -m benchmarks.expected_error ... --fit` writes. Where a limb could be elsewhere, both get
+worse, see `open_joints`.
 
 Source: textbook (logistic regression); the evidence is this project's.
 """
@@ -28,7 +29,6 @@ from scipy.ndimage import maximum_filter
 
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import (
     forward,
     joints_of,
@@ -40,7 +40,7 @@ from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.posterior import landmark_sigma_m
-from silhouette_core.refinement.refine import PosePrior, RefineStart
+from silhouette_core.refinement.refine import RefineStart
 from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
@@ -148,9 +148,7 @@ def open_joints(
     """
     volume, seen = body.body_volume, frame.observation
     other = [place_limb(volume, seen, pose, chain, MATCHING.apart_m) for chain in volume.chains]
-    sigma = pose_step_sigma(body.model.tree)  # what nobody sees stays where it was placed
-    starts = [RefineStart(one, STEP, PosePrior(one, sigma)) for one in (pose, *other)]
-    fits = refine_fits(body, seen, starts)
+    fits = refine_fits(body, seen, [RefineStart(one, STEP) for one in (pose, *other)])
     errors = np.maximum([fit.error for fit in fits], 1e-6)
     # One of two candidates for the frame: their costs are logarithms of the errors.
     chance = 1 / (1 + (errors[1:, None] / errors[0]) ** OFF_LINE.frame_residuals)
