@@ -35,8 +35,13 @@ def place_limb(
     observation: Observation,
     pose: Pose,
     chain: tuple[Limb, ...],
+    apart_m: float = 0.0,
 ) -> Pose:
-    """Pose with one arm, leg or other chain where it explains most of what the rest does not."""
+    """Pose with one arm, leg or other chain where it explains most of what the rest does not.
+
+    Args:
+        apart_m: least distance from where the middle of the chain's last limb is now.
+    """
     upper, tree = chain[0], body_volume.model.tree
     step_rad = np.radians(MATCHING.step_deg)
     covering = _Covering(body_volume, observation)
@@ -45,6 +50,7 @@ def place_limb(
     above = sample_angles(upper, pose.angles_rad, step_rad, tree)
     first = _scores(body_volume, observation, images, upper, pose, above)
     if len(chain) == 1:
+        first = np.where(_moved_m(body_volume, upper, pose, above) < apart_m, -np.inf, first)
         return Pose(pose.root_m, pose.root_rotation, above[int(first.argmax())])
     lower = chain[1]
     # The upper part alone rules out most of the range.
@@ -53,6 +59,7 @@ def place_limb(
     sample_below = sample_grid if lower.angles else sample_hinge
     below = sample_below(lower, above, step_rad, tree)
     possible = within_limits(below, tree)
+    possible[possible] = _moved_m(body_volume, lower, pose, below[possible]) >= apart_m
     second = np.full(below.shape[:2], -np.inf)
     second[possible] = _scores(body_volume, observation, images, lower, pose, below[possible])
     bound = first + second.max(1)
@@ -69,6 +76,14 @@ def place_limb(
         if first[k] + rest[m] > best:
             best, result = first[k] + rest[m], Pose(pose.root_m, pose.root_rotation, bent[m])
     return result
+
+
+def _moved_m(body_volume: BodyVolume, limb: Limb, pose: Pose, angles: np.ndarray) -> np.ndarray:
+    """How far (K,) placements move a limb's middle from where a pose has it, m."""
+    every = np.concatenate([pose.angles_rad[None], angles])
+    rotations, origins = body_volume.placements(limb, pose, every)
+    middles = rotations @ body_volume.points[limb.name].mean(axis=0) + origins
+    return np.linalg.norm(middles[1:] - middles[0], axis=1)
 
 
 def _carried(limb: Limb | None, upper: Limb, limbs: Sequence[Limb]) -> bool:

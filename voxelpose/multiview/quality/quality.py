@@ -12,7 +12,8 @@ log(error + 3 mm) the median error:
     P = \\frac{1}{1 + \\exp(-(w_j + \\sum_k w_k x_k))}
 
 with a constant :math:`w_j` for every joint. The weights stand in expected_error.toml, which
-`python -m benchmarks.expected_error ... --fit` writes.
+`python -m benchmarks.expected_error ... --fit` writes. Where a limb could be elsewhere, both get
+worse, see `open_joints`.
 
 Source: textbook (logistic regression); the evidence is this project's.
 """
@@ -28,7 +29,12 @@ from scipy.ndimage import maximum_filter
 
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.motion.kinematics import forward, quaternions, rotation_matrices
+from silhouette_core.motion.kinematics import (
+    forward,
+    joints_of,
+    quaternions,
+    rotation_matrices,
+)
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -39,9 +45,10 @@ from silhouette_core.scoring.silhouette_error import body_masks
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.matcher import MatchSettings, match
+from voxelpose.multiview.proposers.limb_search import place_limb
 from voxelpose.multiview.proposers.pose_search import SEARCHED, STEP, BodyGeometry, refine_fits
 from voxelpose.multiview.tracking.tracking import PoseTracker
-from voxelpose.multiview.tuning import QUALITY
+from voxelpose.multiview.tuning import MATCHING, OFF_LINE, QUALITY
 
 _TOGETHER = 8  # frames
 _TURNED = 5  # frames in which the body is turned half round
@@ -127,6 +134,27 @@ def half_turn_ratio(
         [RefineStart(matched.pose, SEARCHED), RefineStart(pose, STEP)],
     )
     return other.error / max(unturned.error, 1e-6)
+
+
+def open_joints(
+    body: BodyGeometry, pose: Pose, frame: FrameObservation
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a frame leaves open of a person's arms and legs: each is placed elsewhere, which is the
+    less probable, the less it explains.
+
+    Returns:
+        Probabilities (15,) float64 that a joint is where such a placement has it, 30 mm or more
+        away; and how far away it is, times its probability, (15,) float64, mm.
+    """
+    volume, seen = body.body_volume, frame.observation
+    other = [place_limb(volume, seen, pose, chain, MATCHING.apart_m) for chain in volume.chains]
+    fits = refine_fits(body, seen, [RefineStart(one, STEP) for one in (pose, *other)])
+    errors = np.maximum([fit.error for fit in fits], 1e-6)
+    # One of two candidates for the frame: their costs are logarithms of the errors.
+    chance = 1 / (1 + (errors[1:, None] / errors[0]) ** OFF_LINE.frame_residuals)
+    joints_m = joints_of(body.model, [fit.pose for fit in fits])
+    away_mm = 1000 * np.linalg.norm(joints_m[1:] - joints_m[0], axis=2)
+    return (chance * (away_mm >= NEAR_MM)).max(axis=0), (chance * away_mm).max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,9 +339,33 @@ def motion_quality(
         return arrays, ratio
     evidence = MotionEvidence.from_motion(replace(motion, quality=arrays), ratio)
     arrays |= expected_errors(evidence)
+    with clock("open limbs"):
+        chance, away_mm = _open_joints(tracker, pose_of, steps)
+    arrays["landmark_confidence"] *= 1 - chance
+    arrays["joint_error_mm"] += away_mm
     for name in ("right_probability", "landmark_confidence"):
         arrays[name] = np.nan_to_num(arrays[name])
     return arrays, ratio
+
+
+def _open_joints(
+    tracker: PoseTracker, pose_of: Callable[[int], Pose], steps: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """`open_joints` of T frames, (T, 15) each: of some frames, and of the others as of the nearest
+    of these.
+    """
+    apart = max(round(tracker.fps * OFF_LINE.limbs_again_s), 1)
+    rows = np.arange(min(apart // 2, len(steps) - 1), len(steps), apart)
+
+    def of(row: int) -> tuple[np.ndarray, np.ndarray]:
+        frame, nothing = tracker.observe(steps[row]), np.zeros(len(tracker.body.model.landmarks_m))
+        if frame is None:
+            return nothing, nothing
+        return open_joints(tracker.body, pose_of(row), frame)
+
+    nearest = np.abs(np.arange(len(steps))[:, None] - rows).argmin(axis=1)
+    chance, away_mm = zip(*side_by_side(of, rows.tolist()), strict=True)
+    return np.array(chance)[nearest], np.array(away_mm)[nearest]
 
 
 def _half_turn(tracker: PoseTracker, pose_of: Callable[[int], Pose], steps: list[int]) -> float:

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.camera import Rig
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
 from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.motion import Motion
+from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
+    other_body,
     photograph,
     stance,
     views,
@@ -27,6 +30,7 @@ from voxelpose.multiview.quality.quality import (
     expected_errors,
     frame_evidence,
     half_turn_ratio,
+    open_joints,
     regressors,
 )
 
@@ -70,6 +74,22 @@ def test_the_right_pose_has_nothing_against_it_and_a_wrong_arm_is_seen_at_that_a
 def test_a_body_turned_half_round_explains_less(scene):
     body, pose, frame = scene
     assert half_turn_ratio(body, pose, frame, MatchSettings()) > 1.5
+
+
+def test_a_forearm_before_the_trunk_is_open_where_no_camera_sees_it_from_the_side():
+    around = views(12).rig.cameras
+    model = fitting_model()
+    across = {"left_upper_arm.twist": 60.0, "left_forearm.flexion": 100.0}
+    pose, chances = stance(model, across), {}
+    body = BodyGeometry.from_surface(Surface(model), 0.04, "cpu")
+    for name, cameras in {"before": around[8:10], "around": around[::3]}.items():
+        seen_by = PinholeViews.from_rig(Rig(tuple(cameras)))
+        observer = HullObserver(seen_by, VOLUME, 0.04, CarveRule(least_agreeing=2))
+        frame = observer.observe(photograph(seen_by, other_body(), pose))
+        chances[name], away_mm = open_joints(body, pose, frame)
+        assert chances[name].max() <= 1 and away_mm[11] > 100 * chances[name][11]
+    assert chances["before"][11] > 0.3 > 0.1 > chances["around"][11]  # the left wrist
+    assert chances["before"][[0, 2, 5, 7]].max() < 0.05  # pelvis, knees, neck
 
 
 def evidence(
