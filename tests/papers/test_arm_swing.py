@@ -212,8 +212,8 @@ def test_costs_are_relative_to_the_true_angle(libraries, pictures):
 @pytest.mark.slow
 def test_the_whole_study(tmp_path, monkeypatch):
     monkeypatch.setattr(swing_study, "_OTHER_SEEDS", (101,))
-    monkeypatch.setattr(swing_study, "_OTHER_SWINGS", 2)
-    study = Study((1,), 2, 120, sigmas=(0.04,))
+    monkeypatch.setattr(swing_study, "_OTHER_SWINGS", 1)
+    study = Study((1,), 1, 120, sigmas=(0.04,))
     sides = run_study(study, tmp_path, SilentReporter())
     assert [side.near for side in sides] == [False, True]
     assert all(len(side.rows) == 10 for side in sides)

@@ -59,7 +59,7 @@ def running(settings: SessionSettings) -> Iterator[tuple[LiveSession, Sees, list
     assert not [thread for thread in set(threading.enumerate()) - before if thread.is_alive()]
 
 
-def wait_until(true: Callable[[], bool], seconds: float = 15.0) -> None:
+def wait_until(true: Callable[[], bool], seconds: float = 60.0) -> None:
     end_s = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end_s, "it did not happen in time"
