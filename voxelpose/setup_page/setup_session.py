@@ -1,6 +1,5 @@
 """What the page shows and saves of one recording folder."""
 
-import base64
 import hashlib
 import threading
 from typing import Any
@@ -191,9 +190,7 @@ class SetupSession:
             "note": self._notes.words,
             "cameras": {
                 name: {
-                    "png": base64.b64encode(
-                        previews.overlay_png(mask, previews.SILHOUETTE, 120)
-                    ).decode(),
+                    "png": previews.overlay_png(mask, previews.SILHOUETTE, 120),
                     "share": float(np.mean(mask)),
                 }
                 for name, mask in masks.items()

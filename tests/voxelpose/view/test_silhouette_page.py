@@ -1,6 +1,5 @@
 """The page of silhouettes beside the viewer: what is said of them is what the fit did."""
 
-import base64
 import json
 import threading
 from dataclasses import dataclass
@@ -74,7 +73,7 @@ def asked(page, **what) -> dict:
 
 
 def image_of(answer) -> np.ndarray:
-    data = np.frombuffer(base64.b64decode(answer["png"]), np.uint8)
+    data = np.frombuffer(answer["png"], np.uint8)
     return cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
 
 

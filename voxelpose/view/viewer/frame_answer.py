@@ -1,6 +1,5 @@
 """What the page asks for a frame: its hull, pictures and words, as JSON."""
 
-import base64
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -95,10 +94,10 @@ def _hull(hull: CarvedHull) -> dict[str, Any]:
     }
 
 
-def _pictures(scene: Scene, pictures: Pictures) -> dict[str, str]:
+def _pictures(scene: Scene, pictures: Pictures) -> dict[str, bytes]:
     images = {one.camera.name: camera_picture(one, pictures) for one in scene.camera_frames}
     return {
-        name: base64.b64encode(canvas.encoded(picture[..., ::-1], ".jpg", _QUALITY)).decode()
+        name: canvas.encoded(picture[..., ::-1], ".jpg", _QUALITY)
         for name, picture in images.items()
         if picture is not None
     }

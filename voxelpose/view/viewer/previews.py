@@ -2,7 +2,6 @@
 are told in words for one pixel, too.
 """
 
-import base64
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -136,7 +135,7 @@ class StageExplorer:
             self._key, self._stages = key, model.stages(asked.camera, frame, asked.moment)
         answer: dict[str, Any] = {"ready": True}
         if asked.stage is not None:
-            answer["png"] = base64.b64encode(_draw_stage(self._stages, asked.stage)).decode()
+            answer["png"] = _draw_stage(self._stages, asked.stage)
         if asked.pixel is not None:
             pixel = pixel_at(asked.pixel, self._rig[asked.camera].size, self._stages.first.shape)
             answer["explained"] = _explain(self._stages, pixel)

@@ -5,7 +5,6 @@ A result holds no silhouettes. They are made by the code and the settings of the
 the other cameras; of one camera, what is no piece of the person is left out.
 """
 
-import base64
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -253,5 +252,4 @@ class SilhouettePage:
             size = self._recording.rig[asked.camera].size
             pixel = previews.pixel_at(asked.pixel, size, fitted.alone.shape)
             return {"explained": fitted.explained(alone["explained"], pixel)}
-        picture = base64.b64encode(fitted.picture()).decode()
-        return {"png": picture, "note": fitted.summary()}
+        return {"png": fitted.picture(), "note": fitted.summary()}
