@@ -8,12 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.camera import Camera, Rig
-<<<<<<< HEAD
-from calib.files.dannce import dannce_camera, is_dannce_camera, is_matlab, load_matlab
-=======
-from calib.documents import visible_entries
 from calib.files.dannce import dannce_camera, is_dannce_camera, is_matlab, load_dannce
->>>>>>> h2-s75
 from calib.files.fields import Source
 from calib.files.file_storage import load_storage
 from calib.files.foreign_json import OPENCAP_MATRIX, is_kinect, kinect_camera, opencap_camera

@@ -14,11 +14,7 @@ import numpy as np
 
 from calib.camera import Camera, Rig
 from calib.files.fields import Source
-<<<<<<< HEAD
-from calib.storage.documents import LARGEST_CALIBRATION, load_bytes
-=======
 from calib.files.matlab import load_matlab
->>>>>>> h2-s75
 
 _CAMERA = ("K", "r", "t", "RDistort", "TDistort")
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from calib.documents import LARGEST_CALIBRATION, load_bytes
 from calib.files.fields import Source
+from calib.storage.documents import LARGEST_CALIBRATION, load_bytes
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8"}
 _NUMBERS |= {13: "u8"}
