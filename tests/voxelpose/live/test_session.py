@@ -31,14 +31,15 @@ def settings(folder: Path) -> SessionSettings:
 
 
 def test_files_are_played_to_their_end(settings):
-    with running(settings) as (session, _, frames):
+    slowly = replace(settings, fps=10.0)  # a busy machine keeps up
+    with running(slowly) as (session, _, frames):
         wait_until(lambda: session.wait(0.1))
         state = session.state
     assert state.phase == "following"
     assert len(frames) + state.dropped >= 38
     assert [frame.number for frame in frames] == sorted(frame.number for frame in frames)
     shown = [frame.time_s for frame in frames]
-    assert np.allclose(np.mod(np.array(shown) * 25 + 0.5, 1), 0.5, atol=1e-6)
+    assert np.allclose(np.mod(np.array(shown) * 10 + 0.5, 1), 0.5, atol=1e-6)
     last = frames[-1]
     assert last.body is not None
     assert set(last.silhouettes) == set(RIG.names)
