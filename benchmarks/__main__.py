@@ -7,16 +7,7 @@ process, after a warm-up; the shortest of several runs counts. Damaged files: `b
 import platform
 import sys
 
-from benchmarks import (  # noqa: F401
-    carving,
-    cases,
-    causal,
-    filter,
-    fitting,
-    library,
-    scoring,
-    silhouettes,
-)
+from benchmarks import carving, cases, causal, filter, fitting, library, scoring, silhouettes  # noqa: F401
 from silhouette_core.jit import set_threads
 
 

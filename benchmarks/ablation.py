@@ -12,8 +12,6 @@ Prints the mean error of the joints relative to the pelvis, mm. Drawn recordings
 out/ablation; results are not made again.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable

@@ -29,13 +29,7 @@ ONE_CAMERA = (
     *("swing1:cam_0", "turn1:cam_0", "traffic4:cam_0", "walk4:cam_1"),
     *(f"balancing4:cam_{number}" for number in (1, 2, 3, 4)),
 )
-SHARED_ROWS = (
-    "walk4",
-    "traffic4",
-    "dance8",
-    "balancing4",
-    *ONE_CAMERA,
-)
+SHARED_ROWS = ("walk4", "traffic4", "dance8", "balancing4", *ONE_CAMERA)
 RECIPES = read_recipes(ROOT / "datasets" / "made" / "recipes.toml")
 MADE_ROWS = tuple(f"made:{name}" for name in RECIPES)
 COLUMNS = (

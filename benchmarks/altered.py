@@ -10,8 +10,6 @@ verdict. Copies and results stay in
 out/altered.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -6,8 +6,6 @@ correlation, and the range of OpenSim's. The recording is in ../shared/data, or 
 $VOXELPOSE_SHARED/data.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

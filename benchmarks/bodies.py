@@ -12,8 +12,6 @@ mean error of the joint angles in degrees, of the landmarks in millimetres and i
 body's length, in the world and relative to the root. Recordings and results are in out/bodies.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

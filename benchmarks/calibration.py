@@ -6,8 +6,6 @@ standing4 (see CONTRIBUTING.md). aniposelib is installed into an environment of 
 user's cache folder, on the first run.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys
@@ -183,11 +181,7 @@ def _rig(like: Rig, matrices, distortions, turns, shifts) -> Rig:
     return Rig(tuple(cameras))
 
 
-METHODS = {
-    "ours": by_us,
-    "cv2.calibrateMultiview": by_opencv,
-    "aniposelib": by_aniposelib,
-}
+METHODS = {"ours": by_us, "cv2.calibrateMultiview": by_opencv, "aniposelib": by_aniposelib}
 
 
 def off_centre(rig: Rig, seed: int) -> Rig:

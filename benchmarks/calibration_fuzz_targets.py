@@ -1,7 +1,5 @@
 """Small calibrations of formats that are read and not written, for `benchmarks.fuzz_targets`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Named cases, each timed against a reference in the same run."""
 
-from __future__ import annotations
-
 import gc
 import sys
 import time

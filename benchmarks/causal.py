@@ -7,8 +7,6 @@ from a picture to its pose. As a case of `make bench` the same is done with pict
 painted here, against the paper's search of one frame, its nodes as images, compiled, in one run.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterator, Sequence

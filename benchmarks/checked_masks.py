@@ -1,7 +1,5 @@
 """Outlines of people in real footage that were checked by hand: datasets/footage, see its card."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

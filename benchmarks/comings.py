@@ -9,8 +9,6 @@ somebody is away and has no pose, root_mm, in how much of the time something is 
 found, and the verdicts. Recordings and results stay in out/comings.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -9,8 +9,6 @@ beside a first run; the times are with it. With `--write`, kernels.toml of
 `voxelpose.compile_ahead` is written anew.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -5,8 +5,6 @@ line for each with the intersection over union with those, averaged over the cam
 the smallest. The cameras are left as they stand.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

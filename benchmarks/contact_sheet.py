@@ -1,7 +1,5 @@
 """Contact sheets: silhouettes over the frames in which they were found, beside each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

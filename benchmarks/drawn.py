@@ -1,7 +1,5 @@
 """Recordings that ../shared/render (or that of $VOXELPOSE_SHARED) draws at random."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

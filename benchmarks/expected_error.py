@@ -8,8 +8,6 @@ all) are estimated anew from these recordings, written into its file with a stat
 judged on recordings left out (each seventh).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

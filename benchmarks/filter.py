@@ -8,8 +8,6 @@ nodes, in one run. Without a library in $VOXELPOSE_LIBRARY one of 60,000 samples
 from the program's own motions, once, in out/.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

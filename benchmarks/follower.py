@@ -11,8 +11,6 @@ the share of frames in which it is lost, and how often somebody else becomes the
 the processor time of a frame without its searches, in the median.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -13,8 +13,6 @@ that of a frame's silhouette. A sheet of pictures per recording goes to DIR, or 
 silhouettes tinted, with yellow outlines; checked outlines magenta, unknown places grey.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -8,8 +8,6 @@ command that repeats one of them: `--only NUMBER` runs a single mutation in this
 traceback, and `--keep FOLDER` leaves the mutated files there. `--list` lists the targets.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -5,8 +5,6 @@ folder after one of the files was mutated: it reads the file and works with what
 commands do. Thorough runs, one in a hundred, are the commands themselves.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

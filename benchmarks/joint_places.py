@@ -9,8 +9,6 @@ error of its joints as they are, relative to the pelvis. The others are errors w
 ridge regression on the shape has placed, once and twice, on the bodies from which it is learned.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -8,8 +8,6 @@ After the next run of the same command nothing is left beside what an undisturbe
 Exit code 1 where any of this fails. Not for Windows.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Small pose libraries, with and without a proposal, for `benchmarks.fuzz_targets`."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -10,8 +10,6 @@ message, dropped frames, processor time and, where the recording has its truth, 
 joints: of several people that of each number, from whoever is nearest, and how often that changed.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

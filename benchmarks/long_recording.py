@@ -10,8 +10,6 @@ compiles). Afterwards the result's files are read and scored: minute by minute, 
 errors grow.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

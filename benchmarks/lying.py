@@ -8,8 +8,6 @@ was stated (said); and of the limbs' joints in all frames how many are called kn
 confidence of a half or more, though they are over 150 mm off (false).
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path
@@ -21,8 +19,8 @@ from benchmarks.drawn import SHARED
 from benchmarks.seated import seated
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.estimator import Settings
+from silhouette_core.motion.joint_files import read_joints
 from voxelpose.evaluation import score_motion
-from voxelpose.export.tables import read_joints
 from voxelpose.fitting import Output, fit
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

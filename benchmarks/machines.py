@@ -7,8 +7,6 @@ Prints a row each: the median and the largest difference of the joints from the 
 code is 1 where they are more than 1 mm and 5 mm.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

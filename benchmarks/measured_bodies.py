@@ -7,8 +7,6 @@ lengths are drawn independently of each other, each evenly from the 1st to the 9
 the mass is left open, since nobody has any mass with any girths.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Mapping, Sequence

@@ -7,8 +7,6 @@ The silhouettes of a clip of two seconds are repeated in memory. Every length ru
 process, whose largest resident set is printed, in the end and at twenty times before.
 """
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -9,8 +9,6 @@ Writes a table, and names the survivors. The exit code is 1 where less than the 
 those that are not explained as equivalent, and 2 where a test fails without any mutation.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Mutations of files: text, JSON, bytes, and the arrays of a safetensors file."""
 
-from __future__ import annotations
-
 import json
 import re
 import zlib

@@ -7,8 +7,6 @@ decided at once or one after the other; and alone on its own silhouettes, as `fi
 the error of the joints relative to the pelvis, mm, and how many are over 100 mm off.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ without it, of IK.mot from our own angles, and of both from `reference_opensim.m
 is in ../shared/data, or in $VOXELPOSE_SHARED/data.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -6,8 +6,6 @@ The recordings of `person`, `pointing` and `board` are made here; those of `shar
 ../shared/data, or in $VOXELPOSE_SHARED/data.
 """
 
-from __future__ import annotations
-
 import shutil
 import sys
 import tempfile

@@ -8,8 +8,6 @@ of the joints' errors beside what was. Recordings and results stay in out/people
 again.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

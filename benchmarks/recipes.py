@@ -1,7 +1,5 @@
 """Recipes of rendered recordings: who moves how, before which cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,7 +36,7 @@ class Recipe:
     frames: int
 
     @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> Recipe:
+    def from_table(cls, table: Mapping[str, Any]) -> "Recipe":
         """Recipe of a TOML table; its lengths in metres are those of the person."""
         person = Measurements(**{key: table[key] for key in table if key.endswith("_m")})
         others = {key: table[key] for key in table if not key.endswith("_m")}

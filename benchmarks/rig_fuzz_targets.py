@@ -1,7 +1,5 @@
 """Small rigs of every format that is read as a body, for `benchmarks.fuzz_targets`."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

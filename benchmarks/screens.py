@@ -10,8 +10,6 @@ line each: intersection over union, mean of eight frames, of the background that
 (`auto`, with its kind) and of the one estimated from the take as before (`moving`).
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

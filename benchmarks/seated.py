@@ -7,8 +7,6 @@ person. Recordings and results stay in out/seated. Scored: mean absolute errors 
 ankles, and of all joints, mm.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -10,8 +10,6 @@ joint an affine combination of the points, by least squares with a ridge toward 
 its name.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator, Sequence

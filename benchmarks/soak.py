@@ -7,8 +7,6 @@ processes, dropped moments and recent durations: a camera that falls behind the 
 "capture". Linux only: memory is read from /proc.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

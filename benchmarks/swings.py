@@ -3,8 +3,6 @@
 `python -m benchmarks.swings RECORDING RESULT...`: RECORDING holds truth.json. One line per result.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -9,8 +9,6 @@ that datasets/made/recipes.toml describes, which need nothing from elsewhere. Le
 What was drawn and estimated before is kept in out/trials; delete a result to make it again.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

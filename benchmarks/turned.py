@@ -5,8 +5,6 @@ first camera), its origin is moved, and the recording fitted. A line each: up as
 degrees, the floor's error in metres, and the mean error of the joints relative to the pelvis, mm.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from dataclasses import replace

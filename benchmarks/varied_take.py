@@ -5,8 +5,6 @@ care. The take goes through them forward and backward in turn, until it is long 
 drifts and noise is drawn anew, so that no two pictures are the same.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

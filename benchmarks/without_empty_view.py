@@ -5,8 +5,6 @@ recording's own frames, and with the empty scene estimated from these (`EmptySce
 each camera: intersection over union with the first, of both others, averaged over eight frames.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

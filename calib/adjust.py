@@ -296,9 +296,7 @@ def _covariances(
     # Standard deviation estimated from the median absolute deviation, which resists outliers.
     sigma = 1.4826 * float(np.median(np.abs(residuals)))
     flat = residuals.ravel()
-    flat = np.r_[
-        flat / np.hypot(1, flat / BOARDS.robust_px), np.zeros(jacobian.shape[0] - flat.size)
-    ]
+    flat = flat / np.hypot(1, flat / BOARDS.robust_px)
     ours = np.flatnonzero(problem.moving < problem.boards_at)
     columns = jacobian.tocsc()
     by_camera = columns[:, ours].tocsr()
@@ -310,10 +308,10 @@ def _covariances(
         if len(board):
             by_board = columns[:, board]
             rows = np.unique(by_board.indices)
-            own, pose = by_camera[rows].toarray(), by_board.tocsr()[rows].toarray()
-            along = pose @ np.linalg.lstsq(pose, own, rcond=None)[0]
+            camera_rows, pose = by_camera[rows].toarray(), by_board.tocsr()[rows].toarray()
+            along = pose @ np.linalg.lstsq(pose, camera_rows, rcond=None)[0]
             inner -= along.T @ along
-            pulls.append((own - along).T @ flat[rows])
+            pulls.append((camera_rows - along).T @ flat[rows])
     level, axes = np.linalg.eigh(inner / np.outer(scale, scale))
     with np.errstate(divide="ignore"):
         inverse = np.where(level > 1e-12, 1 / np.maximum(level, 1e-12), 1e12)

@@ -179,9 +179,9 @@ class Board:
             for name in dir(cv2.aruco)
             if name.startswith("DICT_A") or name.endswith("_1000")  # which hold the smaller ones
         }
-        found = {name: self._markers(grey, name) for name in known.values()}
-        best = max(found, key=lambda name: len(found[name][0]))
-        ids, corners_px = found[best]
+        markers = {name: self._markers(grey, name) for name in known.values()}
+        best = max(markers, key=lambda name: len(markers[name][0]))
+        ids, corners_px = markers[best]
         if len(ids) < _MIN_CORNERS or self.marker_m is None:
             return None
         kind = best.removesuffix("1000")

@@ -107,7 +107,7 @@ class Camera:
         """Whether the lens has no distortion."""
         return not self.fisheye and not self.distortion.any()
 
-    def turned(self, turn: FloatArray, shift_m: ArrayLike = 0.0) -> "Camera":
+    def turned(self, turn: FloatArray, shift_m: FloatArray | float = 0.0) -> "Camera":
         """A camera that has what is at x before this one at turn x + shift, m, before it."""
         translation = turn @ self.translation + shift_m
         return replace(self, rotation=turn @ self.rotation, translation=translation)

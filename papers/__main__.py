@@ -1,7 +1,5 @@
 """The experiments of Okada and Stenger: python -m papers arm-swing | figure-5, each with --help."""
 
-from __future__ import annotations
-
 import sys
 
 import tyro

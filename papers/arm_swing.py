@@ -1,7 +1,5 @@
 """Fig. 4 of paper A: how nwXOR and the occlusion-aware motion model follow a swinging arm."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Commands arm-swing and figure-5."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -9,12 +7,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from voxelpose.cli.arguments import (
-    OptionalLength,
-    OptionalName,
-    OverwriteResult,
-    Threads,
-)
+from voxelpose.cli.arguments import OptionalLength, OptionalName, OverwriteResult, Threads
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Fig. 5 of paper A: a turn on the spot, a golf swing toward the camera, pointing with one hand."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ They are the demo's: a clothed actor in a painted room with noise, flicker and a
 silhouettes are cut by background subtraction as in section 5.1 of paper A.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

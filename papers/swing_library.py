@@ -1,7 +1,5 @@
 """Pose library of the arm-swing experiment: standing in profile, the right arm in many poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

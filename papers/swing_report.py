@@ -1,7 +1,5 @@
 """Table and pictures of the arm-swing experiment."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING

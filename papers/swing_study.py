@@ -1,7 +1,5 @@
 """The arm-swing experiment of paper A, from drawn people to its table and pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
@@ -9,13 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from papers.arm_swing import (
-    METHODS,
-    Case,
-    MotionModel,
-    Row,
-    track_arm,
-)
+from papers.arm_swing import METHODS, Case, MotionModel, Row, track_arm
 from papers.swing_film import (
     FACING_DEG,
     FPS,

@@ -1,7 +1,5 @@
 """Success criterion of the arm-swing experiment."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

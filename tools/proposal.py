@@ -7,8 +7,6 @@ The same motion gives the same file, for any number of threads. Interrupted, it 
 was. A quarter of the motion is left out: results are reported on it.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -21,14 +21,7 @@ from calib.storage.documents import load_text, parse_json, parse_toml
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
-from silhouette_core.setting_types import (
-    BackgroundKind,
-    Chest,
-    Sex,
-    Stature,
-    Tolerance,
-    VoxelSize,
-)
+from silhouette_core.setting_types import BackgroundKind, Chest, Sex, Stature, Tolerance, VoxelSize
 from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
 from voxelpose.reliability import Verdict

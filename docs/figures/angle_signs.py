@@ -5,8 +5,6 @@ Nothing about signs is stated here: each pose is searched for which `anatomical_
 number under the picture, and the arrow is the path of a point of the body on the way there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

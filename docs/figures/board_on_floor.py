@@ -4,8 +4,6 @@ docs/images/board_on_floor.png.
 The axes are those of `calibrate extrinsics --floor`; a test finds the drawn board and its corners.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

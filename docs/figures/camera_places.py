@@ -5,8 +5,6 @@ The number under a plan is the volume of the visual hull over that of the body, 
 of the demo's actor, whose silhouettes are exact here: the smaller, the more the cameras say.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

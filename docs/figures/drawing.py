@@ -1,7 +1,5 @@
 """Arrows, captions and files of the drawings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

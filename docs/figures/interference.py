@@ -7,8 +7,6 @@ the demo's mannequin, which shares nothing with the body that is matched. As in 
 part is given, and no part is scored by the parts attached to it.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass

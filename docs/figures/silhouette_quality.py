@@ -6,8 +6,6 @@ what was filmed and, below it, the silhouette: what is missing in red, what is t
 against the true outline.
 """
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path

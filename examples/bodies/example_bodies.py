@@ -1,7 +1,5 @@
 """Example bodies other than a person's: a robot arm, a quadruped, a lamp, a person with a stick."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Movements of the example bodies, and recordings of them with the exact truth."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path

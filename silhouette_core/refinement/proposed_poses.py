@@ -86,10 +86,7 @@ class PoseProposer(Protocol):
     """Proposes poses of a person by silhouettes of one camera; called from several threads."""
 
     def propose(
-        self,
-        camera: Camera,
-        stature_m: float,
-        frames: Iterable[tuple[float, NDArray[np.bool_]]],
+        self, camera: Camera, stature_m: float, frames: Iterable[tuple[float, NDArray[np.bool_]]]
     ) -> list[ProposedPoses | None]:
         """Poses in each of consecutive frames, at the distance of somebody of a stature; None: it
         shows nobody.
@@ -114,9 +111,7 @@ _PLACING = RefineSettings(reaches_m=(0,) * 7)  # no contour
 
 
 def place_bodies(
-    surface: Surface,
-    observation: Observation,
-    priors: Sequence[LandmarkPrior],
+    surface: Surface, observation: Observation, priors: Sequence[LandmarkPrior]
 ) -> list[Pose]:
     """Poses whose joints are where priors expect them, from relaxed ones turned as they expect.
 

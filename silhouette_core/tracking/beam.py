@@ -101,10 +101,7 @@ def backtrack(beams: list[Beam]) -> list[int]:
 
 
 def select_different(
-    joints: NDArray[np.float64],
-    order: NDArray[np.int64],
-    count: int,
-    least_m: float,
+    joints: NDArray[np.float64], order: NDArray[np.int64], count: int, least_m: float
 ) -> list[int]:
     """Indices of the first poses in an order that differ from each other.
 

@@ -8,13 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silhouette_core.body.kinematic_tree import KinematicTree
-from silhouette_core.motion.dynamics import (
-    FPS,
-    ROOT_STEP_M,
-    ROOT_STEP_RAD,
-    elapsed_steps,
-    predict,
-)
+from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M, ROOT_STEP_RAD, elapsed_steps, predict
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.ranking import rounded
 from silhouette_core.tracking.beam import Beam

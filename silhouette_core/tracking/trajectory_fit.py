@@ -243,10 +243,7 @@ def _add_accelerations(
 
 
 def _add_standing(
-    banded: _Banded,
-    model: BodyModel,
-    posed: PosedSurface,
-    free: NDArray[np.int64],
+    banded: _Banded, model: BodyModel, posed: PosedSurface, free: NDArray[np.int64]
 ) -> None:
     """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
     names = model.tree.landmark_names

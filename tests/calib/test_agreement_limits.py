@@ -6,13 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calib.agreement import (
-    _culprits,
-    group_error,
-    image_scale,
-    signed_errors,
-    trimmed_mean,
-)
+from calib.agreement import _culprits, group_error, image_scale, signed_errors, trimmed_mean
 
 NAMES = ("a", "b", "c", "d", "e")
 

@@ -95,10 +95,7 @@ def test_a_letterboxed_camera_and_swapped_ones_of_walk4_are_reported(walk4, walk
     first, second = walk4_tracks["cam_0"], walk4_tracks["cam_3"]
     repair = explained(
         walk4_tracks
-        | {
-            "cam_0": second.with_camera(rig["cam_0"]),
-            "cam_3": first.with_camera(rig["cam_3"]),
-        }
+        | {"cam_0": second.with_camera(rig["cam_0"]), "cam_3": first.with_camera(rig["cam_3"])}
     )
     assert (repair.camera, repair.with_camera) == ("cam_0", "cam_3")
 

@@ -98,11 +98,7 @@ def test_colmap_is_world_to_camera_with_the_image_from_its_corner(tmp_path):
         ("PINHOLE 640 480 600 600 315 242", False, [0] * 5),
         ("SIMPLE_RADIAL 640 480 600 315 242 .1", False, [0.1, 0, 0, 0, 0]),
         ("RADIAL 640 480 600 315 242 .1 .2", False, [0.1, 0.2, 0, 0, 0]),
-        (
-            "FULL_OPENCV 640 480 600 600 315 242 1 2 3 4 5 6 7 8",
-            False,
-            [1, 2, 3, 4, 5, 6, 7, 8],
-        ),
+        ("FULL_OPENCV 640 480 600 600 315 242 1 2 3 4 5 6 7 8", False, [1, 2, 3, 4, 5, 6, 7, 8]),
         ("OPENCV_FISHEYE 640 480 600 600 315 242 1 2 3 4", True, [1, 2, 3, 4]),
         ("RADIAL_FISHEYE 640 480 600 315 242 1 2", True, [1, 2, 0, 0]),
     ],

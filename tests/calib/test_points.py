@@ -95,10 +95,7 @@ def test_what_cannot_work_is_refused():
 
 @pytest.mark.parametrize(
     "scene",
-    [
-        np.tile([[0.2, 0.1, 1.0]], (12, 1)),
-        np.linspace([-1.0, 0.0, 1.0], [1.0, 0.5, 1.2], 12),
-    ],
+    [np.tile([[0.2, 0.1, 1.0]], (12, 1)), np.linspace([-1.0, 0.0, 1.0], [1.0, 0.5, 1.2], 12)],
     ids=["one point", "a line"],
 )
 def test_points_that_do_not_place_a_camera_are_refused(scene):

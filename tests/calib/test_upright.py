@@ -47,8 +47,7 @@ def leaning(rig, degrees, seed=0):
     return Rig(
         tuple(
             replace(
-                camera,
-                rotation=matrix_from_rodrigues([0, 0, np.radians(lean)]) @ camera.rotation,
+                camera, rotation=matrix_from_rodrigues([0, 0, np.radians(lean)]) @ camera.rotation
             )
             for camera, lean in zip(rig, rng.uniform(-degrees, degrees, len(rig)), strict=True)
         )

@@ -53,9 +53,7 @@ def pose_surface(
 ):
     """Points sum_k w_k (R_k (v - J_k) + o_k), normals along sum_k w_k R_k n."""
     points[:] = np.einsum(
-        "vk,vki->vi",
-        skin_weights,
-        _placed(rest, joints, skin_parts, part_rotation, part_origin),
+        "vk,vki->vi", skin_weights, _placed(rest, joints, skin_parts, part_rotation, part_origin)
     )
     turned = np.einsum("vk,vkij,vj->vi", skin_weights, part_rotation[skin_parts], rest_normals)
     normals[:] = turned / np.linalg.norm(turned, axis=1, keepdims=True)

@@ -7,14 +7,7 @@ from scipy.spatial import ConvexHull
 from skimage.measure import marching_cubes
 
 from tools.templates.figures import ARM, ARM_UP, Figure
-from tools.templates.implicit import (
-    Ellipsoid,
-    Lattice,
-    Loft,
-    Solid,
-    smooth_union,
-    union_values,
-)
+from tools.templates.implicit import Ellipsoid, Lattice, Loft, Solid, smooth_union, union_values
 from tools.templates.remesh import Field, Remesher, fill_out
 
 FORWARD, UP = (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)

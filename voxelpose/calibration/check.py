@@ -266,17 +266,17 @@ def check_findings(check: Check, repairing: str = "run with --repair") -> list[F
     in the order in which it is told. `repairing`: how the repaired files are written.
     """
     agreement = check.agreement
-    found = [Finding("cameras", "good" if agreement.agrees else "bad", agreement.summary)]
+    findings = [Finding("cameras", "good" if agreement.agrees else "bad", agreement.summary)]
     for repair in check.repairs:
         help_words = _remedy(repair, repairing)
-        found.append(Finding(repair.camera, "bad", repair.summary, remedy=help_words))
+        findings.append(Finding(repair.camera, "bad", repair.summary, remedy=help_words))
     if check.after is not None:
         level = "good" if check.after.agrees else "bad"
-        found.append(Finding("cameras", level, f"with that put right: {check.after.summary}"))
+        findings.append(Finding("cameras", level, f"with that put right: {check.after.summary}"))
     if not agreement.agrees and not check.repairs and len(agreement.table) > 2:
         words = "calibrate again; if the videos were not started together, first"
-        found.append(Finding("cameras", "bad", f"{words} `voxelpose calibrate sync`"))
-    return found + [Finding("note", "look", note) for note in check.notes]
+        findings.append(Finding("cameras", "bad", f"{words} `voxelpose calibrate sync`"))
+    return findings + [Finding("note", "look", note) for note in check.notes]
 
 
 def _remedy(repair: Repair, repairing: str) -> str:

@@ -207,11 +207,17 @@ class _Films:
                 times |= file_times.times
                 fps[name] = 1 / even_numbers(times[name])[1]
                 notes.append(file_times.note)
-        calibrated, distinct, kept = calibration_path(folder) is not None, dict(readers), times
+        calibrated, distinct, used_times = (
+            calibration_path(folder) is not None,
+            dict(readers),
+            times,
+        )
         if not given:
-            distinct, kept, repeats = without_repeats(readers, times, None)
+            distinct, used_times, repeats = without_repeats(readers, times, None)
             notes += repeats
-        return cls(folder, settings, calibrated, distinct, kept or times, times, fps, tuple(notes))
+        return cls(
+            folder, settings, calibrated, distinct, used_times or times, times, fps, tuple(notes)
+        )
 
     @property
     def shortest_s(self) -> float:

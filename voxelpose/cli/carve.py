@@ -31,8 +31,7 @@ class Carve:
     resolution: Annotated[int, arg(metavar="N")] = 192
     """Number of voxels along the longest edge of the volume."""
     volume: Annotated[
-        tuple[float, float, float, float, float, float] | None,
-        arguments.optional("X Y Z X Y Z"),
+        tuple[float, float, float, float, float, float] | None, arguments.optional("X Y Z X Y Z")
     ] = None
     """Minimum and maximum corner of the volume, metres. Default: from the silhouettes."""
     tolerance: Annotated[setting_types.Tolerance, arg(metavar="N")] = 0

@@ -33,11 +33,7 @@ class Doctor:
         console = rich_console()
         with console.status("checking ..."):
             checks = examine()
-        states = {
-            "good": "[green]works[/]",
-            "look": "[yellow]limited[/]",
-            "bad": "[red]fails[/]",
-        }
+        states = {"good": "[green]works[/]", "look": "[yellow]limited[/]", "bad": "[red]fails[/]"}
         rows = []
         for check in checks:
             rows.append((states[check.level], check.about, plain(check.words)))

@@ -12,13 +12,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from calib.errors import InputError, check_name
 from calib.storage.documents import load_text, parse_toml
-from silhouette_core.setting_types import (
-    checked,
-    nearest,
-    range_of,
-    types_if_given,
-    unmarked,
-)
+from silhouette_core.setting_types import checked, nearest, range_of, types_if_given, unmarked
 
 _LOCATED = "body", "source"  # text that may name a file
 # Commands that stand above this folder, since they run others.

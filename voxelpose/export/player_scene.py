@@ -162,9 +162,7 @@ def _body(motion: Motion, rows: NDArray[np.int64]) -> dict[str, Any]:
     }
 
 
-def other_poses(
-    poses: Sequence[tuple[float, NDArray[np.float64]]],
-) -> list[dict[str, Any]]:
+def other_poses(poses: Sequence[tuple[float, NDArray[np.float64]]]) -> list[dict[str, Any]]:
     """Other likely poses as pages draw them: those of their lines (B, 2, 3), world, m, whose `ends`
     are known, and their probability as a `share` of the likeliest one's.
     """

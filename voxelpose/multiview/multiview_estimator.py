@@ -11,13 +11,7 @@ from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.estimator import (
-    ONE_PERSONS,
-    Estimate,
-    FrameSource,
-    Settings,
-    read_options,
-)
+from silhouette_core.estimator import ONE_PERSONS, Estimate, FrameSource, Settings, read_options
 from silhouette_core.jit import set_threads
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.conditioning import conditioned, quality_with_filled

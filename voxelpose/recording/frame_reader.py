@@ -310,7 +310,9 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     """
     pillow = _pillow()
     try:
-        with pillow.open(BytesIO(data)) as image:  # not the file: a network drive opens it slowly
+        with pillow.open(
+            BytesIO(data.tobytes())
+        ) as image:  # not the file: a network drive opens it slowly
             size = image.size
     except pillow.DecompressionBombError:
         size = None

@@ -313,9 +313,9 @@ def _hexadecimal(stems: Sequence[str]) -> NameReading | None:
     if len({_HEX.sub("#", stem) for stem in stems}) > 1:
         return None
     changing = [column for column in zip(*runs, strict=True) if len({*column}) > 1]
-    words = changing[0] if len(changing) == 1 else ()
+    words = [*changing[0]] if len(changing) == 1 else []
     padded = len({len(word) for word in words}) == 1
-    counted = padded or not any(word[0] == "0" != word for word in words)
+    counted = padded or not any(word.startswith("0") and word != "0" for word in words)
     if not (counted and any(map(str.isdigit, "".join(words)))):
         return None
     reading = _reading("number", [int(word, 16) for word in words], f"the number {words[0]}")
@@ -335,8 +335,8 @@ def names_by_camera(stills: Mapping[str, Sequence[Path]]) -> dict[str, NameReadi
     names = {camera: _ImageNames.of(paths) for camera, paths in stills.items()}
     kinds = {one.reading.kind for one in names.values() if one.reading is not None}
     if "time" in kinds and len(kinds) > 1:  # within a second, its part may look like a counter
-        again = {camera: _ImageNames.of(paths, clock=True) for camera, paths in stills.items()}
-        names |= {k: one for k, one in again.items() if one.reading and one.reading.kind == "time"}
+        timed = {camera: _ImageNames.of(paths, clock=True) for camera, paths in stills.items()}
+        names |= {k: one for k, one in timed.items() if one.reading and one.reading.kind == "time"}
     for camera, paths in stills.items():
         question = names[camera].question
         if not question and (names[camera].order != np.arange(len(paths))).any():

@@ -132,16 +132,16 @@ def findings(result: Result, cameras: CameraCheck, changed: str = "") -> list[Fi
     """What is found in a result, by the agreement of its cameras, and by what changed in its
     recording since, worst first.
     """
-    found = findings_of(result.summary, result.motion)
-    return worst_first([*found, *recording_findings(cameras, changed)])
+    of_result = findings_of(result.summary, result.motion)
+    return worst_first([*of_result, *recording_findings(cameras, changed)])
 
 
 def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
     """As `findings`, without those of a result: of what several people have in common."""
-    found, apart = [], [line.camera for line in cameras.lines if line.apart]
+    findings, apart = [], [line.camera for line in cameras.lines if line.apart]
     if changed:
         advice = "fit again; until then, this page shows cameras and silhouettes as they are now"
-        found.append(Finding("Recording", "look", changed, remedy=advice))
+        findings.append(Finding("Recording", "look", changed, remedy=advice))
     if apart:
         words = "the body agrees less with these than with the others, or their outlines do"
         advice = (
@@ -149,11 +149,11 @@ def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
             " calibrate check RECORDING reports which, and how to repair it; or fit again without"
             " it (--cameras lists those to use)"
         )
-        found.append(Finding("Cameras", "look", words, ", ".join(apart), advice))
+        findings.append(Finding("Cameras", "look", words, ", ".join(apart), advice))
     elif len(cameras.lines) > 1:
         words = f"the body agrees equally well with all {len(cameras.lines)} cameras"
-        found.append(Finding("Cameras", "good", words))
-    return found
+        findings.append(Finding("Cameras", "good", words))
+    return findings
 
 
 def headline(result: Result, assessed: Sequence[Finding]) -> tuple[Verdict, str]:

@@ -35,13 +35,7 @@ from voxelpose.recording.unknown_places import (
     painted_mask,
     unknown_polygons,
 )
-from voxelpose.setup_page.page_requests import (
-    PlacesDrawn,
-    Polygon,
-    Polygons,
-    RegionDrawing,
-    Typed,
-)
+from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, Polygons, RegionDrawing, Typed
 from voxelpose.view.serving.page_answers import check_camera_names
 
 CHOICES = "background", "tolerance", "voxel", "repair", "stature", "cameras", "up"

@@ -80,9 +80,9 @@ def filled_in(
     kind = load_command(command)
     options, in_files = options_of(kind), folder_settings(command, project)
     values = {name: setting.value for name, setting in in_files.items() if name not in given}
-    shown = options_of(kind, _NOT_IN_FORMS)
-    typed = {name: value for name, value in given.items() if value is not None or name not in shown}
-    values |= checked_values(shown, typed, project, "the page")
+    in_form = options_of(kind, _NOT_IN_FORMS)
+    typed = {key: value for key, value in given.items() if value is not None or key not in in_form}
+    values |= checked_values(in_form, typed, project, "the page")
     values = {options[name].field: value for name, value in values.items()}
     for field in _FILES & values.keys():
         value = str(values[field])

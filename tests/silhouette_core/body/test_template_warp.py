@@ -32,8 +32,7 @@ def test_it_is_linear_and_mirror_symmetric(sex):
 
 @BODIES
 @pytest.mark.parametrize(
-    "change, low, high",
-    [(0, 0.65, 0.83), (1, 0.525, 0.725), (2, 0.425, 0.625), (3, 0.245, 0.49)],
+    "change, low, high", [(0, 0.65, 0.83), (1, 0.525, 0.725), (2, 0.425, 0.625), (3, 0.245, 0.49)]
 )
 def test_each_change_stays_in_its_band(sex, change, low, high):
     body, changed = warped(sex, *np.where(np.arange(4) == change, 0.3, 0.0))

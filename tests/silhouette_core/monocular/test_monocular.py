@@ -40,10 +40,7 @@ def tracking(library=""):
 
     def run(masks, threads=1, smooth=True, camera=CAMERA, **options):
         settings = Settings(
-            STATURE_M,
-            smooth=smooth,
-            threads=threads,
-            options={"library": str(library), **options},
+            STATURE_M, smooth=smooth, threads=threads, options={"library": str(library), **options}
         )
         return MonocularEstimator().estimate(
             SilhouetteSource(camera, masks, FPS), settings, SilentReporter()

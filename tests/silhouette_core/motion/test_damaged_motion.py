@@ -91,11 +91,7 @@ def test_metadata_are_checked(tmp_path, about, words):
 
 @pytest.mark.parametrize(
     ("shape", "words"),
-    [
-        ((5, 3), "root_quaternion must be"),
-        ((), "damaged"),
-        ((6, 2), "root_m must be"),
-    ],
+    [((5, 3), "root_quaternion must be"), ((), "damaged"), ((6, 2), "root_m must be")],
 )
 def test_unfiltered_poses_are_checked(tmp_path, shape, words):
     motion = waving()

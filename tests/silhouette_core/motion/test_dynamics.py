@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.body.joints import HUMAN
-from silhouette_core.motion.dynamics import (
-    FPS,
-    MOMENTUM,
-    RELAXED_RAD,
-    elapsed_steps,
-    predict,
-)
+from silhouette_core.motion.dynamics import FPS, MOMENTUM, RELAXED_RAD, elapsed_steps, predict
 from silhouette_core.motion.pose import Pose
 
 FLEXION = HUMAN.dof_names.index("left_forearm.flexion")

@@ -108,10 +108,7 @@ def test_what_is_not_there_is_named(studio):
     [
         ('frames = "0:x"', 'recording 1: frames = "0:x" is not understood'),
         ('up = "w"', "recording 1: "),
-        (
-            'filter = "kalman"',
-            "recording 1: fit: filter = 'kalman' must be one of auto",
-        ),
+        ('filter = "kalman"', "recording 1: fit: filter = 'kalman' must be one of auto"),
         ("gap_limit = 1.5", "gap-limit = '1.5' must be a whole number, or text"),
         ("people = 0", 'recording 1: people = "0" is no number of people'),
         ("people = 1.5", "people = '1.5' must be a whole number, or text"),

@@ -82,12 +82,7 @@ def test_only_long_recordings_are_divided(tmp_path):
         write_recording(tmp_path / name, ring(2), frames)
     long, short = jobs_of([tmp_path / "long", tmp_path / "short"], "fit", {"frames": "10:100"})
     pieces = pieces_of(long, 1.0, tmp_path / "out")
-    assert [piece.settings["frames"] for piece in pieces] == [
-        "10:44",
-        "20:67",
-        "43:90",
-        "66:100",
-    ]
+    assert [piece.settings["frames"] for piece in pieces] == ["10:44", "20:67", "43:90", "66:100"]
     assert "body" not in pieces[0].settings
     assert all(str(piece.settings["body"]).endswith("long.000") for piece in pieces[1:])
     assert pieces_of(replace(short, settings={}), 1.0, tmp_path / "out") == []

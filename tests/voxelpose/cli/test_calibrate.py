@@ -15,11 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.board_scene import (
-    FACE_UP,
-    room,
-    without_poses,
-)
+from benchmarks.board_scene import FACE_UP, room, without_poses
 from calib.board import Board
 from calib.camera import Rig
 from calib.errors import InputError

@@ -106,10 +106,7 @@ def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
     take = tmp_path / "take"
     recording = ("--record", take, "--no-record-now", "--countdown", 600)
     options = ("--loop", "--no-browser", "--stature", 1.7, "--fps", FPS, "--port", 8431)
-    with (
-        new_page(1000, 520) as (browser, faults),
-        living(studio, *options, *recording) as process,
-    ):
+    with new_page(1000, 520) as (browser, faults), living(studio, *options, *recording) as process:
         url = ""
         while not url:
             line = process.stderr.readline()  # type: ignore[union-attr]

@@ -79,10 +79,7 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
             ["view", "out", "--voxel", "0.05", "--video", "gone/x.webm"],
             "gone/x.webm cannot be written",
         ),
-        (
-            ["view", "out", "--voxel", "3", "--png", "x.png"],
-            "--voxel = '3.0' must be a number",
-        ),
+        (["view", "out", "--voxel", "3", "--png", "x.png"], "--voxel = '3.0' must be a number"),
         (["view"], "name the folder of a result, or a recording"),
         (["view", "out", "out", "--png", "x.png"], "only the browser shows several results"),
         (["view", "out", "walk", "--no-browser"], "walk is not a result of voxelpose"),

@@ -9,12 +9,7 @@ from calib.errors import InputError
 from calib.upright import UprightFrame
 from tests.clips import waving
 from voxelpose.export import opensim
-from voxelpose.export.formats import (
-    EXPORT_RECORD,
-    FORMATS,
-    export_motion,
-    read_export_record,
-)
+from voxelpose.export.formats import EXPORT_RECORD, FORMATS, export_motion, read_export_record
 
 
 def test_every_format_is_written_and_named(tmp_path):

@@ -146,12 +146,7 @@ def test_markers_of_the_left_mirror_those_of_the_right():
 
 @pytest.mark.parametrize(
     ("first", "second"),
-    [
-        ("heel", "toes"),
-        ("upper_thorax", "neck"),
-        ("pelvis", "lumbar"),
-        ("clavicle", "neck"),
-    ],
+    [("heel", "toes"), ("upper_thorax", "neck"), ("pelvis", "lumbar"), ("clavicle", "neck")],
 )
 def test_markers_of_one_body_are_as_far_apart_as_on_ours(folder, first, second):
     """So that scaling begins from the right sizes."""

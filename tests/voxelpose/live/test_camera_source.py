@@ -109,8 +109,7 @@ def test_a_stream_that_goes_is_tried_again_until_it_is_back():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
-    [({"grey": 0}, "black"), ({"size": (160, 160)}, "calibrated at 160 x 120")],
+    ("options", "said"), [({"grey": 0}, "black"), ({"size": (160, 160)}, "calibrated at 160 x 120")]
 )
 def test_useless_pictures_are_said_and_not_delivered(options, said):
     stream = NetworkCamera(**options)

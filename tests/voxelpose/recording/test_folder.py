@@ -272,14 +272,8 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
         written("timestamps.csv", "cam_id,frame_time\n1,0\n"),
         "1 times for camera cam_1",
     ),
-    "no table of times": (
-        written("timestamps.csv", "a,b\n1,0\n"),
-        "no column cam_id",
-    ),
-    "subject misspelt": (
-        written("subject.toml", "statue = 1.7"),
-        "statue is not known",
-    ),
+    "no table of times": (written("timestamps.csv", "a,b\n1,0\n"), "no column cam_id"),
+    "subject misspelt": (written("subject.toml", "statue = 1.7"), "statue is not known"),
     "subject in centimetres": (
         written("subject.toml", "stature = 170"),
         "stature = 170 is impossible",
@@ -288,10 +282,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
         written("subject.toml", 'date = "28.11.2026"'),
         r"date = 28\.11\.2026 is impossible: write year, month and day",
     ),
-    "date by a number": (
-        written("subject.toml", "date = 2026"),
-        "date = 2026 is impossible",
-    ),
+    "date by a number": (written("subject.toml", "date = 2026"), "date = 2026 is impossible"),
     "name without words": (
         written("subject.toml", "name = 7"),
         "name = 7 is impossible: give text of at most 200 characters",
@@ -300,10 +291,7 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
         written("subject.toml", f'remarks = "{"a" * 4001}"'),
         "is impossible: give text of at most 4000 characters",
     ),
-    "subject no toml": (
-        written("subject.toml", "stature: 1.7"),
-        "no valid TOML",
-    ),
+    "subject no toml": (written("subject.toml", "stature: 1.7"), "no valid TOML"),
 }
 
 

@@ -86,11 +86,7 @@ def write(folder: Path, make: Callable[[int], NDArray | Image.Image], suffix: st
 
 
 def film(
-    folder: Path,
-    make: Callable[[int], NDArray],
-    suffix: str,
-    codec: str,
-    pixels: tuple[str, str],
+    folder: Path, make: Callable[[int], NDArray], suffix: str, codec: str, pixels: tuple[str, str]
 ) -> Path:
     """Writes the masks of both cameras as videos."""
     write_rig(ring(2, SIZE), folder / "calibration.toml")

@@ -45,10 +45,7 @@ def test_all_is_well(tmp_path):
 @pytest.mark.parametrize(
     ("away", "words"),
     [
-        (
-            [4, 5, 6],
-            "away in frames 4–6; that who came back is who left is a guess",
-        ),
+        ([4, 5, 6], "away in frames 4–6; that who came back is who left is a guess"),
         ([0, 1, 19], "away in frames 0–1, 19"),
     ],
 )

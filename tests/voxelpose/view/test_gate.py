@@ -10,13 +10,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from calib.errors import InputError
-from voxelpose.view.serving.gate import (
-    Address,
-    GatedServer,
-    GateRequest,
-    Reply,
-    _reachable,
-)
+from voxelpose.view.serving.gate import Address, GatedServer, GateRequest, Reply, _reachable
 
 TOKEN = "open & sesame"
 QUERY = "/?token=open%20%26%20sesame"

@@ -9,12 +9,7 @@ from msgspec import Struct
 from calib.errors import InputError
 from tests.voxelpose.setup_page.setup_scenes import ask
 from voxelpose.view.serving.gate import Address, GatedServer
-from voxelpose.view.serving.page_answers import (
-    Moment,
-    PageAnswers,
-    event_stream,
-    file_to_keep,
-)
+from voxelpose.view.serving.page_answers import Moment, PageAnswers, event_stream, file_to_keep
 
 
 class Whole(Struct, forbid_unknown_fields=True):

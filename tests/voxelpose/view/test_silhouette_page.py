@@ -205,10 +205,7 @@ def test_the_page_explains_the_pixel_under_the_mouse(desk):
             viewer.get_by_text("Silhouettes step by step").click()
         page = opened.value
         page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on(
-            "console",
-            lambda said: faults.append(said.text) if said.type == "error" else None,
-        )
+        page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
         assert page.url.endswith("/silhouettes/?frame=2")
         page.get_by_text("frame 2 ").wait_for()
         page.locator('[data-camera="cam_1"] canvas').click()

@@ -85,10 +85,7 @@ _TWIST_AXIS = {
 
 
 def sample_angles(
-    limb: Limb,
-    angles_rad: np.ndarray,
-    step_rad: float,
-    tree: KinematicTree = HUMAN,
+    limb: Limb, angles_rad: np.ndarray, step_rad: float, tree: KinematicTree = HUMAN
 ) -> np.ndarray:
     """Samples of a limb's joint angles within their limits.
 
@@ -117,10 +114,7 @@ def sample_angles(
 
 
 def sample_grid(
-    limb: Limb,
-    angles_rad: np.ndarray,
-    step_rad: float,
-    tree: KinematicTree,
+    limb: Limb, angles_rad: np.ndarray, step_rad: float, tree: KinematicTree
 ) -> np.ndarray:
     """Samples of all `angles` of a limb on a grid, which is coarser than asked for where it would
     have too many.
@@ -159,10 +153,7 @@ def sample_grid(
 
 
 def sample_hinge(
-    limb: Limb,
-    angles_rad: np.ndarray,
-    step_rad: float,
-    tree: KinematicTree = HUMAN,
+    limb: Limb, angles_rad: np.ndarray, step_rad: float, tree: KinematicTree = HUMAN
 ) -> np.ndarray:
     """Samples of a hinge's bend and of the twist of the bone above it.
 

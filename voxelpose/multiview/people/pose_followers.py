@@ -90,11 +90,7 @@ class PoseFollowers:
         return people
 
     def _pieces(
-        self,
-        views: PinholeViews,
-        masks: Masks,
-        time_s: float,
-        tracks: Sequence[BodyTrack | None],
+        self, views: PinholeViews, masks: Masks, time_s: float, tracks: Sequence[BodyTrack | None]
     ) -> list[Masks | None]:
         """Where each is seen, by the body as expected, or by the hull about the place."""
         drawn = [

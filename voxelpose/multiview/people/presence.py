@@ -58,10 +58,7 @@ class PresenceSearch:
         self._person_px = PEOPLE.seen_m2 * (metre_px(observer) / _REDUCED) ** 2
 
     def sets(
-        self,
-        masks: list[NDArray[np.bool_]],
-        most: int,
-        before_m: NDArray[np.float64] | None = None,
+        self, masks: list[NDArray[np.bool_]], most: int, before_m: NDArray[np.float64] | None = None
     ) -> PeopleSets:
         """Sets of people that silhouettes (h, w) bool of all cameras allow, best first.
 
@@ -120,10 +117,7 @@ class PresenceSearch:
         return [footprint(column, grid, camera, mask) for camera, mask in pairs]
 
     def _ranked(
-        self,
-        explained: list[list[NDArray[np.bool_]]],
-        seen: list[NDArray[np.bool_]],
-        most: int,
+        self, explained: list[list[NDArray[np.bool_]]], seen: list[NDArray[np.bool_]], most: int
     ) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
         """The cheapest sets of people at some axes, and their costs."""
         packed = [[np.packbits(mask) for mask in masks] for masks in explained]

@@ -15,12 +15,7 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.motion.dynamics import pose_step_sigma, relaxed_rad
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import Observation
-from silhouette_core.refinement.refine import (
-    PosePrior,
-    RefineSettings,
-    RefineStart,
-    refine_many,
-)
+from silhouette_core.refinement.refine import PosePrior, RefineSettings, RefineStart, refine_many
 from silhouette_core.refinement.surface import Surface
 from silhouette_core.scoring.silhouette_error import mask_errors
 from silhouette_core.tuning import MEASURING, REFINEMENT

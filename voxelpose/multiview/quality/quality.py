@@ -29,12 +29,7 @@ from scipy.ndimage import maximum_filter
 
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.motion.kinematics import (
-    forward,
-    joints_of,
-    quaternions,
-    rotation_matrices,
-)
+from silhouette_core.motion.kinematics import forward, joints_of, quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import Reporter, StageClock
@@ -123,15 +118,11 @@ def half_turn_ratio(
 ) -> float:
     """How much worse the body turned half round, its limbs matched again, explains a frame."""
     turned = Pose(
-        pose.root_m,
-        pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]),
-        np.zeros_like(pose.angles_rad),
+        pose.root_m, pose.root_rotation @ np.diag([-1.0, -1.0, 1.0]), np.zeros_like(pose.angles_rad)
     )
     matched = match(body.body_volume, frame.grid, frame.occupancy, turned, settings)
     other, unturned = refine_fits(
-        body,
-        frame.observation,
-        [RefineStart(matched.pose, SEARCHED), RefineStart(pose, STEP)],
+        body, frame.observation, [RefineStart(matched.pose, SEARCHED), RefineStart(pose, STEP)]
     )
     return other.error / max(unturned.error, 1e-6)
 
@@ -271,11 +262,7 @@ def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Qual
     covered[tuple(voxel_set.voxels(union).T)] = True
     near = np.asarray(maximum_filter(covered, 3), np.bool_)
     unexplained = np.argwhere(frame.occupancy & ~near)
-    return Quality(
-        overlap,
-        len(unexplained) / max(len(voxel_set), 1),
-        unexplained,
-    )
+    return Quality(overlap, len(unexplained) / max(len(voxel_set), 1), unexplained)
 
 
 def motion_quality(

@@ -113,8 +113,8 @@ def repair_cameras(
     improved = after.error_px < checked.error_px / AGREEMENT.explained_gain and not disagreeing
     unexplained = len(repairs) - len(small)  # by shadows or lost limbs, perhaps
     if not (small and (after.agrees or improved) and len(rig) - unexplained >= _FEWEST):
-        told = [repair.summary for repair in repairs if repair.kind == "scaled"]
-        return replace(unchanged, words=(f"{'; '.join([checked.summary, *told])}: {_LOOK}",))
+        rescaled = [repair.summary for repair in repairs if repair.kind == "scaled"]
+        return replace(unchanged, words=(f"{'; '.join([checked.summary, *rescaled])}: {_LOOK}",))
     summary = "; ".join(repair.summary for repair in small)
     if not put_right:
         return replace(unchanged, words=(f"{summary}: --repair auto puts it right",))

@@ -14,11 +14,7 @@ from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import (
-    COMPONENT,
-    FrameObservation,
-    HullObserver,
-)
+from voxelpose.multiview.carving.observe import COMPONENT, FrameObservation, HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
 JointsOf = Callable[[int, int, NDArray[np.bool_]], SeenJoints | None]

@@ -83,10 +83,7 @@ def search_limbs(rig: Rig, track: BodyTrack, moment: Moment) -> BodyTrack | None
 
 
 def adapt_body(
-    rig: Rig,
-    settings: Settings,
-    track: BodyTrack,
-    samples: Sequence[tuple[Moment, Pose]],
+    rig: Rig, settings: Settings, track: BodyTrack, samples: Sequence[tuple[Moment, Pose]]
 ) -> BodyTrack:
     """Track with a body whose proportions are adapted to some frames."""
     model = track.body.model

@@ -25,10 +25,7 @@ from silhouette_core.monocular.making.proposal_learning import (
 )
 from silhouette_core.monocular.making.virtual_takes import VirtualBodies, film_take
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
-from silhouette_core.monocular.proposal.silhouette_features import (
-    FrameFeatures,
-    InsideGrids,
-)
+from silhouette_core.monocular.proposal.silhouette_features import FrameFeatures, InsideGrids
 from silhouette_core.motion.keyposes import keypose_motions
 from silhouette_core.progress import SilentReporter
 from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed

@@ -55,10 +55,7 @@ def test_the_likelihood_is_that_of_a_mixture_of_student_t(network, rng):
 def test_the_gradient_is_that_of_the_loss(network, rng):
     given = batch(rng)
     found = loss_gradient(network, given)
-    for arrays, gradients in (
-        (network.weights, found.weights),
-        (network.biases, found.biases),
-    ):
+    for arrays, gradients in ((network.weights, found.weights), (network.biases, found.biases)):
         for array, gradient in zip(arrays, gradients, strict=True):
             flat = array.reshape(-1)
             for k in rng.permutation(flat.size)[:25]:

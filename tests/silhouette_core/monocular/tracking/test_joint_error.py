@@ -32,11 +32,7 @@ def test_more_spread_less_agreement_and_occlusion_mean_larger_errors():
     assert ((usual.near_probability > 0.02) & (usual.near_probability < 0.5)).all()
     one = spread.copy()
     one[0, 4] = 0.2
-    worse = (
-        (one, 0.9, seen),
-        (spread, 0.7, seen),
-        (spread, 0.9, ~seen),
-    )
+    worse = ((one, 0.9, seen), (spread, 0.7, seen), (spread, 0.9, ~seen))
     for apart, agreement, occluded in worse:
         found = joint_errors(apart, np.array([agreement]), occluded)
         assert found.joint_mm[0, 4] > usual.joint_mm[0, 4] * 1.05

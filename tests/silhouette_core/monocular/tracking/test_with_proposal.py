@@ -39,13 +39,7 @@ def landmarks_and_films(motion):
 
 
 def track(masks, smooth=True, sex="unknown"):
-    settings = Settings(
-        STATURE_M,
-        sex=sex,
-        smooth=smooth,
-        threads=2,
-        options={"start": "any"},
-    )
+    settings = Settings(STATURE_M, sex=sex, smooth=smooth, threads=2, options={"start": "any"})
     source = SilhouetteSource(CAMERA, masks, FPS)
     return MonocularEstimator().estimate(source, settings, SilentReporter())
 

@@ -8,12 +8,7 @@ from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.pose_library import LibrarySettings
 from silhouette_core.motion.motion import Motion
 
-SETTINGS = LibrarySettings(
-    poses=240,
-    yaw_step_deg=60,
-    mirror=False,
-    tolerance_deg=12.0,
-)
+SETTINGS = LibrarySettings(poses=240, yaw_step_deg=60, mirror=False, tolerance_deg=12.0)
 
 
 def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion:

@@ -32,14 +32,7 @@ def test_what_is_read_is_what_was_written(made, path):
     for name in ("angles", "quaternion", "source", "mirrored", "sigma_rad"):
         array, written = (getattr(one.bases, name) for one in (read, made))
         assert (array == written).all() and array.dtype == written.dtype
-    for name in (
-        "areas",
-        "occluded",
-        "cut",
-        "pelvis_px",
-        "views",
-        "leaf_samples",
-    ):
+    for name in ("areas", "occluded", "cut", "pelvis_px", "views", "leaf_samples"):
         array = getattr(read, name)
         assert (array == getattr(made, name)).all() and array.dtype == getattr(made, name).dtype
         assert not array.flags.owndata and array.flags.writeable  # the file itself, mapped

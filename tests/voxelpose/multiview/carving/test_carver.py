@@ -1,14 +1,7 @@
 import cv2
 import numpy as np
 import pytest
-from carving_scenes import (
-    any_camera,
-    carve_by_reference,
-    look_at,
-    ring,
-    rule_numbers,
-    silhouettes,
-)
+from carving_scenes import any_camera, carve_by_reference, look_at, ring, rule_numbers, silhouettes
 
 from calib.camera import Rig
 from silhouette_core.jit import set_threads
@@ -104,8 +97,7 @@ def test_masks_that_do_not_fit_are_refused():
     rig = ring(2)
     masks = silhouettes(rig)
     with pytest.raises(
-        ValueError,
-        match=r"mask of cam_1 must be \(120, 160\) bool, got \(60, 80\)",
+        ValueError, match=r"mask of cam_1 must be \(120, 160\) bool, got \(60, 80\)"
     ):
         carve(rig, {**masks, "cam_1": np.zeros((60, 80), bool)}, PERSON)
     with pytest.raises(

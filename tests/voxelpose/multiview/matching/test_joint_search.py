@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from voxelpose.multiview.matching.joint_search import best_together
-from voxelpose.multiview.matching.kernels.bits import (
-    find_dominated,
-)
+from voxelpose.multiview.matching.kernels.bits import find_dominated
 
 
 @st.composite

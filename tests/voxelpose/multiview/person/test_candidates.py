@@ -7,11 +7,7 @@ import pytest
 
 from silhouette_core.estimator import Settings
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.person.posterior import (
-    StatureEvidence,
-    distance_sigma,
-    hull_height_m,
-)
+from voxelpose.multiview.person.posterior import StatureEvidence, distance_sigma, hull_height_m
 
 
 def frame(height_m: float):

@@ -15,12 +15,7 @@ from silhouette_core.estimator import Settings
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
 from silhouette_core.refinement.posterior import still_root
-from silhouette_core.refinement.refine import (
-    PosePrior,
-    RefinedPose,
-    RefineSettings,
-    RefineStart,
-)
+from silhouette_core.refinement.refine import PosePrior, RefinedPose, RefineSettings, RefineStart
 from tests.voxelpose.multiview.matching_scenes import hull, joint_errors_m, photograph, views
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.matcher import MatchSettings

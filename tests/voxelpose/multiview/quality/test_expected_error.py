@@ -119,13 +119,7 @@ def test_worse_evidence_is_never_said_to_be_better():
 
 @pytest.mark.parametrize(
     "worse",
-    [
-        {"joint": 0.08},
-        {"sigma": 0.014},
-        {"outside": 0.1},
-        {"at_limits": 0.15},
-        {"clothes": 0.03},
-    ],
+    [{"joint": 0.08}, {"sigma": 0.014}, {"outside": 0.1}, {"at_limits": 0.15}, {"clothes": 0.03}],
 )
 def test_each_piece_of_evidence_counts(worse):
     good, bad = (expected_errors(evidence(**GOOD | more)) for more in ({}, worse))
