@@ -22,7 +22,7 @@ _SHOWN_SWINGS = 6
 _BIN_DEG = 6.0
 
 
-def swing_table(sides: Sequence[Side]) -> str:
+def swing_table(sides: Sequence["Side"]) -> str:
     """Rows as a Markdown table, all films of a side together, with the paper's counts of 24."""
     lines = [
         "| arm | (4) | method | σ | Fail | Error | Success | paper, of 24 | mean error, deg:"
