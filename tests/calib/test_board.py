@@ -35,8 +35,7 @@ def test_the_count_starts_at_the_same_corner_however_the_board_is_held(turns):
     picture = drawn(ODD)
     upright = ODD.find(picture)
     turned = ODD.find(np.ascontiguousarray(np.rot90(picture, turns)))
-    assert isinstance(upright, BoardView)
-    assert isinstance(turned, BoardView)
+    assert isinstance(upright, BoardView) and isinstance(turned, BoardView)
     height, width = picture.shape
     x, y = upright.pixels.T
     expected = {
@@ -52,44 +51,32 @@ def test_a_picture_in_perspective_and_colour():
     picture = cv2.cvtColor(drawn(ODD), cv2.COLOR_GRAY2BGR)
     height, width = picture.shape[:2]
     before = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-    after = np.array(
-        [[100, 40], [width - 80, 0], [width - 30, height - 60], [20, height]], np.float32
-    )
+    after = before + np.array([[100, 40], [-80, 0], [-30, -60], [20, 0]], np.float32)
     homography = cv2.getPerspectiveTransform(before, after)
-    result = ODD.find(
-        cv2.warpPerspective(picture, homography, (width, height), borderValue=(220, 220, 220))
-    )
-    straight = ODD.find(picture)
-    assert isinstance(result, BoardView)
-    assert isinstance(straight, BoardView)
-    np.testing.assert_allclose(
-        result.pixels, cv2.perspectiveTransform(straight.pixels[None], homography)[0], atol=0.2
-    )
+    warped = cv2.warpPerspective(picture, homography, (width, height), borderValue=(220, 220, 220))
+    result, straight = ODD.find(warped), ODD.find(picture)
+    assert isinstance(result, BoardView) and isinstance(straight, BoardView)
+    expected = cv2.perspectiveTransform(straight.pixels[None], homography)[0]
+    np.testing.assert_allclose(result.pixels, expected, atol=0.2)
 
 
 def test_every_refusal_says_why():
     picture = drawn(ODD)
-    assert "no board with 8 x 5 inner corners found" in reason(
-        ODD.find(np.full((300, 400), 128, np.uint8))
-    )
+    empty = np.full((300, 400), 128, np.uint8)
+    assert "no board with 8 x 5 inner corners found" in reason(ODD.find(empty))
     assert "no board with 7 x 5" in reason(EVEN.find(picture, "quick"))
-    assert "squares of 6 px are too small" in reason(
-        ODD.find(cv2.resize(picture, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA))
-    )
-    blurred = cv2.GaussianBlur(picture, (0, 0), 12)
-    assert "blurred" in reason(ODD.find(blurred))
+    small = cv2.resize(picture, None, fx=0.1, fy=0.1, interpolation=cv2.INTER_AREA)
+    assert "squares of 6 px are too small" in reason(ODD.find(small))
+    assert "blurred" in reason(ODD.find(cv2.GaussianBlur(picture, (0, 0), 12)))
 
 
 def test_charuco_corners_are_found_even_when_part_is_hidden():
     board = Board(7, 4, 0.04, marker_m=0.03)
-    picture = cv2.copyMakeBorder(
-        board.charuco.generateImage((800, 500)), *[60] * 4, cv2.BORDER_CONSTANT, value=255
-    )
+    picture = with_markers(board, 100)
     whole = board.find(picture)
     assert isinstance(whole, BoardView)
-    np.testing.assert_allclose(
-        whole.pixels, board.points_m[:, :2] / 0.04 * 100 + 60 + 100 - 0.5, atol=0.6
-    )
+    expected = board.points_m[:, :2] / 0.04 * 100 + 60 + 100 - 0.5
+    np.testing.assert_allclose(whole.pixels, expected, atol=0.6)
     hidden = picture.copy()
     hidden[:, 500:] = 255
     part = board.find(hidden)
@@ -97,36 +84,31 @@ def test_charuco_corners_are_found_even_when_part_is_hidden():
     assert 6 <= len(part.ids) < 28
     np.testing.assert_allclose(part.pixels, whole.pixels[part.ids], atol=0.5)
     assert "mirrored" in reason(board.find(np.ascontiguousarray(picture[:, ::-1])))
-    assert "markers of DICT_4X4_50 found (0 corners" in reason(
-        board.find(np.full((300, 400), 255, np.uint8))
-    )
+    white = np.full((300, 400), 255, np.uint8)
+    assert "markers of DICT_4X4_50 found (0 corners" in reason(board.find(white))
 
 
 def test_impossible_boards_are_refused():
-    with pytest.raises(InputError, match="at least 2 x 2 inner corners, not 1 x 5"):
-        Board(1, 5, 0.06)
-    with pytest.raises(InputError, match="must be a length in metres"):
-        Board(8, 5, float("nan"))
-    with pytest.raises(InputError, match="must be smaller than the square"):
-        Board(8, 5, 0.06, marker_m=0.07)
-    with pytest.raises(InputError, match="no ArUco dictionary 'X'"):
-        Board(8, 5, 0.06, marker_m=0.03, dictionary="X")
-    with pytest.raises(InputError, match="DICT_4X4_50 has 50 markers, the board needs 71"):
-        Board(12, 10, 0.06, marker_m=0.03)
+    for numbers, words in (
+        ((1, 5, 0.06), "at least 2 x 2 inner corners, not 1 x 5"),
+        ((8, 5, float("nan")), "must be a length in metres"),
+        ((8, 5, 0.06, 0.07), "must be smaller than the square"),
+        ((8, 5, 0.06, 0.03, "X"), "no ArUco dictionary 'X'"),
+        ((12, 10, 0.06, 0.03), "DICT_4X4_50 has 50 markers, the board needs 71"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Board(*numbers)
     with pytest.raises(TypeError, match=r"picture must be \(H, W\)"):
         ODD.find(np.zeros((4, 4)))  # type: ignore[arg-type]
 
 
 def test_another_board_in_the_picture_is_named():
-    assert "only 8 x 5 of 9 x 5 inner corners are to be made out" in str(
-        Board(9, 5, 0.06).other_board(drawn(ODD))
-    )
-    assert "there, not 9 x 6: count where four squares meet, not squares" in str(
-        Board(9, 6, 0.06).other_board(drawn(ODD))
-    )
-    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in str(
-        Board(9, 4, 0.06).other_board(drawn(ODD))
-    )
+    for rows, words in (
+        (5, "only 8 x 5 of 9 x 5 inner corners are to be made out"),
+        (6, "there, not 9 x 6: count where four squares meet, not squares"),
+        (4, "a board with 8 x 5 inner corners is there, not 9 x 4"),
+    ):
+        assert words in str(Board(9, rows, 0.06).other_board(drawn(ODD)))
     assert ODD.other_board(drawn(ODD)) is None
     assert ODD.other_board(np.full((300, 400), 128, np.uint8)) is None
     marked = with_markers(Board(7, 4, 0.04, marker_m=0.03, dictionary="DICT_5X5_100"))
@@ -147,9 +129,8 @@ def test_another_board_in_the_picture_is_named():
 def with_markers(board: Board, square_px: int = 70) -> np.ndarray:
     """Draws a ChArUco board, seen straight on."""
     size = (square_px * (board.columns + 1), square_px * (board.rows + 1))
-    return cv2.copyMakeBorder(
-        board.charuco.generateImage(size), *[60] * 4, cv2.BORDER_CONSTANT, value=255
-    )
+    picture = board.charuco.generateImage(size)
+    return cv2.copyMakeBorder(picture, *[60] * 4, cv2.BORDER_CONSTANT, value=255)
 
 
 @pytest.mark.parametrize(

@@ -17,15 +17,9 @@ FISHEYE = np.array([0.05, -0.02, 0.01, -0.005])
 
 
 def camera(distortion=(), fisheye=False, name="cam_1", **changes) -> Camera:
-    values = {
-        "size": (640, 480),
-        "matrix": MATRIX,
-        "rotation": ROTATION,
-        "translation": TRANSLATION,
-    } | changes
-    return Camera(
-        name=name, distortion=np.asarray(distortion, dtype=float), fisheye=fisheye, **values
-    )
+    values = {"matrix": MATRIX, "rotation": ROTATION, "translation": TRANSLATION} | changes
+    values = {"size": (640, 480), "distortion": np.asarray(distortion, dtype=float)} | values
+    return Camera(name=name, fisheye=fisheye, **values)
 
 
 @pytest.fixture
@@ -36,18 +30,16 @@ def points() -> np.ndarray:
 @pytest.mark.parametrize("count", [0, 4, 5, 8, 12, 14])
 def test_project_is_opencvs(points, count):
     pixels, depth_m = camera(FULL[:count]).project(points)
-    theirs = cv2.projectPoints(
-        points, ROTATION, TRANSLATION, MATRIX, FULL[:count] if count else None
-    )[0][:, 0]
+    lens = MATRIX, FULL[:count] if count else None
+    theirs = cv2.projectPoints(points, ROTATION, TRANSLATION, *lens)[0][:, 0]
     np.testing.assert_allclose(pixels, theirs, atol=1e-9)
     np.testing.assert_allclose(depth_m, (points @ ROTATION.T + TRANSLATION)[:, 2])
 
 
 def test_fisheye_project_is_opencvs(points):
     pixels, _ = camera(FISHEYE, fisheye=True).project(points)
-    theirs = cv2.fisheye.projectPoints(
-        points[:, None], cv2.Rodrigues(ROTATION)[0], TRANSLATION, MATRIX, FISHEYE
-    )[0][:, 0]
+    pose = cv2.Rodrigues(ROTATION)[0], TRANSLATION
+    theirs = cv2.fisheye.projectPoints(points[:, None], *pose, MATRIX, FISHEYE)[0][:, 0]
     np.testing.assert_allclose(pixels, theirs, atol=1e-9)
 
 
@@ -59,9 +51,8 @@ def test_undistort_is_opencvs(points, distortion, fisheye):
     pixels, _ = one.project(points)
     module = cv2.fisheye if fisheye else cv2
     theirs = module.undistortPoints(pixels[:, None], MATRIX, distortion, P=MATRIX)[:, 0]
-    np.testing.assert_allclose(
-        one.undistort(pixels), theirs, atol=0.1
-    )  # OpenCV stops after a few iterations
+    # OpenCV stops after a few iterations.
+    np.testing.assert_allclose(one.undistort(pixels), theirs, atol=0.1)
     np.testing.assert_allclose(one.undistort(pixels), one.pinhole().project(points)[0], atol=1e-8)
 
 
@@ -112,10 +103,8 @@ def test_rays_start_at_the_centre_and_meet_the_points(points):
     origin, directions = one.rays(one.project(points)[0])
     np.testing.assert_allclose(origin, one.center_m)
     np.testing.assert_allclose(one.rotation @ origin + one.translation, 0, atol=1e-12)
-    expected = points - origin
-    np.testing.assert_allclose(
-        directions, expected / np.linalg.norm(expected, axis=1, keepdims=True), atol=1e-10
-    )
+    expected = (points - origin) / np.linalg.norm(points - origin, axis=1, keepdims=True)
+    np.testing.assert_allclose(directions, expected, atol=1e-10)
 
 
 def test_skew_is_respected(points):
@@ -124,9 +113,8 @@ def test_skew_is_respected(points):
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ skewed.projection.T
     np.testing.assert_allclose(pixels, homogeneous[:, :2] / homogeneous[:, 2:])
     np.testing.assert_allclose(homogeneous[:, 2], depth_m)
-    np.testing.assert_allclose(
-        skewed.rays(pixels)[1], camera().rays(camera().project(points)[0])[1]
-    )
+    plain = camera().rays(camera().project(points)[0])[1]
+    np.testing.assert_allclose(skewed.rays(pixels)[1], plain)
 
 
 def test_pinhole_scales_about_the_corner_of_the_image(points):
@@ -139,9 +127,8 @@ def test_pinhole_scales_about_the_corner_of_the_image(points):
 
 def test_pinhole_maps_are_opencvs():
     map_x, map_y = camera(FULL[:5]).pinhole_maps()
-    theirs = cv2.initUndistortRectifyMap(
-        MATRIX, FULL[:5], np.eye(3), MATRIX, (640, 480), cv2.CV_32FC1
-    )
+    how = np.eye(3), MATRIX, (640, 480), cv2.CV_32FC1
+    theirs = cv2.initUndistortRectifyMap(MATRIX, FULL[:5], *how)
     assert map_x.dtype == map_y.dtype == np.float32
     np.testing.assert_allclose(map_x, theirs[0], atol=1e-3)
     np.testing.assert_allclose(map_y, theirs[1], atol=1e-3)
@@ -207,11 +194,8 @@ def test_nothing_in_nothing_out():
 
 def test_rig_finds_and_selects_by_name():
     rig = Rig((camera(name="a"), camera(name="b"), camera(name="c")))
-    assert rig.names == ("a", "b", "c")
-    assert rig["b"].name == "b"
-    assert len(rig) == 3
-    assert [one.name for one in rig] == ["a", "b", "c"]
-    assert "c" in rig
+    assert rig.names == ("a", "b", "c") == tuple(one.name for one in rig) and len(rig) == 3
+    assert rig["b"].name == "b" and "c" in rig
     assert rig.select(["c", "a"]).names == ("c", "a")
     with pytest.raises(InputError, match="no calibration for d: the rig has a, b, c"):
         rig.select(["a", "d"])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boards import CHECKERBOARD, lens_views
 
+from benchmarks.board_scene import CHECKERBOARD, lens_views
 from calib.board import Board, BoardView
 from calib.camera import Camera
 from calib.errors import InputError
@@ -37,9 +37,8 @@ def test_the_true_lens_is_found_in_noise(lens, distortion):
     assert result.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.15)  # both coordinates
     assert all(line.left_out is None for line in result.pictures)
     # What counts is where rays go: compare over the part of the image that boards covered.
-    pixels = np.stack(
-        np.meshgrid(np.linspace(200, 1080, 20), np.linspace(100, 620, 20)), -1
-    ).reshape(-1, 2)
+    grid = np.meshgrid(np.linspace(200, 1080, 20), np.linspace(100, 620, 20))
+    pixels = np.stack(grid, -1).reshape(-1, 2)
     offset = result.camera.project(truth.rays(pixels)[1])[0] - pixels
     assert np.abs(offset - np.median(offset, axis=0)).max() < 2
     off_px = np.abs(np.diag(result.camera.matrix)[:2] - [900, 905])
@@ -74,9 +73,8 @@ def test_pictures_that_are_all_as_coarse_are_all_kept():
 def test_a_bad_picture_is_left_out_and_named():
     views = lens_views(camera([0.0] * 4), 10, noise_px=0.1)
     broken = views["picture_03"]
-    views["picture_03"] = BoardView(
-        broken.ids, broken.pixels + np.outer(np.arange(40) % 8 == 0, [5.0, 0]), broken.size
-    )
+    pixels = broken.pixels + np.outer(np.arange(40) % 8 == 0, [5.0, 0])
+    views["picture_03"] = BoardView(broken.ids, pixels, broken.size)
     result = calibrate_intrinsics(CHECKERBOARD, views | {"picture_10": "blurred"})
     lines = {line.picture: line for line in result.pictures}
     assert list(lines) == [*views, "picture_10"]
@@ -88,11 +86,10 @@ def test_a_bad_picture_is_left_out_and_named():
 
 def test_too_few_or_odd_pictures_are_refused():
     views = lens_views(camera([0.0] * 4), 4, noise_px=0.1)
-    few = dict(list(views.items())[:3])
-    with pytest.raises(
-        InputError, match=r"camera left: 3 of 5 pictures serve, 4 are needed \(blurred\)"
-    ):
-        calibrate_intrinsics(CHECKERBOARD, few | {"a": "blurred", "b": "blurred"}, camera="left")
+    few = dict(list(views.items())[:3]) | {"a": "blurred", "b": "blurred"}
+    words = r"camera left: 3 of 5 pictures serve, 4 are needed \(blurred\)"
+    with pytest.raises(InputError, match=words):
+        calibrate_intrinsics(CHECKERBOARD, few, camera="left")
     odd = BoardView(views["picture_00"].ids, views["picture_00"].pixels, (640, 480))
     with pytest.raises(InputError, match="pictures of different sizes"):
         calibrate_intrinsics(CHECKERBOARD, views | {"odd": odd})
@@ -106,10 +103,8 @@ def test_boards_that_never_tilt_are_reported():
     views = {}
     for index in range(6):
         points = CHECKERBOARD.points_m + np.array([-0.3 + 0.02 * index, -0.1, 1.0])
-        pixels, _ = truth.project(points)
-        views[str(index)] = BoardView(
-            np.arange(len(points)), pixels + rng.normal(0, 0.3, pixels.shape), truth.size
-        )
+        pixels = truth.project(points)[0] + rng.normal(0, 0.3, (len(points), 2))
+        views[str(index)] = BoardView(np.arange(len(points)), pixels, truth.size)
     try:
         advice = calibrate_intrinsics(CHECKERBOARD, views).advice
     except InputError as error:
@@ -128,9 +123,6 @@ def test_real_boards(shared):
         result = calibrate_intrinsics(board, views, camera=folder.name)
         assert result.rms_px < 0.5
         assert sum(line.left_out is None for line in result.pictures) >= 6
-        np.testing.assert_allclose(
-            np.diag(result.camera.matrix)[:2], 1675, atol=10
-        )  # the Qualisys file says 1674 to 1682
-        assert result.camera.distortion[0] == pytest.approx(
-            -0.047, abs=0.01
-        )  # and -0.046 to -0.048
+        # The Qualisys file says 1674 to 1682, and -0.046 to -0.048.
+        np.testing.assert_allclose(np.diag(result.camera.matrix)[:2], 1675, atol=10)
+        assert result.camera.distortion[0] == pytest.approx(-0.047, abs=0.01)

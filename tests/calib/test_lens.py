@@ -16,26 +16,14 @@ def number(bound: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def rational_lenses(draw) -> RationalLens:
-    radial = [
-        draw(number(0.5)),
-        draw(number(0.3)),
-        draw(number(0.01)),
-        draw(number(0.01)),
-        draw(number(0.2)),
-    ]
-    below = [draw(number(0.4)), draw(number(0.2)), draw(number(0.1))]
-    prism = [draw(number(0.01)) for _ in range(4)]
-    tilt = [draw(number(0.05)) for _ in range(2)]
-    return RationalLens(
-        np.array((radial + below + prism + tilt)[: draw(st.sampled_from([0, 4, 5, 8, 12, 14]))])
-    )
+    above, below, prism, tilt = (0.5, 0.3, 0.01, 0.01, 0.2), (0.4, 0.2, 0.1), [0.01] * 4, [0.05] * 2
+    terms = [draw(number(bound)) for bound in (*above, *below, *prism, *tilt)]
+    return RationalLens(np.array(terms[: draw(st.sampled_from([0, 4, 5, 8, 12, 14]))]))
 
 
 @st.composite
 def fisheye_lenses(draw) -> FisheyeLens:
-    return FisheyeLens(
-        np.array([draw(number(0.3)), draw(number(0.2)), draw(number(0.1)), draw(number(0.1))])
-    )
+    return FisheyeLens(np.array([draw(number(bound)) for bound in (0.3, 0.2, 0.1, 0.1)]))
 
 
 directions = arrays(np.float64, (30, 2), elements=number(1.0))
@@ -86,7 +74,6 @@ def test_nothing_is_seen_outside_the_field(lens, unit):
 def test_distortion_is_monotonic_along_each_direction(lens, angle):
     radii = np.linspace(0, min(2.0, 0.999 * lens.field_radius), 300)
     bent = lens.distort(radii[:, None] * [[np.cos(angle), np.sin(angle)]])
-    along = np.diff(
-        bent[np.isfinite(bent).all(axis=1)], axis=0
-    )  # a tilted sensor may end before the field does
+    # A tilted sensor may end before the field does.
+    along = np.diff(bent[np.isfinite(bent).all(axis=1)], axis=0)
     assert (along @ [np.cos(angle), np.sin(angle)] > 0).all()

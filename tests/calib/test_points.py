@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from boards import room, without_poses
 
+from benchmarks.board_scene import room, without_poses
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
 from calib.points import ScenePoints, calibrate_from_points, measured_errors
 
 
-def listed(rig: Rig, measured: int, noise_px: float = 0.3, seed: int = 0) -> ScenePoints:
-    """Lists 24 points of a room as the cameras see them; the first few are measured."""
-    rng = np.random.default_rng(seed)
-    scene = rng.uniform([-1.5, -1.5, 0], [1.5, 1.5, 2], (24, 3))
+def listed(rig: Rig, measured: int, noise_px: float = 0.3, scene=None) -> ScenePoints:
+    """Lists points of a room, usually 24, as the cameras see them; the first few are measured."""
+    rng = np.random.default_rng(0)
+    if scene is None:
+        scene = rng.uniform([-1.5, -1.5, 0], [1.5, 1.5, 2], (24, 3))
     pixels = {f"p{index}": {} for index in range(len(scene))}
     for camera in rig:
         for index, pixel in enumerate(camera.project(scene)[0]):
@@ -50,28 +51,15 @@ def test_an_earlier_calibration_is_judged_by_the_measured_points():
 def test_a_camera_without_measured_points_is_reached_by_shared_ones():
     truth = room(3)
     points = listed(truth, measured=8, noise_px=0.1)
-    pixels = {
-        name: {
-            camera: pixel
-            for camera, pixel in seen.items()
-            if camera != "cam_2" or name not in points.known_m
-        }
-        for name, seen in points.pixels.items()
-    }
-    result = calibrate_from_points(without_poses(truth), ScenePoints(pixels, points.known_m))
+    for name in points.known_m:
+        del points.pixels[name]["cam_2"]
+    result = calibrate_from_points(without_poses(truth), points)
     assert pose_difference(result.rig["cam_2"], truth["cam_2"])[0] < 25
-    alone = {
-        name: {
-            camera: pixel
-            for camera, pixel in seen.items()
-            if camera == "cam_2" or name in points.known_m
-        }
-        for name, seen in pixels.items()
-    }
-    with pytest.raises(
-        InputError, match=r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"
-    ):
-        calibrate_from_points(without_poses(truth), ScenePoints(alone, points.known_m))
+    for name in points.pixels.keys() - points.known_m.keys():
+        points.pixels[name] = {"cam_2": points.pixels[name]["cam_2"]}
+    words = r"too few points to place cam_2 \(.*: cam_2 0; 4 are needed\)"
+    with pytest.raises(InputError, match=words):
+        calibrate_from_points(without_poses(truth), points)
 
 
 def test_a_point_that_was_confused_is_named():
@@ -100,10 +88,5 @@ def test_what_cannot_work_is_refused():
 )
 def test_points_that_do_not_place_a_camera_are_refused(scene):
     truth = room(3)
-    pixels = {f"p{index}": {} for index in range(len(scene))}
-    for camera in truth:
-        for index, pixel in enumerate(camera.project(scene)[0]):
-            pixels[f"p{index}"][camera.name] = pixel
-    known = {f"p{index}": point for index, point in enumerate(scene)}
     with pytest.raises(InputError, match="its points do not say where it stands"):
-        calibrate_from_points(without_poses(truth), ScenePoints(pixels, known))
+        calibrate_from_points(without_poses(truth), listed(truth, len(scene), 0.0, scene))

@@ -23,15 +23,11 @@ def test_standing4_board_projects_onto_its_corners(shared):
     folder = shared / "data" / "standing4"
     board = np.stack(np.meshgrid(np.arange(8), np.arange(6), [0]), -1).reshape(-1, 3) * 0.115
     for camera in read_rig(folder / "calibration.toml"):
-        corners = np.load(
-            folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False
-        ).reshape(-1, 2)
-        pixels, _ = camera.project(board)
+        corners = np.load(folder / f"{camera.name}_board_corners_8x6.npy", allow_pickle=False)
+        corners, (pixels, _) = corners.reshape(-1, 2), camera.project(board)
         # A board looks the same from both ends: one camera lists its corners from the other one.
-        error = min(
-            np.linalg.norm(pixels - listed, axis=1).mean() for listed in (corners, corners[::-1])
-        )
-        assert error < 1.2
+        either = (np.linalg.norm(pixels - listed, axis=1) for listed in (corners, corners[::-1]))
+        assert min(error.mean() for error in either) < 1.2
 
 
 def test_dancer8_points_lie_in_its_silhouettes(shared):
@@ -63,6 +59,5 @@ def test_board_images_qualisys_file_is_balancing4s_rig(shared):
         # That recording's file has gone through a program that divides distortion by 64.
         np.testing.assert_allclose(ours.distortion[:4], 64 * theirs.distortion, atol=1e-12)
     for name in ("cam03", "cam04"):  # the videos of the other two are letterboxed
-        np.testing.assert_allclose(
-            rig[name].matrix, known[name.replace("cam0", "cam_")].matrix, atol=1e-6
-        )
+        matrix = known[name.replace("cam0", "cam_")].matrix
+        np.testing.assert_allclose(rig[name].matrix, matrix, atol=1e-6)

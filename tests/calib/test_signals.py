@@ -32,13 +32,9 @@ def signals(noise: float = 0.05, seed: int = 0, count: int = 4) -> list[Signal]:
     made = []
     for name in list(BEGIN_S)[:count]:
         time_s = np.arange(int(15 * RATES[name])) / RATES[name]
-        seen = same(time_s + BEGIN_S[name])
-        other = rng.normal(size=len(seen))  # nothing that others see
-        made.append(
-            Signal(
-                name, time_s, np.column_stack([seen + noise * rng.normal(size=len(seen)), other])
-            )
-        )
+        other = rng.normal(size=len(time_s))  # nothing that others see
+        seen = same(time_s + BEGIN_S[name]) + noise * rng.normal(size=len(time_s))
+        made.append(Signal(name, time_s, np.column_stack([seen, other])))
     return made
 
 
@@ -84,13 +80,12 @@ def test_signals_are_sampled_at_multiples_of_the_step():
 
 
 def test_standard_errors_are_as_large_as_the_noise_makes_them():
-    stated, found = [], []
+    stated, found = [], np.zeros(0)
     for seed in range(10):
         result = offsets_from_signals(signals(1.0, seed), SignalSettings(4.0))
         stated += [line.error_s for line in result.offsets[1:]]
-        found += [line.offset_s - true for line, true in zip(result.offsets, TRUE_S, strict=True)][
-            1:
-        ]
+        offsets = [line.offset_s for line in result.offsets[1:]]
+        found = np.r_[found, offsets - TRUE_S[1:]]
     ratio = np.sqrt(np.mean(np.square(stated)) / np.mean(np.square(found)))
     assert 0.6 < ratio < 1.8
 
@@ -116,12 +111,9 @@ def test_cameras_that_measured_at_different_times_are_named():
 
 
 def test_what_repeats_itself_is_ambiguous():
-    made = [
-        Signal(
-            name, np.arange(300) / 25, np.sin(2 * np.pi * (np.arange(300) / 25 + 0.1 * k))[:, None]
-        )
-        for k, name in enumerate(("cam_1", "cam_2"))
-    ]
+    time_s = np.arange(300) / 25
+    values = [np.sin(2 * np.pi * (time_s + late))[:, None] for late in (0.0, 0.1)]
+    made = [Signal(f"cam_{k + 1}", time_s, value) for k, value in enumerate(values)]
     result = offsets_from_signals(made, SignalSettings(3.0))
     assert result.ambiguous == ("cam_1", "cam_2")
     assert np.isnan(result.disagreement_s)

@@ -4,18 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.datasets.miniatures import (
-    FRAMES,
-    POINTS,
-    SIZE,
-    checked_truth,
-    looking,
-    moving,
-    opened,
-    truth_of,
-    write_json,
-    write_video,
-)
+from tests.datasets import miniatures as mini
 
 Y_UP_FROM_Z_UP = np.array([[1, 0, 0], [0, 0, 1.0], [0, -1, 0]])
 SEQUENCE = "gBR_sBM_cAll_d04_mBR0_ch01"
@@ -30,14 +19,14 @@ BUT = ("head_top", "neck", "pelvis")
 
 
 def native(number: int) -> tuple[np.ndarray, np.ndarray]:
-    rotation, translation = looking(number)
+    rotation, translation = mini.looking(number)
     return rotation @ Y_UP_FROM_Z_UP.T, 100 * translation
 
 
 def formula(number: int) -> np.ndarray:
     """aniposelib's projection, which is OpenCV's: cm."""
     rotation, translation = native(number)
-    points_cm = 100 * POINTS @ Y_UP_FROM_Z_UP.T
+    points_cm = 100 * mini.POINTS @ Y_UP_FROM_Z_UP.T
     np.testing.assert_allclose(points_cm[8], [0, 175, 0])
     x = points_cm @ rotation.T + translation
     xy = x[:, :2] / x[:, 2:]
@@ -51,18 +40,18 @@ def source(tmp_path):
     setting = []
     for number in range(3):
         rotation, translation = native(number)
-        one = {"name": f"c0{number + 1}", "size": list(SIZE), "matrix": MATRIX}
+        one = {"name": f"c0{number + 1}", "size": list(mini.SIZE), "matrix": MATRIX}
         one |= {"rotation": cv2.Rodrigues(rotation)[0].ravel().tolist(), "distortions": DIST}
         setting.append(one | {"translation": translation.tolist()})
-    write_json(folder / "cameras" / "setting1.json", setting)
+    mini.write_json(folder / "cameras" / "setting1.json", setting)
     (folder / "cameras" / "mapping.txt").write_text(f"{SEQUENCE} setting1\nother setting2\n")
     for name in ("c01", "c03"):
-        write_video(folder / "videos" / f"{SEQUENCE.replace('cAll', name)}.mp4", fps=60)
-    points = np.zeros((FRAMES, 17, 3))
-    for frame in range(FRAMES):
+        mini.write_video(folder / "videos" / f"{SEQUENCE.replace('cAll', name)}.mp4", fps=60)
+    points = np.zeros((mini.FRAMES, 17, 3))
+    for frame in range(mini.FRAMES):
         for place, name in enumerate(COCO):
             if name is not None:
-                points[frame, place] = 100 * Y_UP_FROM_Z_UP @ moving(frame)[name]
+                points[frame, place] = 100 * Y_UP_FROM_Z_UP @ mini.moving(frame)[name]
     (folder / "keypoints3d").mkdir()
     file = folder / "keypoints3d" / f"{SEQUENCE}.npz"
     np.savez(file, keypoints3d=points + 5, keypoints3d_optim=points)
@@ -72,21 +61,20 @@ def source(tmp_path):
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "out"
     convert("aistpp", source, out, "--sequence", SEQUENCE)
-    opened(out, {"cam_c01": formula(0), "cam_c03": formula(2)})
-    assert len(checked_truth(out, truth_of(), but=BUT)) == len(truth_of())
+    mini.opened(out, {"cam_c01": formula(0), "cam_c03": formula(2)})
+    mini.checked_truth(out, mini.truth_of(), but=BUT)
 
 
 def test_json_and_videos_elsewhere(source, tmp_path, convert):
     file = source / "keypoints3d" / f"{SEQUENCE}.npz"
     with np.load(file) as content:
-        write_json(
-            file.with_suffix(".json"), {"keypoints3d": content["keypoints3d_optim"].tolist()}
-        )
+        points = {"keypoints3d": content["keypoints3d_optim"].tolist()}
+        mini.write_json(file.with_suffix(".json"), points)
     file.unlink()
     (source / "videos").rename(tmp_path / "films")
     words = ("--sequence", SEQUENCE, "--videos", tmp_path / "films", "--keypoints", "keypoints3d")
     convert("aistpp", source, tmp_path / "out", *words)
-    checked_truth(tmp_path / "out", truth_of(), but=BUT)
+    mini.checked_truth(tmp_path / "out", mini.truth_of(), but=BUT)
 
 
 def test_a_pickle_is_not_opened(source, tmp_path, refuse, convert):
@@ -104,9 +92,8 @@ def test_a_pickle_is_not_opened(source, tmp_path, refuse, convert):
 def test_npz_of_objects_is_refused(source, tmp_path, refuse):
     file = source / "keypoints3d" / f"{SEQUENCE}.npz"
     np.savez(file, keypoints3d_optim=np.array([{"a": 1}], dtype=object))
-    assert "keypoints3d_optim cannot be read" in refuse(
-        "aistpp", source, tmp_path / "out", "--sequence", SEQUENCE
-    )
+    refused = refuse("aistpp", source, tmp_path / "out", "--sequence", SEQUENCE)
+    assert "keypoints3d_optim cannot be read" in refused
 
 
 def test_mistakes(source, tmp_path, refuse):

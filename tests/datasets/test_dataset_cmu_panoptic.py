@@ -5,19 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.datasets.miniatures import (
-    FRAMES,
-    POINTS,
-    SIZE,
-    checked_truth,
-    looking,
-    moving,
-    opened,
-    truth_of,
-    write_images,
-    write_json,
-    write_video,
-)
+from tests.datasets import miniatures as mini
 from voxelpose.recording.truth import read_truth
 
 # The data set's y points down: (x, y, z) there is (x, z, -y) with z up.
@@ -32,13 +20,13 @@ COCO19 = [
 
 
 def native(number: int) -> tuple[np.ndarray, np.ndarray]:
-    rotation, translation = looking(number)
+    rotation, translation = mini.looking(number)
     return rotation @ Y_DOWN_FROM_Z_UP.T, 100 * translation
 
 
 def formula(number: int) -> np.ndarray:
     """projectPoints of the toolbox's panutils: cm, R X + t, OpenCV's distortion."""
-    points_cm = 100 * POINTS @ Y_DOWN_FROM_Z_UP.T
+    points_cm = 100 * mini.POINTS @ Y_DOWN_FROM_Z_UP.T
     np.testing.assert_allclose(points_cm[8], [0, -175, 0], atol=1e-9)  # the head is up: y < 0
     rotation, translation = native(number)
     x = points_cm @ rotation.T + translation
@@ -56,7 +44,7 @@ def body(frame: int, who: int = 0) -> dict:
         if name is None:
             joints += [0, 0, 0, -1]
         else:
-            joints += [*(100 * Y_DOWN_FROM_Z_UP @ moving(frame)[name]), 0.7]
+            joints += [*(100 * Y_DOWN_FROM_Z_UP @ mini.moving(frame)[name]), 0.7]
     return {"id": who, "joints19": joints}
 
 
@@ -67,22 +55,23 @@ def source(tmp_path):
     for number, name in enumerate(("00_00", "00_12", "00_20")):
         rotation, translation = native(number)
         one = {"name": name, "type": "hd", "panel": 0, "node": int(name[3:]), "K": K}
-        one |= {"resolution": list(SIZE), "distCoef": list(DIST)}
+        one |= {"resolution": list(mini.SIZE), "distCoef": list(DIST)}
         cameras.append(one | {"R": rotation.tolist(), "t": translation[:, None].tolist()})
-    write_json(folder / "calibration_171204_pose1.json", {"cameras": cameras})
+    mini.write_json(folder / "calibration_171204_pose1.json", {"cameras": cameras})
     for name in ("00_00", "00_12"):
-        write_video(folder / "hdVideos" / f"hd_{name}.mp4", fps=29.97)
-    for frame in range(FRAMES):
+        mini.write_video(folder / "hdVideos" / f"hd_{name}.mp4", fps=29.97)
+    for frame in range(mini.FRAMES):
         content = {"version": 0.7, "univTime": 1.0, "fpsType": "hd_29_97", "bodies": [body(frame)]}
-        write_json(folder / "hdPose3d_stage1_coco19" / f"body3DScene_{frame:08d}.json", content)
+        name = f"body3DScene_{frame:08d}.json"
+        mini.write_json(folder / "hdPose3d_stage1_coco19" / name, content)
     return folder
 
 
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "out"
     convert("cmu_panoptic", source, out)
-    opened(out, {"cam_00_00": formula(0), "cam_00_12": formula(1)})
-    assert len(checked_truth(out, truth_of(), but=("head_top",))) == len(truth_of())
+    mini.opened(out, {"cam_00_00": formula(0), "cam_00_12": formula(1)})
+    mini.checked_truth(out, mini.truth_of(), but=("head_top",))
 
 
 def test_one_of_several_people(source, tmp_path, convert, refuse):
@@ -102,11 +91,11 @@ def test_extracted_images_begin_at_their_number(source, tmp_path, convert):
     for name in ("00_00", "00_12"):
         (source / "hdVideos" / f"hd_{name}.mp4").unlink()
         pattern = f"{name}_{{:08d}}.jpg"
-        write_images(source / "hdImgs" / name, 4, pattern, first=2)
+        mini.write_images(source / "hdImgs" / name, 4, pattern, first=2)
     convert("cmu_panoptic", source, tmp_path / "out", "--cameras", "00_00,00_12")
-    recording = opened(tmp_path / "out", {"cam_00_00": formula(0), "cam_00_12": formula(1)})
+    recording = mini.opened(tmp_path / "out", {"cam_00_00": formula(0), "cam_00_12": formula(1)})
     assert recording.fps == pytest.approx(29.97, rel=1e-3)
-    checked_truth(tmp_path / "out", truth_of()[2:], but=("head_top",))
+    mini.checked_truth(tmp_path / "out", mini.truth_of()[2:], but=("head_top",))
 
 
 def test_mistakes(source, tmp_path, refuse):

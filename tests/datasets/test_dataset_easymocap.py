@@ -4,22 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.datasets.miniatures import (
-    EARS,
-    FIGURE,
-    FRAMES,
-    POINTS,
-    SIZE,
-    checked_truth,
-    looking,
-    moving,
-    opened,
-    truth_of,
-    write_images,
-    write_json,
-    write_masks,
-    write_video,
-)
+from tests.datasets import miniatures as mini
 
 K = np.array([[70.0, 0, 31.5], [0, 70.0, 23.5], [0, 0, 1]])
 DIST = np.array([[-0.1, 0.02, 0.001, -0.002, 0.0]])
@@ -30,9 +15,9 @@ PARTS = {"s": "shoulder", "e": "elbow", "w": "wrist", "h": "hip", "k": "knee", "
 
 def formula(number: int) -> np.ndarray:
     """cv2.projectPoints, as EasyMocap does it."""
-    rotation, translation = looking(number)
+    rotation, translation = mini.looking(number)
     vector = cv2.Rodrigues(rotation)[0]
-    return cv2.projectPoints(POINTS, vector, translation, K, DIST)[0][:, 0]
+    return cv2.projectPoints(mini.POINTS, vector, translation, K, DIST)[0][:, 0]
 
 
 def write_cameras(folder, names) -> None:
@@ -44,7 +29,7 @@ def write_cameras(folder, names) -> None:
             storage.write("", name)
         storage.endWriteStruct()
         for number, name in enumerate(names):
-            rotation, translation = looking(number)
+            rotation, translation = mini.looking(number)
             if file == "intri.yml":
                 storage.write(f"K_{name}", K)
                 storage.write(f"dist_{name}", DIST)
@@ -61,8 +46,8 @@ def zju(tmp_path):
     folder = tmp_path / "CoreView_377"
     write_cameras(folder, ["1", "2"])
     for number in (1, 2):
-        write_images(folder / f"Camera_B{number}", name="{:06d}.jpg")
-        write_masks(folder / "mask_cihp" / f"Camera_B{number}", value=3)
+        mini.write_images(folder / f"Camera_B{number}", name="{:06d}.jpg")
+        mini.write_masks(folder / "mask_cihp" / f"Camera_B{number}", value=3)
     (folder / "annots.npy").write_bytes(b"a pickle")
     return folder
 
@@ -70,16 +55,16 @@ def zju(tmp_path):
 def test_zju_silhouettes(zju, tmp_path, convert):
     out = tmp_path / "out"
     convert("easymocap", zju, out, "--fps", 50, "--silhouettes")
-    recording = opened(out, {"cam_1": formula(0), "cam_2": formula(1)})
+    recording = mini.opened(out, {"cam_1": formula(0), "cam_2": formula(1)})
     assert recording.silhouettes_given and recording.fps == pytest.approx(50)
     masks = [pictures["cam_1"] for _, _, pictures in recording]
-    assert len(masks) == FRAMES and set(np.unique(masks[0])) == {0, 255}
+    assert len(masks) == mini.FRAMES and set(np.unique(masks[0])) == {0, 255}
     assert masks[2][10:20, 7:17].all() and masks[2].sum() == 100 * 3 * 255
 
 
 def test_zju_pictures_and_masks(zju, tmp_path, convert):
     convert("easymocap", zju, tmp_path / "out", "--fps", 50, "--cameras", "2", "--frames", "1:4")
-    recording = opened(tmp_path / "out", {"cam_2": formula(1)})
+    recording = mini.opened(tmp_path / "out", {"cam_2": formula(1)})
     assert not recording.silhouettes_given and recording.frame_count == 3
     pictures = [pictures["cam_2"].mean() for _, _, pictures in recording]
     np.testing.assert_allclose(pictures, [50, 60, 70], atol=2)
@@ -90,27 +75,27 @@ def test_easymocap_videos_and_keypoints(tmp_path, convert):
     folder = tmp_path / "session"
     write_cameras(folder, ["01", "02"])
     for name in ("01", "02"):
-        write_video(folder / "videos" / f"{name}.mp4", fps=30)
+        mini.write_video(folder / "videos" / f"{name}.mp4", fps=30)
     names = [f"{SIDES[n[0]]}_{PARTS[n[1]]}" if len(n) == 2 else n for n in BODY25]
-    for frame in range(FRAMES):
-        points = [[*moving(frame)[n], 0.8] if n in FIGURE | EARS else [0, 0, 0, 0] for n in names]
+    for frame in range(mini.FRAMES):
+        places = mini.moving(frame)
+        points = [[*places[n], 0.8] if n in places else [0, 0, 0, 0] for n in names]
         people = [{"id": 1, "keypoints3d": [[9, 9, 9, 1]] * 25}]
         people.append({"id": 0, "keypoints3d": points + [[0, 0, 0, 0]] * 6})
-        write_json(folder / "output" / "keypoints3d" / f"{frame:06d}.json", people)
+        mini.write_json(folder / "output" / "keypoints3d" / f"{frame:06d}.json", people)
     keypoints = folder / "output" / "keypoints3d"
     convert("easymocap", folder, tmp_path / "out", "--keypoints", keypoints)
-    recording = opened(tmp_path / "out", {"cam_01": formula(0), "cam_02": formula(1)})
-    assert recording.fps == pytest.approx(30) and recording.rig["cam_01"].size == SIZE
-    checked_truth(tmp_path / "out", truth_of(), but=("head_top",))
+    recording = mini.opened(tmp_path / "out", {"cam_01": formula(0), "cam_02": formula(1)})
+    assert recording.fps == pytest.approx(30) and recording.rig["cam_01"].size == mini.SIZE
+    mini.checked_truth(tmp_path / "out", mini.truth_of(), but=("head_top",))
 
 
 def test_mistakes(zju, tmp_path, refuse):
     out = tmp_path / "out"
     assert "give --fps" in refuse("easymocap", zju, out)
-    assert "there is no camera '7'" in refuse(
-        "easymocap", zju, out, "--fps", 50, "--cameras", "1,7"
-    )
-    assert "correct --masks" in refuse("easymocap", zju, out, "--fps", 50, "--masks", "mattes")
+    words = ("easymocap", zju, out, "--fps", 50)
+    assert "there is no camera '7'" in refuse(*words, "--cameras", "1,7")
+    assert "correct --masks" in refuse(*words, "--masks", "mattes")
     text = (zju / "extri.yml").read_text()
     (zju / "extri.yml").write_text(text[: text.index("T_2")])
     assert "camera 2: translation is missing" in refuse("easymocap", zju, out, "--fps", 50)

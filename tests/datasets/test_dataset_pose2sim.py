@@ -4,19 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.datasets.miniatures import (
-    FIGURE,
-    FRAMES,
-    POINTS,
-    SIZE,
-    checked_truth,
-    looking,
-    moving,
-    opened,
-    pinhole,
-    truth_of,
-    write_video,
-)
+from tests.datasets import miniatures as mini
 
 K = np.array([[70.0, 0, 31.5], [0, 70.0, 23.5], [0, 0, 1]])
 MARKERS = ("MidHip", "LHip", "LKnee", "LAnkle", "RHip", "RKnee", "RAnkle", "Neck", "Head")
@@ -24,10 +12,10 @@ MARKERS += ("LShoulder", "LElbow", "LWrist", "RShoulder", "RElbow", "RWrist")
 
 
 def table(name: str, number: int) -> str:
-    rotation, translation = looking(number)
+    (width, height), (rotation, translation) = mini.SIZE, mini.looking(number)
     vector = cv2.Rodrigues(rotation)[0].ravel().tolist()
     return (
-        f'[{name}]\nname = "{name}"\nsize = [ {SIZE[0]}.0, {SIZE[1]}.0]\nmatrix = {K.tolist()}\n'
+        f'[{name}]\nname = "{name}"\nsize = [ {width}.0, {height}.0]\nmatrix = {K.tolist()}\n'
         f"distortions = [ 0.0, 0.0, 0.0, 0.0]\nrotation = {vector}\n"
         f"translation = {translation.tolist()}\nfisheye = false\n\n"
     )
@@ -41,30 +29,30 @@ def source(tmp_path):
     text += "[metadata]\nadjusted = false\nerror = 0.0\n"
     (folder / "calibration" / "Calib_scene.toml").write_text(text)
     for number in range(2):
-        write_video(folder / "videos" / f"cam0{number + 1}.mp4", fps=60)
+        mini.write_video(folder / "videos" / f"cam0{number + 1}.mp4", fps=60)
     return folder
 
 
 def pixels() -> dict[str, np.ndarray]:
-    return {f"cam0{n + 1}": pinhole(POINTS, *looking(n), K) for n in range(2)}
+    return {f"cam0{n + 1}": mini.pinhole(mini.POINTS, *mini.looking(n), K) for n in range(2)}
 
 
 def test_pixels_and_reference(source, tmp_path, convert):
     trc = source / "pose-3d" / "Demo_filt.trc"
     trc.parent.mkdir()
-    head = (
-        "PathFileType\t4\t(X/Y/Z)\tDemo.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
-    )
-    head += f"60\t60\t{FRAMES}\t15\tm\nFrame#\tTime\t" + "\t\t\t".join(MARKERS) + "\n\t\tX1\n"
+    head = "PathFileType\t4\t(X/Y/Z)\tDemo.trc\n"
+    head += "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
+    head += f"60\t60\t{mini.FRAMES}\t15\tm\nFrame#\tTime\t" + "\t\t\t".join(MARKERS) + "\n\t\tX1\n"
     rows = []
-    for frame in range(FRAMES):
-        values = [moving(frame)[name][[1, 2, 0]] for name in FIGURE]  # its x y z are our y z x
+    for frame in range(mini.FRAMES):
+        # Its x y z are our y z x.
+        values = [mini.moving(frame)[name][[1, 2, 0]] for name in mini.FIGURE]
         rows.append("\t".join(map(repr, [frame + 1, frame / 60, *np.ravel(values).tolist()])))
     trc.write_text(head + "\n".join(rows) + "\n")
     convert("pose2sim", source, tmp_path / "out", "--trc", trc)
-    recording = opened(tmp_path / "out", pixels())
+    recording = mini.opened(tmp_path / "out", pixels())
     assert recording.fps == pytest.approx(60)
-    checked_truth(tmp_path / "out", truth_of())
+    mini.checked_truth(tmp_path / "out", mini.truth_of())
 
 
 def test_calibration_of_the_session_and_order(source, tmp_path, convert):
@@ -74,7 +62,7 @@ def test_calibration_of_the_session_and_order(source, tmp_path, convert):
         (source / "videos" / old).rename(trial / "videos" / new)
     convert("pose2sim", trial, tmp_path / "out")
     named = dict(zip(("cam_left", "cam_right"), pixels().values(), strict=True))
-    assert set(opened(tmp_path / "out", named).rig.names) == {"cam_left", "cam_right"}
+    assert set(mini.opened(tmp_path / "out", named).rig.names) == {"cam_left", "cam_right"}
 
 
 def test_mistakes(source, tmp_path, refuse):
@@ -83,7 +71,7 @@ def test_mistakes(source, tmp_path, refuse):
     (calibration.parent / "Calib_other.toml").write_text(calibration.read_text())
     assert "choose with --calibration" in refuse("pose2sim", source, out)
     (calibration.parent / "Calib_other.toml").unlink()
-    write_video(source / "videos" / "door.mp4")
+    mini.write_video(source / "videos" / "door.mp4")
     assert "name videos like cameras" in refuse("pose2sim", source, out)
     (source / "videos" / "door.mp4").unlink()
     video = source / "videos" / "cam01.mp4"

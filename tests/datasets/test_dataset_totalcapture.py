@@ -3,17 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.datasets.miniatures import (
-    FRAMES,
-    POINTS,
-    SIZE,
-    checked_truth,
-    looking,
-    moving,
-    opened,
-    truth_of,
-    write_video,
-)
+from tests.datasets import miniatures as mini
 
 Y_UP_FROM_Z_UP = np.array([[1, 0, 0], [0, 0, 1.0], [0, -1, 0]])
 BONES = [
@@ -32,13 +22,13 @@ CLIP = ("--subject", "S1", "--sequence", "acting1")
 
 
 def native(number: int) -> tuple[np.ndarray, np.ndarray]:
-    rotation, translation = looking(number)
+    rotation, translation = mini.looking(number)
     return rotation @ Y_UP_FROM_Z_UP.T, translation
 
 
 def formula(number: int) -> np.ndarray:
     """project_pose3d_to_2d of the TotalCapture toolbox: metres, R X + T, one radial term."""
-    points = POINTS @ Y_UP_FROM_Z_UP.T
+    points = mini.POINTS @ Y_UP_FROM_Z_UP.T
     np.testing.assert_allclose(points[8], [0, 1.75, 0])
     rotation, translation = native(number)
     x = points @ rotation.T + translation
@@ -53,14 +43,14 @@ def source(tmp_path):
     lines = ["2 1"]
     for number in range(2):
         rotation, translation = native(number)
-        lines += [f"0 {SIZE[1] - 1} 0 {SIZE[0] - 1}", "70.0 71.0 31.0 23.0", "-0.15"]
+        lines += [f"0 {mini.SIZE[1] - 1} 0 {mini.SIZE[0] - 1}", "70.0 71.0 31.0 23.0", "-0.15"]
         lines += [" ".join(f"{value:.9f}" for value in row) for row in (*rotation, translation)]
-        write_video(root / "s1" / "acting1" / f"TC_S1_acting1_cam{number + 1}.mp4", fps=60)
-        write_video(root / "s1" / "acting2" / f"TC_S1_acting2_cam{number + 1}.mp4", fps=60)
+        for clip in ("acting1", "acting2"):
+            mini.write_video(root / "s1" / clip / f"TC_S1_{clip}_cam{number + 1}.mp4", fps=60)
     (root / "calibration.cal").write_text("\n".join(lines) + "\n")
     rows = ["\t".join(BONES)]
-    for frame in range(FRAMES + 2):  # the motion capture is a little longer than the videos
-        at = moving(frame)
+    for frame in range(mini.FRAMES + 2):  # the motion capture is a little longer than the videos
+        at = mini.moving(frame)
         head = at["neck"] + 0.5 * (at["head_top"] - at["neck"])
         places = [at[OURS[b]] if b in OURS else head for b in BONES]
         inches = np.array(places) @ Y_UP_FROM_Z_UP.T / 0.0254
@@ -73,9 +63,9 @@ def source(tmp_path):
 def test_pixels_and_truth(source, tmp_path, convert):
     out = tmp_path / "out"
     convert("totalcapture", source, out, *CLIP)
-    recording = opened(out, {"cam1": formula(0), "cam2": formula(1)})
+    recording = mini.opened(out, {"cam1": formula(0), "cam2": formula(1)})
     assert recording.fps == pytest.approx(60)
-    checked_truth(out, truth_of(), but=("head_top",))
+    mini.checked_truth(out, mini.truth_of(), but=("head_top",))
 
 
 def test_the_archives_own_folders(source, tmp_path, convert):
@@ -84,18 +74,14 @@ def test_the_archives_own_folders(source, tmp_path, convert):
     place.mkdir(parents=True)
     gt.rename(place / gt.name)
     convert("totalcapture", source, tmp_path / "out", *CLIP, "--cameras", "cam2")
-    truth = checked_truth(tmp_path / "out", truth_of(), but=("head_top",))
-    assert len(truth) == len(truth_of())
+    mini.checked_truth(tmp_path / "out", mini.truth_of(), but=("head_top",))
 
 
 def test_mistakes(source, tmp_path, refuse):
     out = tmp_path / "out"
-    assert "no camera of TC_S2_acting1" in refuse(
-        "totalcapture", source, out, "--subject", "S2", "--sequence", "acting1"
-    )
-    assert "no S1/acting2/gt_skel_gbl_pos.txt" in refuse(
-        "totalcapture", source, out, "--subject", "S1", "--sequence", "acting2"
-    )
+    words = ("totalcapture", source, out, *CLIP)
+    assert "no camera of TC_S2_acting1" in refuse(*words, "--subject", "S2")
+    assert "no S1/acting2/gt_skel_gbl_pos.txt" in refuse(*words, "--sequence", "acting2")
     gt = source / "s1" / "acting1" / "gt_skel_gbl_pos.txt"
     lines = gt.read_text().splitlines()
     gt.write_text("\n".join([*lines[:4], lines[4][:100]]))

@@ -46,9 +46,8 @@ def test_what_is_compiled_ahead_has_the_types_of_a_call():
     """Text would be another key of the cache."""
     module, name, types = kernels(["multiview"])[1]
     compile_kernels([(module, name, types)], SilentReporter())
-    assert [repr(tuple(found)) for found in getattr(sys.modules[module], name).signatures] == [
-        types
-    ]
+    (signature,) = getattr(sys.modules[module], name).signatures
+    assert repr(tuple(signature)) == types
 
 
 @pytest.fixture(scope="module")

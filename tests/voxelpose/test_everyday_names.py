@@ -23,8 +23,7 @@ print(seconds, *sorted({{name.split(".")[0] for name in sys.modules}} & {_HEAVY}
 def test_every_name_is_there_and_is_where_the_types_say():
     for name in voxelpose.__all__:
         value = getattr(voxelpose, name)
-        assert value.__name__ == name
-        assert value.__module__ == voxelpose._MODULES[name]
+        assert (value.__name__, value.__module__) == (name, voxelpose._MODULES[name])
     assert set(voxelpose._MODULES) == set(voxelpose.__all__) <= set(dir(voxelpose))
 
 
@@ -58,13 +57,9 @@ def test_evaluate_takes_a_table_of_joints(tmp_path):
     from silhouette_core.body.joints import LANDMARK_NAMES
     from voxelpose.recording.truth import read_truth
 
-    rows = [
-        f"0,{name},{x + 0.1},{y},{z}"
-        for name, (x, y, z) in zip(LANDMARK_NAMES, read_truth(truth)[0], strict=True)
-    ]
-    (tmp_path / "joints.csv").write_text(
-        "frame,joint,x_m,y_m,z_m\n" + "\n".join(rows), encoding="utf-8"
-    )
+    joints = zip(LANDMARK_NAMES, read_truth(truth)[0], strict=True)
+    rows = [f"0,{name},{x + 0.1},{y},{z}" for name, (x, y, z) in joints]
+    (tmp_path / "joints.csv").write_text("\n".join(["frame,joint,x_m,y_m,z_m", *rows]))
     score = voxelpose.evaluate(tmp_path / "joints.csv", truth)
     assert score.mpjpe_mm == pytest.approx(100)
     assert score.root_mm == pytest.approx(0, abs=1e-6)

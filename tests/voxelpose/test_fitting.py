@@ -36,9 +36,8 @@ def test_result_folder(recording, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "site", "walk"]
     assert len(result.motion) == 5
     assert result.rig.names == ("cam_1", "cam_2")
-    np.testing.assert_allclose(
-        result.rig["cam_2"].rotation, recording.rig["cam_2"].rotation, atol=1e-6
-    )
+    turn = result.rig["cam_2"].rotation
+    np.testing.assert_allclose(turn, recording.rig["cam_2"].rotation, atol=1e-6)
     with (tmp_path / "out" / "joints.csv").open(newline="") as file:
         assert {int(row["frame"]) for row in csv.DictReader(file)} == {1, 2, 3, 4, 5}
 
@@ -57,38 +56,25 @@ def test_moments_in_which_somebody_is_away_are_not_lost(recording):
 
 
 def test_summary_and_settings_say_what_was_done(recording, tmp_path):
-    out = str(tmp_path / "out")  # words will do for paths
-    fit(
-        recording,
-        Output(out, pictures=False),
-        Settings(chest_m=0.9, options={"voxel_size_m": 0.02}),
-        "standing",
-    )
+    settings = Settings(chest_m=0.9, options={"voxel_size_m": 0.02})
+    # Words will do for paths.
+    fit(recording, Output(str(tmp_path / "out"), pictures=False), settings, "standing")
     result = Result.open(tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     ends, poses = {"first": 0, "last": 5}, {"with_pose": 5, "lost": [0], "not_filmed": []}
     assert summary["frames"] == ends | poses | {"away": []}
-    assert summary["seconds"]["stages"]["standing"] == {
-        "min": 0.002,
-        "median": 0.002,
-        "max": 0.002,
-        "mean": 0.002,
-        "sum": 0.012,
-    }
+    each = dict.fromkeys(("min", "median", "max", "mean"), 0.002)
+    assert summary["seconds"]["stages"]["standing"] == each | {"sum": 0.012}
     assert summary["body"]["stature_m"] == 1.81
     assert summary["quality"]["part_overlap"]["pelvis"] == 0.5
     assert summary["facts"] == {"tried": [0, 1], "fastest_turn": [300.0, 4]}
     assert result.settings["conditioning"] == {
-        "filter": "auto",
-        "cutoff_hz": 7.0,
-        "gap_limit": 0,
-        "gap_method": "linear",
+        **{"filter": "auto", "cutoff_hz": 7.0},
+        **{"gap_limit": 0, "gap_method": "linear"},
     }
-    assert result.settings["stature_m"] == 1.81
-    assert result.settings["chest_m"] == 0.9
-    assert result.settings["sex"] == "female"
-    assert result.settings["options"] == {"voxel_size_m": 0.02}
-    assert result.settings["recording"] == "../walk"
+    body = {"stature_m": 1.81, "chest_m": 0.9, "sex": "female"}
+    given = body | {"options": {"voxel_size_m": 0.02}, "recording": "../walk"}
+    assert {name: result.settings[name] for name in given} == given
 
 
 class _Notes(SilentReporter):
@@ -125,10 +111,9 @@ def test_the_summary_states_filter_and_gaps(recording, tmp_path, monkeypatch):
 
 
 def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):
+    settings = Settings(options={"voxel_size_m": 8.0})
     with pytest.raises(RuntimeError, match="a bug"):
-        fit(
-            recording, Output(tmp_path / "out"), Settings(options={"voxel_size_m": 8.0}), "standing"
-        )
+        fit(recording, Output(tmp_path / "out"), settings, "standing")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["site", "walk"]
 
 

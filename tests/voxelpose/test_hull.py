@@ -39,10 +39,8 @@ def test_a_frame_becomes_a_mesh(recording, tmp_path):
 
 
 def test_a_given_volume_is_kept_to(recording):
-    hull = carve_recording(
-        recording, settings=CarveSettings(voxel_size_m=0.05, volume_m=(-1, -1, 0, 1, 1, 1))
-    )
-    assert hull.grid.shape == (40, 40, 20)
+    settings = CarveSettings(voxel_size_m=0.05, volume_m=(-1, -1, 0, 1, 1, 1))
+    assert carve_recording(recording, settings=settings).grid.shape == (40, 40, 20)
 
 
 def test_mistakes_leave_nothing_behind(recording, tmp_path):
@@ -92,16 +90,12 @@ def test_the_hull_of_walk4_can_be_printed(shared, tmp_path):
 
 
 def test_standing4_is_a_man_and_a_board(standing4):
-    hull = carve_recording(
-        standing4, settings=CarveSettings(voxel_size_m=0.02, rule=CarveRule(tolerance=0))
-    )
+    settings = CarveSettings(voxel_size_m=0.02, rule=CarveRule(tolerance=0))
+    hull = carve_recording(standing4, settings=settings)
     assert hull.without_background == ()
     points = hull.grid.occupied_points(hull.occupancy)
     # The board lies in the plane z = 0 of this world, whose z points down.
-    man = (
-        points[points[:, 1] > 0.1]
-        if (points[:, 1] > 0.1).mean() < 0.5
-        else points[points[:, 1] < 0.1]
-    )
+    aside = points[:, 1] > 0.1
+    man = points[aside] if aside.mean() < 0.5 else points[points[:, 1] < 0.1]
     assert 1.6 < -points[:, 2].min() < 1.9
     assert len(man) * 0.02**3 * 1000 > 50

@@ -38,9 +38,8 @@ def test_estimators_and_backends_are_listed():
 
 
 def test_little_space_is_said(monkeypatch, tmp_path):
-    monkeypatch.setattr(
-        doctor.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 3e8})
-    )
+    usage = type("Usage", (), {"free": 3e8})
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda folder: usage)
     assert found("disk").level == "look"
 
 

@@ -112,49 +112,34 @@ def test_in_a_real_room_the_man_is_followed_and_not_the_board_on_the_floor(stand
 
 def check_report(summary, motion):
     assert summary["estimator"] == "multiview" and summary["frames"]["lost"] == []
-    assert {"silhouettes", "pose", "refinement", "quality", "proportions"} <= set(
-        summary["seconds"]["stages"]
-    )
+    stages = {"silhouettes", "pose", "refinement", "quality", "proportions"}
+    assert stages <= set(summary["seconds"]["stages"])
     assert summary["facts"]["stature_given"] is True
     assert abs(summary["facts"]["stature_m"] - summary["body"]["stature_m"]) < 0.05
     assert motion.quality["part_overlap"].shape == (FRAMES, 27)
-    assert (
-        0.6
-        < motion.quality["outline_agreement"].min()
-        <= motion.quality["outline_agreement"].max()
-        <= 1
-    )
+    agreement = motion.quality["outline_agreement"]
+    assert agreement.min() > 0.6 and agreement.max() <= 1
     assert (motion.quality["unexplained"] < 0.7).all()
-    core = [
-        motion.model.names.index(name)
-        for name in ("pelvis", "thorax", "head", "left_thigh", "right_thigh")
-    ]
+    trunk = "pelvis", "thorax", "head", "left_thigh", "right_thigh"
+    core = [motion.model.names.index(name) for name in trunk]
     assert not motion.quality["part_unsupported"][:, core].any()
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("cameras", "options", "message"),
     [
-        ({"voxels": 3}, "no option 'voxels'.*voxel_size_m"),
-        ({"voxel_size_m": 2.5}, "voxel_size_m = '2.5' must be a number from 0.005 to 0.1"),
-        ({"voxel_size_m": 0.0}, "must be a number from 0.005"),
+        (2, {"voxels": 3}, "no option 'voxels'.*voxel_size_m"),
+        (2, {"voxel_size_m": 2.5}, "voxel_size_m = '2.5' must be a number from 0.005 to 0.1"),
+        (2, {"voxel_size_m": 0.0}, "must be a number from 0.005"),
+        (2, {"body": "nobody"}, "there is no body nobody"),
+        (1, {}, r"1 camera is too few.*voxelpose track .* --camera"),
+        (3, {}, "foreground"),
     ],
 )
-def test_options_that_make_no_sense_are_refused(options, message):
+def test_what_makes_no_sense_is_refused(cameras, options, message):
+    source, settings = GreySource(ring(cameras), 3), Settings(options=options)
     with pytest.raises(InputError, match=message):
-        MultiViewEstimator().estimate(
-            GreySource(ring(2), 2), Settings(options=options), SilentReporter()
-        )
-
-
-def test_one_camera_is_too_few():
-    with pytest.raises(InputError, match=r"1 camera is too few.*voxelpose track .* --camera"):
-        MultiViewEstimator().estimate(GreySource(ring(1), 2), Settings(), SilentReporter())
-
-
-def test_nobody_in_the_pictures():
-    with pytest.raises(InputError, match="foreground"):
-        MultiViewEstimator().estimate(GreySource(ring(3), 3), Settings(), SilentReporter())
+        MultiViewEstimator().estimate(source, settings, SilentReporter())
 
 
 def test_it_is_registered():
@@ -174,14 +159,6 @@ def test_a_given_body_is_kept_but_for_its_clothes(tmp_path):
     truth = json.loads((folder / "truth.json").read_text())["joints"]
     joints = np.stack([truth[name] for name in LANDMARK_NAMES], axis=1)
     assert score_motion(joints, result.motion.landmarks()).mpjpe_mm < 60
-
-
-def test_a_body_that_is_not_there(tmp_path):
-    source = GreySource(ring(2), 3)
-    with pytest.raises(InputError, match="there is no body nobody"):
-        MultiViewEstimator().estimate(
-            source, Settings(options={"body": "nobody"}), SilentReporter()
-        )
 
 
 @pytest.mark.slow

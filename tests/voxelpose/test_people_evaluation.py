@@ -57,10 +57,8 @@ def test_everybody_is_scored_against_who_they_are(fitted):
     (recording / "truth.json").write_text(json.dumps(truth_of(SECOND, FIRST, moved_m=0.01)))
     scores = evaluate_people(out)
     assert [*scores] == ["person_1", "person_2"]
-    for score in scores.values():
-        assert (
-            score.root_mm == pytest.approx(10 * np.sqrt(3) * 14 / 15, abs=0.01) and score.lost == 0
-        )
+    moved_mm = pytest.approx(10 * np.sqrt(3) * 14 / 15, abs=0.01)
+    assert all(score.root_mm == moved_mm and score.lost == 0 for score in scores.values())
 
 
 def test_the_command_scores_everybody(fitted, capsys):
@@ -76,8 +74,7 @@ def test_the_command_scores_everybody(fitted, capsys):
 
 def test_who_was_not_found_is_lost(fitted):
     recording, out = fitted
-    third = waving(6, 1.9)
-    (recording / "truth.json").write_text(json.dumps(truth_of(third, SECOND, FIRST)))
+    (recording / "truth.json").write_text(json.dumps(truth_of(waving(6, 1.9), SECOND, FIRST)))
     scores = evaluate_people(out)
     assert [*scores] == ["person_1", "person_2", "nobody_1"]
     assert scores["nobody_1"].lost == 1 and scores["person_2"].lost == 0

@@ -26,11 +26,8 @@ class Crowd:
         return self.estimate_people(source, settings, reporter, 1)[0]
 
     def estimate_people(self, source, settings, reporter, people):
-        statures = (1.7, 1.8, 1.6)[:people]
-        return [
-            Estimate(waving(4, stature).select(np.arange(k, 4)))
-            for k, stature in enumerate(statures)
-        ]
+        motions = [waving(4, stature) for stature in (1.7, 1.8, 1.6)[:people]]
+        return [Estimate(motion.select(np.arange(k, 4))) for k, motion in enumerate(motions)]
 
 
 @pytest.fixture
@@ -55,12 +52,9 @@ def test_a_result_of_each_person_and_what_shows_them_all(recording, tmp_path):
     with (out / "joints.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     for k, result in enumerate(results, 1):
-        own = np.array(
-            [[row[f"{axis}_m"] for axis in "xyz"] for row in rows if row["person"] == str(k)]
-        )
-        np.testing.assert_allclose(
-            own.astype(float), result.motion.landmarks().reshape(-1, 3), atol=1e-5
-        )
+        listed = [row for row in rows if row["person"] == str(k)]
+        joints_m = np.array([[row[f"{axis}_m"] for axis in "xyz"] for row in listed], float)
+        np.testing.assert_allclose(joints_m, result.motion.landmarks().reshape(-1, 3), atol=1e-5)
     index = json.loads((out / "summary.json").read_text())
     assert [one["frames"]["with_pose"] for one in index["people"].values()] == [4, 3, 2]
     assert [one.folder for one in open_people(out)] == [one.folder for one in results]
@@ -69,9 +63,8 @@ def test_a_result_of_each_person_and_what_shows_them_all(recording, tmp_path):
 def test_one_person_is_a_result_as_ever(recording, tmp_path):
     (one,) = fit_people(recording, Output(tmp_path / "one", pictures=False), people=1)
     other = fit(recording, Output(tmp_path / "other", pictures=False))
-    assert one.folder == tmp_path / "one" and [one.folder] == [
-        r.folder for r in open_people(one.folder)
-    ]
+    (opened,) = open_people(one.folder)
+    assert opened.folder == one.folder == tmp_path / "one"
     for name in ("joints.csv", "motion.bvh", "motion.safetensors", "settings.toml"):
         assert (one.folder / name).read_bytes() == (other.folder / name).read_bytes()
 
@@ -114,5 +107,4 @@ def test_numbers_of_people_that_are_refused(text):
 
 
 def test_numbers_of_people():
-    numbers = [number_of_people(text) for text in ("auto", "1", "6")]
-    assert numbers == [None, 1, 6]
+    assert [number_of_people(text) for text in ("auto", "1", "6")] == [None, 1, 6]

@@ -32,10 +32,8 @@ def test_unknown_entries_are_kept_and_unknown_facts_left_out(tmp_path):
     facts = {"half_turn_ratio": None, "seams_mm": [None, 3.0], "other": {"a": [1]}}
     (tmp_path / "summary.json").write_text(json.dumps(FIRST_SUMMARY | {"new": 1, "facts": facts}))
     summary = load_summary(tmp_path / "summary.json")
-    assert summary["new"] == 1 and summary["facts"] == {
-        "seams_mm": [None, 3.0],
-        "other": {"a": [1]},
-    }
+    del facts["half_turn_ratio"]
+    assert summary["new"] == 1 and summary["facts"] == facts
 
 
 @pytest.mark.parametrize(
@@ -74,8 +72,7 @@ def test_settings_of_any_version_are_read(tmp_path):
     path = tmp_path / "settings.toml"
     path.write_text("")
     assert load_settings(path) == {}
-    text = 'recording = "../walk"\nframes = [0, 9]\nnew = 1\n[options]\nrepair = "auto"\n'
-    path.write_text(text)
+    path.write_text('recording = "../walk"\nframes = [0, 9]\nnew = 1\n[options]\nrepair = "auto"\n')
     assert load_settings(path)["options"] == {"repair": "auto"}
 
 

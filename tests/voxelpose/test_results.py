@@ -39,39 +39,26 @@ def test_nothing_is_left_when_it_ends_early(tmp_path, error):
     assert names(tmp_path) == []
 
 
-def test_full_disk_is_one_line(tmp_path):
+def test_full_disk_is_one_line_and_other_system_errors_stay_what_they_are(tmp_path):
     with pytest.raises(InputError, match="disk is full"), ResultWriter(tmp_path / "out") as folder:
         (folder / "joints.csv").write_text("half")
         raise OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(PermissionError), ResultWriter(tmp_path / "out"):
+        raise PermissionError(errno.EACCES, "no")
     assert names(tmp_path) == []
 
 
-def test_other_system_errors_stay_what_they_are(tmp_path):
-    with pytest.raises(PermissionError), ResultWriter(tmp_path / "out"):
-        raise PermissionError(errno.EACCES, "no")
-
-
-def test_an_earlier_result_is_kept_unless_told(tmp_path):
+def test_an_empty_folder_may_be_filled_and_a_result_is_kept_unless_told(tmp_path):
+    """It survives a failed replacement, too."""
+    (tmp_path / "out").mkdir()
     write(tmp_path / "out")
     with pytest.raises(InputError, match=r"out exists.*--overwrite"):
         ResultWriter(tmp_path / "out")
-    write(tmp_path / "out", "2", overwrite=True)
-    assert text_of(tmp_path / "out") == "2"
-    assert names(tmp_path) == ["out"]
-
-
-def test_an_earlier_result_survives_a_failed_replacement(tmp_path):
-    write(tmp_path / "out")
     with pytest.raises(KeyboardInterrupt), ResultWriter(tmp_path / "out", overwrite=True):
         raise KeyboardInterrupt
-    assert text_of(tmp_path / "out") == "1"
-    assert names(tmp_path) == ["out"]
-
-
-def test_an_empty_folder_may_be_filled(tmp_path):
-    (tmp_path / "out").mkdir()
-    write(tmp_path / "out")
-    assert text_of(tmp_path / "out") == "1"
+    assert text_of(tmp_path / "out") == "1" and names(tmp_path) == ["out"]
+    write(tmp_path / "out", "2", overwrite=True)
+    assert text_of(tmp_path / "out") == "2" and names(tmp_path) == ["out"]
 
 
 def test_what_is_not_ours_is_never_replaced(tmp_path):
@@ -93,15 +80,11 @@ def test_the_recording_itself_is_kept_clean(tmp_path, inside):
 
 def test_a_place_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("x")
-    with (
-        pytest.raises(InputError, match="file/out cannot be written"),
-        ResultWriter(tmp_path / "file" / "out"),
-    ):
-        pass
+    with pytest.raises(InputError, match="file/out cannot be written"):
+        ResultWriter(tmp_path / "file" / "out").__enter__()
 
 
 def test_json_holds_what_json_can():
-    text = as_json(
-        {"a": np.array([1.5, np.nan]), "b": (np.int64(3), np.bool_(True)), "c": {"d": float("inf")}}
-    )
+    b, c = (np.int64(3), np.bool_(True)), {"d": float("inf")}
+    text = as_json({"a": np.array([1.5, np.nan]), "b": b, "c": c})
     assert json.loads(text) == {"a": [1.5, None], "b": [3, True], "c": {"d": None}}

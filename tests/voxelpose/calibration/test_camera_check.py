@@ -1,5 +1,6 @@
 """`voxelpose calibrate check` on recordings that are whole and on broken ones."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,23 +19,16 @@ from voxelpose.cli import run
 from voxelpose.recording.folder import Recording
 
 FRAMES = 40
-FPS = 25.0
 
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
     # On two heights, or four cameras on one circle would hardly see each other's roll.
-    return Rig(
-        tuple(
-            _raised(camera, 0.5 * (index % 2)) for index, camera in enumerate(ring(4, (240, 180)))
-        )
-    )
-
-
-def _raised(camera, metres):
-    return replace(
-        camera, translation=camera.translation - camera.rotation @ np.array([0, 0, metres])
-    )
+    cameras = list(ring(4, (240, 180)))
+    for index in (1, 3):
+        moved = cameras[index].translation - cameras[index].rotation @ np.array([0, 0, 0.5])
+        cameras[index] = replace(cameras[index], translation=moved)
+    return Rig(tuple(cameras))
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +44,9 @@ def checked(capsys, *words: str) -> tuple[int, str]:
 def test_a_whole_recording_agrees(tmp_path: Path, rig, films, capsys):
     folder = write_figure(tmp_path, rig, films)
     code, refusal_of = checked(capsys, str(folder), "--png", str(tmp_path / "check.png"))
-    assert code == 0
-    assert "all 4 cameras agree" in refusal_of
-    picture = cv2.imread(str(tmp_path / "check.png"))
-    assert picture.shape[0] > 300
-    assert picture.shape[1] > 600
+    assert code == 0 and "all 4 cameras agree" in refusal_of
+    height, width, _ = cv2.imread(str(tmp_path / "check.png")).shape
+    assert height > 300 and width > 600
 
 
 def test_a_bumped_camera_is_named_and_repaired(tmp_path: Path, rig, films, capsys):
@@ -62,10 +54,7 @@ def test_a_bumped_camera_is_named_and_repaired(tmp_path: Path, rig, films, capsy
     out = tmp_path / "repaired"
     code, refusal_of = checked(capsys, str(folder), "--repair", str(out))
     assert code == 1
-    assert (
-        "cam_3 was turned by about 2." in refusal_of
-        or "cam_3 was turned by about 1.9" in refusal_of
-    )
+    assert re.search(r"cam_3 was turned by about (2\.|1\.9)", refusal_of)
     assert "calibrate it again, or run with --repair" in refusal_of
     assert "with that put right: all 4 cameras agree" in refusal_of
     assert sorted(path.name for path in out.iterdir()) == ["calibration.toml"]
@@ -79,11 +68,9 @@ def test_a_late_camera_is_named_and_synchronised(tmp_path: Path, rig, films, cap
     folder = write_figure(tmp_path, rig, films | {"cam_2": late})
     code, refusal_of = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
     assert code == 1
-    assert "cam_2 is out of step" in refusal_of
-    assert "late" in refusal_of
+    assert "cam_2 is out of step" in refusal_of and "late" in refusal_of
     (folder / "timestamps.csv").write_bytes((tmp_path / "repaired" / "timestamps.csv").read_bytes())
-    recording = Recording.open(folder)
-    assert recording.frame_count == FRAMES - 4
+    assert Recording.open(folder).frame_count == FRAMES - 4
     assert checked(capsys, str(folder))[0] == 0
 
 
@@ -92,8 +79,7 @@ def test_swapped_cameras_are_reported_and_their_calibrations_exchanged(
 ):
     folder = write_figure(tmp_path, rig, films | {"cam_1": films["cam_4"], "cam_4": films["cam_1"]})
     code, refusal_of = checked(capsys, str(folder), "--repair", str(tmp_path / "repaired"))
-    assert code == 1
-    assert "the videos of cam_1 and cam_4 are swapped" in refusal_of
+    assert code == 1 and "the videos of cam_1 and cam_4 are swapped" in refusal_of
     repaired = read_rig(tmp_path / "repaired" / "calibration.toml")
     assert repaired.names == rig.names
     np.testing.assert_allclose(repaired["cam_1"].center_m, rig["cam_4"].center_m, atol=1e-6)
@@ -103,15 +89,13 @@ def test_two_cameras_and_no_background_say_what_cannot_be_known(tmp_path: Path, 
     folder = write_figure(tmp_path, turned(rig, "cam_1", 4), films)
     few = "--moments", "4", "--most-late", "0"
     code, refusal_of = checked(capsys, str(folder), "--cameras", "cam_1,cam_2", *few)
-    assert code == 1
-    assert "only a third could tell" in refusal_of
+    assert code == 1 and "only a third could tell" in refusal_of
     write_rig(rig, folder / "calibration.toml")
     for still in (folder / "background").iterdir():
         still.unlink()
     guessed = "no empty view of cam_1, cam_2"
     code, refusal_of = checked(capsys, str(folder), "--cameras", "cam_1,cam_2", *few)
-    assert code == 0
-    assert "not which one; a third tells" in refusal_of
+    assert code == 0 and "not which one; a third tells" in refusal_of
     assert guessed not in refusal_of
     larger = Rig(ring(4, (320, 240)).cameras[:2])
     tiles = np.kron(np.indices((12, 16)).sum(axis=0) % 2, np.full((20, 20), 60)).astype(np.uint8)
@@ -162,11 +146,9 @@ def test_walk4s_videos_agree(shared: Path, capsys):
 
 @pytest.mark.slow
 def test_balancing4s_third_camera_is_found_and_the_rest_agrees(shared: Path):
-    """Its fit comes nearer to the truth with that camera put back: see
-    docs/decisions.md."""
+    """Its fit comes nearer to the truth with that camera put back: see docs/decisions.md."""
     recording = Recording.open(shared / "data" / "balancing4")
     check = check_recording(recording, CheckSettings(moments=8, max_offset_frames=0))
     assert check.agreement.culprits == ("cam_3",)
     assert check.repairs[0].kind in ("turned", "moved")
-    assert check.after is not None
-    assert check.after.agrees
+    assert check.after is not None and check.after.agrees

@@ -89,15 +89,13 @@ def test_what_is_missing_is_named(figure, tmp_path, capsys):
     assert "is not a recording" in told(capsys, "calibrate", "sync", tmp_path / "none")
     write_rig(without_poses(ring(3, (320, 240))), tmp_path / "lenses.toml")
     lenses = ["--intrinsics", tmp_path / "lenses.toml"]
-    output = told(capsys, *start, "--board", "8x5", *lenses)
-    assert "cam_1 saw the board in 0 of" in output
+    assert "cam_1 saw the board in 0 of" in told(capsys, *start, "--board", "8x5", *lenses)
 
 
 def test_offsets_that_are_unsure_are_not_written(tmp_path, capsys):
     rig = ring(2, (320, 240))
-    folder = write_figure(
-        tmp_path, rig, {camera.name: figure_masks(camera, range(60)) for camera in rig}
-    )
+    films = {camera.name: figure_masks(camera, range(60)) for camera in rig}
+    folder = write_figure(tmp_path, rig, films)
     out = tmp_path / "timestamps.csv"
     words = ["calibrate", "sync", str(folder), "--by", "silhouettes", "--most", "1"]
     assert run([*words, "--out", str(out)]) == 2
@@ -150,16 +148,13 @@ def test_a_board_has_one_speed_for_all_cameras(walk):
 
 def test_frames_around_a_time():
     times = np.array([0.0, 0.1, 0.2, 0.6])
-    before, after, part = frames_around(
-        times, np.array([-0.05, 0.1, 0.1501, 0.19995, 0.4, 0.6, 0.7])
-    )
+    moments = np.array([-0.05, 0.1, 0.1501, 0.19995, 0.4, 0.6, 0.7])
+    before, after, part = frames_around(times, moments)
     assert before.tolist() == [-1, 1, 1, 2, -1, 3, -1]
     assert after.tolist() == [-1, 1, 2, 2, -1, 3, -1]
     np.testing.assert_allclose(part[[1, 2, 3]], [0, 0.501, 0], atol=1e-9)
-    assert [row.tolist() for row in frames_around(np.zeros(1), np.array([0.0, 1.0]))[:2]] == [
-        [0, -1],
-        [0, -1],
-    ]
+    before, after, _ = frames_around(np.zeros(1), np.array([0.0, 1.0]))
+    assert before.tolist() == after.tolist() == [0, -1]
 
 
 def test_a_view_between_two():
@@ -167,8 +162,7 @@ def test_a_view_between_two():
     before = BoardView(np.arange(40), pixels, (480, 360))
     after = BoardView(np.arange(2, 40), pixels[2:] + np.array([4.0, 8.0]), (480, 360))
     view = view_between(BOARD, before, after, 0.25)
-    assert view is not None
-    assert view.ids.tolist() == list(range(2, 40))
+    assert view is not None and view.ids.tolist() == list(range(2, 40))
     np.testing.assert_allclose(view.pixels, pixels[2:] + np.array([1.0, 2.0]))
     symmetric = Board(8, 6, 0.15)
     pixels = symmetric.points_m[:, :2] * 100
@@ -214,9 +208,7 @@ def test_a_board_out_of_step_calibrates(board_walk, walk, tmp_path, capsys):
     aligned = align_rigs(read_rig(rig_path), walk)
     for camera in walk:
         millimetres, degrees = pose_difference(aligned[camera.name], camera)
-        assert millimetres < 15
-        assert degrees < 0.3
+        assert millimetres < 15 and degrees < 0.3
     capsys.readouterr()
-    assert "--floor 900 is not in cam_0" in told(
-        capsys, *extrinsics, "--floor", "900", "--overwrite"
-    )
+    again = [*extrinsics, "--floor", "900", "--overwrite"]
+    assert "--floor 900 is not in cam_0" in told(capsys, *again)

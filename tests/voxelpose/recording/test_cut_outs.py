@@ -1,5 +1,6 @@
 """Frames with an opacity: cut-outs are silhouettes, others pictures; doubts are questions."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from calib.errors import InputError
-from tests.voxelpose.recording.test_masks import SIZE, cut_out, film, likeness, person, write
+from tests.voxelpose.recording.test_masks import (
+    SIZE,
+    cut_out,
+    film,
+    likeness,
+    palette,
+    person,
+    write,
+)
 from voxelpose.recording import masks
 from voxelpose.recording.folder import Recording
 
@@ -21,10 +30,10 @@ def frames(folder: Path, make: Callable[[int], Picture], suffix: str = ".png", o
     """Writes pictures of both cameras into a recording; those of the second by `other`, if any."""
     write(folder, make, suffix)
     if other is not None:
-        (write_some := folder / "other").mkdir()
-        write(write_some, other, suffix)
-        for path in (write_some / "masks" / "cam_2").iterdir():
-            path.replace(folder / "masks" / "cam_2" / path.name)
+        (folder / "other").mkdir()
+        shutil.rmtree(folder / "masks" / "cam_2")
+        write(folder / "other", other, suffix)
+        (folder / "other" / "masks" / "cam_2").rename(folder / "masks" / "cam_2")
     for name in ("cam_1", "cam_2"):
         (folder / "masks" / name).rename(folder / name)
     return folder
@@ -49,13 +58,6 @@ def grey(number: int) -> Image.Image:
     return picture
 
 
-def palette(number: int) -> Image.Image:
-    image = Image.fromarray(person(number).astype(np.uint8), "P")
-    image.putpalette([0, 0, 0, 128, 60, 30])
-    image.info["transparency"] = 0
-    return image
-
-
 @pytest.mark.parametrize(
     ("make", "suffix"),
     [
@@ -66,7 +68,7 @@ def palette(number: int) -> Image.Image:
         (deep, ".png"),
         (deep, ".tiff"),
         (grey, ".png"),
-        (palette, ".png"),
+        (lambda n: palette(person(n), [0, 0, 0, 128, 60, 30], 0), ".png"),
     ],
     ids=["black", "hidden colours", "WebP", "soft", "16 bit", "TIFF", "grey", "palette"],
 )
@@ -74,9 +76,8 @@ def test_the_opacity_of_cut_outs_is_the_silhouette(tmp_path: Path, make, suffix:
     folder = frames(tmp_path, make, suffix)
     recording = Recording.open(folder, fps=25)
     assert recording.silhouettes_given
-    assert recording.notes[0].startswith(
-        "frames are cut-outs: their opacity is used as silhouettes"
-    )
+    words = "frames are cut-outs: their opacity is used as silhouettes"
+    assert recording.notes[0].startswith(words)
     assert likeness(folder) > 0.95
 
 

@@ -1,6 +1,5 @@
 """Frames paired by what files tell: presentation times of videos, numbers of images."""
 
-import re
 import subprocess
 from pathlib import Path
 
@@ -64,8 +63,8 @@ def test_a_camera_that_lost_frames_stays_in_step(folder: Path, suffix: str):
     assert numbers(recording) == [(n, [n, n]) for n in KEPT]
     assert recording.fps == pytest.approx(25, rel=1e-3)
     np.testing.assert_allclose(recording.times_s, np.array(KEPT) / 25, atol=0.001)
-    (note,) = recording.notes
-    assert note == "by the times in the files, cam_2 lost 3 frames: frames are paired by them"
+    note = "by the times in the files, cam_2 lost 3 frames: frames are paired by them"
+    assert recording.notes == (note,)
     late = Recording.open(folder, frames=(12, 15))
     assert numbers(late) == [(n, [n, n]) for n in (12, 13, 14)]
     assert [number_of(frames["cam_2"]) for frames in late.at([0, 2])] == [12, 14]
@@ -75,8 +74,8 @@ def test_a_camera_that_lost_frames_stays_in_step(folder: Path, suffix: str):
 
 def test_cameras_that_stop_after_so_many_frames_are_paired_by_time(folder: Path):
     film(folder / "cam_2.mp4", LOST, count=COUNT + 3)
-    recording = Recording.open(folder)  # both files have twenty frames
-    assert numbers(recording) == [(n, [n, n]) for n in KEPT]
+    # Both files have twenty frames.
+    assert numbers(Recording.open(folder)) == [(n, [n, n]) for n in KEPT]
 
 
 def test_a_camera_that_begins_late_is_paired_by_time(folder: Path):
@@ -91,8 +90,8 @@ def test_cameras_that_did_not_stop_together_are_asked_about(folder: Path):
     with pytest.raises(InputError, match=r"did not stop together .* --frames 0:15.*sync") as caught:
         Recording.open(folder)
     assert "\n" not in str(caught.value)
-    recording = Recording.open(folder, frames=(0, 15))  # the advice does not misalign
-    assert numbers(recording) == [(n, [n, n]) for n in KEPT if n < 15]
+    advised = Recording.open(folder, frames=(0, 15))
+    assert numbers(advised) == [(n, [n, n]) for n in KEPT if n < 15]
 
 
 def test_a_rate_that_varies_keeps_its_times(folder: Path):
@@ -187,16 +186,14 @@ def test_images_are_paired_by_number(images: Path):
     assert "by the numbers of the images, cam_2 lost 3 images (4 to 5, 9): frames are" in note
 
 
-def test_images_may_count_from_one(images: Path):
-    stills(images / "cam_2", first=1, lost=(6,))
-    assert numbers(Recording.open(images, fps=10)) == [(n, [n, n]) for n in range(12) if n != 6]
-
-
-def test_a_first_image_that_is_lost_is_told(images: Path):
-    stills(images / "cam_2", lost=(0,))
+@pytest.mark.parametrize(
+    ("first", "lost", "words"), [(1, 6, "cam_2 lost 1 image"), (0, 0, "cam_2 began with image 1")]
+)
+def test_images_may_count_from_one_or_lack_the_first(images: Path, first, lost, words):
+    stills(images / "cam_2", first=first, lost=(lost,))
     recording = Recording.open(images, fps=10)
-    assert numbers(recording) == [(n, [n, n]) for n in range(1, 12)]
-    assert "cam_2 began with image 1" in recording.notes[0]
+    assert numbers(recording) == [(n, [n, n]) for n in range(12) if n != lost]
+    assert words in recording.notes[0]
 
 
 def test_numbers_follow_the_clock():
@@ -246,7 +243,7 @@ def test_a_unit_that_nothing_tells_is_asked_about(folder: Path):
 
 @pytest.mark.parametrize("fps", [0.02, 1001, float("nan"), -1])
 def test_a_rate_that_no_camera_has_is_asked_about(folder: Path, fps: float):
-    with pytest.raises(InputError, match=re.escape("outside 1 to 1,000")):
+    with pytest.raises(InputError, match="outside 1 to 1,000"):
         Recording.open(folder, fps=fps)
 
 

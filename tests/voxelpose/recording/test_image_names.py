@@ -34,8 +34,7 @@ def seconds(number: int) -> float:
 
 def parts(number: int) -> tuple[int, int]:
     """Seconds and microseconds."""
-    micros = round(seconds(number) * 10**6)
-    return micros // 10**6, micros % 10**6
+    return divmod(round(seconds(number) * 10**6), 10**6)
 
 
 TIMES: dict[str, Callable[[int], str]] = {
@@ -162,9 +161,8 @@ def images(folder: Path, names: dict[str, list[str]], suffix: str = ".png") -> P
 
 def test_frames_are_paired_by_the_times_in_their_names(tmp_path: Path):
     def stems(lost: int, late_s: float) -> list[str]:
-        return [
-            "" if n in (lost, lost + 1) else f"{EPOCH_S + n / 10 + late_s:.4f}" for n in range(20)
-        ]
+        names = [f"{EPOCH_S + n / 10 + late_s:.4f}" for n in range(20)]
+        return [*names[:lost], "", "", *names[lost + 2 :]]
 
     folder = images(tmp_path, {"cam_1": stems(3, 0), "cam_2": stems(9, 0.004)}, ".JPG")
     for fps in (None, 10):

@@ -23,8 +23,7 @@ CAMERAS = ("cam_1", "cam_2")
 
 def person(number: int) -> Mask:
     """A person of two pieces who walks across the picture."""
-    mask = np.zeros(SIZE[::-1], np.uint8)
-    x = 20 + 6 * number
+    mask, x = np.zeros(SIZE[::-1], np.uint8), 20 + 6 * number
     cv2.ellipse(mask, (x, 40), (7, 16), 0, 0, 360, 1, -1)
     cv2.circle(mask, (x, 20), 6, 1, -1)
     return mask.view(np.bool_)
@@ -81,7 +80,8 @@ def write(folder: Path, make: Callable[[int], NDArray | Image.Image], suffix: st
             if isinstance(image, Image.Image):
                 image.save(path)
             else:
-                path.write_bytes(cv2.imencode(suffix, image)[1].tobytes())
+                bytewise = image.astype(np.uint8) if image.dtype in (bool, np.int64) else image
+                path.write_bytes(cv2.imencode(suffix, bytewise)[1].tobytes())
     return folder
 
 
@@ -96,11 +96,8 @@ def film(
             str(folder / "masks" / f"{name}{suffix}"),
             SIZE,
             codec=codec,
-            pix_fmt_in=pixels[0],
-            pix_fmt_out=pixels[1],
-            macro_block_size=1,
-            quality=9,
-            ffmpeg_log_level="quiet",
+            **{"pix_fmt_in": pixels[0], "pix_fmt_out": pixels[1], "macro_block_size": 1},
+            **{"quality": 9, "ffmpeg_log_level": "quiet"},
         )
         writer.send(None)
         for number in range(COUNT):
@@ -161,18 +158,9 @@ HABITS: dict[str, tuple[Callable[[int], NDArray | Image.Image], str]] = {
 @pytest.mark.parametrize("habit", HABITS)
 def test_masks_of_every_habit_are_the_person(tmp_path, habit):
     make, suffix = HABITS[habit]
-
-    def whole(number: int) -> NDArray | Image.Image:
-        image = make(number)
-        return (
-            image.astype(np.uint8)
-            if isinstance(image, np.ndarray) and (image.dtype in (bool, np.int64))
-            else image
-        )
-
     least = 0.98 if suffix == ".png" or suffix == ".tiff" else 0.9
     least = 0.9 if "smooth" in habit or "on black" in habit else least
-    assert likeness(write(tmp_path, whole, suffix)) >= least
+    assert likeness(write(tmp_path, make, suffix)) >= least
 
 
 @pytest.mark.parametrize(
@@ -276,8 +264,7 @@ def test_regions_and_unknown_places_are_read_likewise(tmp_path, kind, how):
 
 
 def test_a_layer_on_which_nothing_is_painted_marks_nothing(tmp_path):
-    layer = np.full((*SIZE[::-1], 4), 255, np.uint8)
-    layer[..., 3] = 0
+    layer = np.full((*SIZE[::-1], 4), (255, 255, 255, 0), np.uint8)
     assert not places(tmp_path, "unknown", layer).any()
 
 

@@ -1,5 +1,6 @@
 """Silhouettes stored as bits, one body selected from them, and its agreement with a pose."""
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -53,8 +54,7 @@ def test_what_is_kept_comes_back_as_it_was():
     rng = np.random.default_rng(0)
     sizes = [(37, 20), (64, 48)]
     frames = [[rng.random((height, width)) < 0.3 for width, height in sizes] for _ in range(3)]
-    store = MaskStore(sizes, 3)
-    try:
+    with closing(MaskStore(sizes, 3)) as store:
         for t in (2, 0, 1):
             store.put(t, frames[t])
         assert len(store) == 3
@@ -62,8 +62,6 @@ def test_what_is_kept_comes_back_as_it_was():
             for kept, given in zip(store[t], frame, strict=True):
                 assert kept.dtype == np.bool_
                 np.testing.assert_array_equal(kept, given)
-    finally:
-        store.close()
 
 
 def test_of_what_only_some_cameras_show_small_pieces_stay():
@@ -190,9 +188,8 @@ def test_stray_pieces_of_one_camera_are_dropped(observer, masks):
 def test_limbs_that_one_camera_misses_stay_in_the_others(observer, blind):
     """That one alone is explained then: the hull lacks the limbs, and not the other cameras."""
     actor, aside = other_body(), {"left_upper_arm.abduction": 95.0, "left_thigh.abduction": 40.0}
-    whole = photograph(
-        observer.views, actor, stance(actor, aside | {"right_upper_arm.abduction": 95.0})
-    )
+    spread = stance(actor, aside | {"right_upper_arm.abduction": 95.0})
+    whole = photograph(observer.views, actor, spread)
     trunk = photograph(observer.views, actor, stance(actor))
     masks = [own & trunk[c] if c == blind else own for c, own in enumerate(whole)]
     observed = observer.observe(masks)
@@ -226,25 +223,18 @@ def test_quality_says_which_parts_the_voxels_support(observer, masks):
     body_volume = BodyVolume.from_model(model, 0.04, "cpu")
     pose = stance(model, {"left_upper_arm.abduction": 20.0})
     right = assess(body_volume, pose, observed)
-    assert (
-        right.part_overlap.shape == (27,)
-        and np.nanmin(right.part_overlap) >= 0
-        and np.nanmax(right.part_overlap) <= 1
-    )
-    assert (
-        0.1 < right.unexplained < 0.75
-    )  # four cameras and large voxels: the hull is much larger than the body
-    core = [
-        model.names.index(name) for name in ("pelvis", "thorax", "left_thigh", "right_shin", "head")
-    ]
+    assert right.part_overlap.shape == (27,)
+    assert np.nanmin(right.part_overlap) >= 0 and np.nanmax(right.part_overlap) <= 1
+    # Four cameras and large voxels: the hull is much larger than the body.
+    assert 0.1 < right.unexplained < 0.75
+    parts = "pelvis", "thorax", "left_thigh", "right_shin", "head"
+    core = [model.names.index(name) for name in parts]
     assert right.part_overlap[core].min() > 0.6
     # An arm stretched to where nobody has one.
     wrong = assess(body_volume, stance(model, {"left_upper_arm.abduction": 110.0}), observed)
     forearm = model.names.index("left_forearm")
-    assert (
-        wrong.part_overlap[forearm] < QUALITY.unsupported
-        and wrong.part_overlap[forearm] < right.part_overlap[forearm]
-    )
+    limit = min(QUALITY.unsupported, right.part_overlap[forearm])
+    assert wrong.part_overlap[forearm] < limit
     assert wrong.unexplained > right.unexplained
     away = assess(body_volume, stance(model, place_m=(5.0, 0.0)), observed)
     sampled = [part for part, points in enumerate(body_volume.part_points) if len(points)]

@@ -135,14 +135,9 @@ def test_people_keep_their_numbers_while_they_walk_past_each_other():
     frames, times_s, y = [], np.arange(8) / 10, (-0.3, 0.3)
     x = np.linspace(-0.7, 0.7, 8)
     for k in range(8):
-        places = (x[k], y[0]), (-x[k], y[1])
+        poses = stance(bodies[0], {}, (x[k], y[0])), stance(bodies[1], {}, (-x[k], y[1]))
         frames.append(
-            union(
-                *(
-                    photograph(seen_by, body, stance(body, {}, place))
-                    for body, place in zip(bodies, places, strict=True)
-                )
-            )
+            union(*(photograph(seen_by, *one) for one in zip(bodies, poses, strict=True)))
         )
     found, _ = find_people(observer(seen_by), frames, times_s, [6] * len(frames))
     assert found.shape == (2, 8, 2)
