@@ -63,13 +63,8 @@ def test_either_command_runs_any_estimator(studio):
 
 def test_settings_are_read_as_in_toml_or_as_text():
     words = ["stature=1.75", "smooth=false", "frames=0:100", 'sex="male"', "tolerance = 1"]
-    assert read_settings(words) == {
-        "stature": 1.75,
-        "smooth": False,
-        "frames": "0:100",
-        "sex": "male",
-        "tolerance": 1,
-    }
+    typed = {"stature": 1.75, "smooth": False, "frames": "0:100", "sex": "male", "tolerance": 1}
+    assert read_settings(words) == typed
     with pytest.raises(InputError, match="--set stature is not understood"):
         read_settings(["stature"])
 

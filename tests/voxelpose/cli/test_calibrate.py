@@ -55,62 +55,35 @@ def lenses(truth, tmp_path_factory) -> Path:
     return path
 
 
+def calibrate(*words) -> int:
+    return run(["calibrate", *map(str, words)])
+
+
 def failure(capsys, *words) -> str:
     """Runs a command that must fail with one line; returns the line."""
     capsys.readouterr()
-    assert run([str(word) for word in words]) == 2
-    error = capsys.readouterr().err.splitlines()
-    return error[-1]
+    assert calibrate(*words) == 2
+    return capsys.readouterr().err.splitlines()[-1]
 
 
 def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_path, capsys):
     calibration = tmp_path / "lenses.toml"
-    assert (
-        run(
-            [
-                "calibrate",
-                "intrinsics",
-                str(studio / "stills"),
-                *LIKE_THIS,
-                "--out",
-                str(calibration),
-            ]
-        )
-        == 0
-    )
+    assert calibrate("intrinsics", studio / "stills", *LIKE_THIS, "--out", calibration) == 0
     output = capsys.readouterr().out
-    assert "used" in output
-    assert "distortion" in output
+    assert "used" in output and "distortion" in output
     result = read_rig(calibration)
     for camera in truth:
         np.testing.assert_allclose(
             np.diag(result[camera.name].matrix)[:2], np.diag(camera.matrix)[:2], rtol=0.01
         )
     assert tomllib.loads(calibration.read_text())["metadata"]["intrinsics"]["cam_0"]["rms_px"] < 0.3
-    assert (
-        json.loads((tmp_path / "lenses_lenses.json").read_text())["cam_1"]["pictures"][0]["picture"]
-        == "00.png"
-    )
+    report = json.loads((tmp_path / "lenses_lenses.json").read_text())
+    assert report["cam_1"]["pictures"][0]["picture"] == "00.png"
     assert cv2.imread(str(tmp_path / "lenses_coverage.png")).std() > 10
 
     rig_path = tmp_path / "calibration.toml"
-    assert (
-        run(
-            [
-                "calibrate",
-                "extrinsics",
-                str(studio / "walk"),
-                "--intrinsics",
-                str(calibration),
-                *LIKE_THIS,
-                "--floor",
-                "0",
-                "--out",
-                str(rig_path),
-            ]
-        )
-        == 0
-    )
+    words = [studio / "walk", "--intrinsics", calibration, *LIKE_THIS, "--floor", "0"]
+    assert calibrate("extrinsics", *words, "--out", rig_path) == 0
     output = capsys.readouterr().out
     assert "reference" in output
     assert "boards that pairs of cameras share: cam_0-cam_1" in output
@@ -120,26 +93,20 @@ def test_from_stills_and_videos_to_a_rig_in_another_format(studio, truth, tmp_pa
     for camera in truth:
         moved = replace(camera, translation=camera.translation + camera.rotation @ corner)
         millimetres, degrees = pose_difference(rig[camera.name], moved)
-        assert millimetres < 30
-        assert degrees < 0.7
+        assert millimetres < 30 and degrees < 0.7
     notes = tomllib.loads(rig_path.read_text())["metadata"]
     assert notes["extrinsics"]["cam_2"]["position_standard_error_mm"] < 20
     assert notes["intrinsics"]["cam_2"]["pictures"] > 4
     assert cv2.imread(str(tmp_path / "calibration_rig.png")).std() > 5
 
-    assert run(["calibrate", "convert", str(rig_path), str(tmp_path / "easymocap")]) == 0
+    assert calibrate("convert", rig_path, tmp_path / "easymocap") == 0
     again = read_rig(tmp_path / "easymocap")
     for camera in rig:
         assert pose_difference(again[camera.name], camera)[0] < 1e-6
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "calibration.toml",
-        "calibration_places.json",
-        "calibration_rig.png",
-        "easymocap",
-        "lenses.toml",
-        "lenses_coverage.png",
-        "lenses_lenses.json",
-    ]
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("calibration.toml", "calibration_places.json", "calibration_rig.png"),
+        *("easymocap", "lenses.toml", "lenses_coverage.png", "lenses_lenses.json"),
+    }
 
 
 @pytest.mark.parametrize("turns", [{3: 2, 1: 0}, {6: 1, 1: 0}, {8: 3, 3: 2}])
@@ -152,10 +119,7 @@ def test_pictures_that_exif_data_turn_have_one_lens(studio, truth, tmp_path, cap
         file = tmp_path / "cam_0" / f"{at:02d}.jpg"
         Image.open(still).convert("RGB").save(file, quality=95, exif=data)
     out = tmp_path / "lens.toml"
-    assert (
-        run(["calibrate", "intrinsics", str(tmp_path / "cam_0"), *LIKE_THIS, "--out", str(out)])
-        == 0
-    )
+    assert calibrate("intrinsics", tmp_path / "cam_0", *LIKE_THIS, "--out", out) == 0
     assert "turned back to the sensor's pixels" in capsys.readouterr().err
     camera = read_rig(out, lenses=True)["cam_0"]
     assert camera.size == SIZE
@@ -182,8 +146,8 @@ def test_shared_pictures_of_boards(shared, tmp_path, capsys, name, kind, asked, 
         pytest.skip(f"no script that draws boards at {script}")
     subprocess.run([sys.executable, script, tmp_path / "cam_1", kind, "1"], check=True)
     out = tmp_path / "lens.toml"
-    given = ["calibrate", "intrinsics", str(tmp_path / "cam_1"), "--square", "0.03", *asked]
-    assert run([*given, "--out", str(out)]) == 0
+    given = ["intrinsics", tmp_path / "cam_1", "--square", "0.03", *asked]
+    assert calibrate(*given, "--out", out) == 0
     assert words in capsys.readouterr().err
     matrix = read_rig(out, lenses=True)["cam_1"].matrix
     np.testing.assert_allclose(matrix, [[820, 0, 505], [0, 820, 345], [0, 0, 1]], atol=3)
@@ -195,19 +159,10 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     stills = sorted((studio / "stills" / "cam_0").glob("*.png"))
     pictures = [cv2.imread(str(still)) for still in stills]
     write_video(tmp_path / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
-    words = [
-        "calibrate",
-        "intrinsics",
-        str(tmp_path / "cam_0.avi"),
-        *LIKE_THIS,
-        "--frames",
-        "8",
-        "--out",
-        str(tmp_path / "lens.toml"),
-    ]
-    assert run(words) == 0
-    output = capsys.readouterr().out
-    assert "shows the board much as another frame does" in output
+    words = ["intrinsics", tmp_path / "cam_0.avi", *LIKE_THIS, "--frames", "8"]
+    words += ["--out", tmp_path / "lens.toml"]
+    assert calibrate(*words) == 0
+    assert "shows the board much as another frame does" in capsys.readouterr().out
     report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
     assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
     assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
@@ -219,8 +174,8 @@ def test_many_pictures_in_a_folder_are_a_film(studio, tmp_path, capsys):
     for number, still in enumerate(sorted((studio / "stills" / "cam_0").glob("*.png"))):
         for copy in range(6):
             shutil.copy(still, tmp_path / "cam_0" / f"{6 * number + copy:04d}.png")
-    words = ["calibrate", "intrinsics", str(tmp_path / "cam_0"), *LIKE_THIS, "--frames", "8"]
-    assert run([*words, "--out", str(tmp_path / "lens.toml")]) == 0
+    words = ["intrinsics", tmp_path / "cam_0", *LIKE_THIS, "--frames", "8"]
+    assert calibrate(*words, "--out", tmp_path / "lens.toml") == 0
     assert "shows the board much as another frame does" in capsys.readouterr().out
     report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
     assert len(report["pictures"]) == 72
@@ -229,33 +184,24 @@ def test_many_pictures_in_a_folder_are_a_film(studio, tmp_path, capsys):
 
 def test_boards_that_are_not_there_are_told_of(studio, tmp_path, capsys):
     one = studio / "stills" / "cam_0"
-    out = ["--out", tmp_path / "lens.toml"]
-    start = ["calibrate", "intrinsics"]
-    assert "a board with 8 x 5 inner corners is there, not 9 x 4" in failure(
-        capsys, *start, one / "00.png", "--board", "9x4", "--square", "0.15", *out
-    )
-    assert "1 of 1 pictures serve, 4 are needed" in failure(
-        capsys, *start, one / "00.png", *LIKE_THIS, *out
-    )
-    assert "give metres, 0.15 for millimetres" in failure(
-        capsys, *start, one, "--board", "8x5", "--square", "150", *out
-    )
-    assert "--board 8by5 is not understood" in failure(
-        capsys, *start, one, "--board", "8by5", "--square", "0.15", *out
-    )
+    start = [capsys, "intrinsics", "--out", tmp_path / "lens.toml"]
+    for pictures, board, square, line in (
+        (one / "00.png", "9x4", "0.15", "a board with 8 x 5 inner corners is there, not 9 x 4"),
+        (one / "00.png", "8x5", "0.15", "1 of 1 pictures serve, 4 are needed"),
+        (one, "8x5", "150", "give metres, 0.15 for millimetres"),
+        (one, "8by5", "0.15", "--board 8by5 is not understood"),
+    ):
+        assert line in failure(*start, pictures, "--board", board, "--square", square)
     blank = tmp_path / "blank"
     blank.mkdir()
     cv2.imwrite(str(blank / "0.png"), np.full((120, 160), 128, np.uint8))
-    assert (
-        "camera blank: the board was found in none of 1 pictures: no board with 8 x 5"
-        in failure(capsys, *start, blank, *LIKE_THIS, *out)
-    )
+    said = failure(*start, blank, *LIKE_THIS)
+    assert "camera blank: the board was found in none of 1 pictures: no board with 8 x 5" in said
     cv2.imwrite(str(blank / "0.png"), cv2.resize(cv2.imread(str(one / "00.png")), (720, 540)))
     (blank / "1.png").write_bytes((one / "00.png").read_bytes())
-    assert "camera blank: pictures of different sizes (1.png 480x360, 0.png 720x540)" in failure(
-        capsys, *start, blank, *LIKE_THIS, *out
-    )
-    assert "holds no pictures" in failure(capsys, *start, studio, *LIKE_THIS, *out)
+    said = failure(*start, blank, *LIKE_THIS)
+    assert "camera blank: pictures of different sizes (1.png 480x360, 0.png 720x540)" in said
+    assert "holds no pictures" in failure(*start, studio, *LIKE_THIS)
     assert not (tmp_path / "lens.toml").exists()
 
 
@@ -270,15 +216,7 @@ def test_cameras_that_never_see_the_board_together_are_told_of(studio, lenses, t
             walk / f"{name}.avi",
             [frame if index in range(19)[kept] else blank for index, frame in enumerate(frames)],
         )
-    start = [
-        "calibrate",
-        "extrinsics",
-        walk,
-        "--intrinsics",
-        lenses,
-        "--out",
-        tmp_path / "rig.toml",
-    ]
+    start = ["extrinsics", walk, "--intrinsics", lenses, "--out", tmp_path / "rig.toml"]
     together = failure(capsys, *start, *LIKE_THIS, "--cameras", "cam_0,cam_1")
     assert "no two cameras saw the board at the same moment (moments: cam_0 " in together
     assert "no pictures of cam_2" in failure(capsys, *start, *LIKE_THIS)
@@ -286,7 +224,7 @@ def test_cameras_that_never_see_the_board_together_are_told_of(studio, lenses, t
     assert "--floor 40 is not in the recording: it has frames 0 to 18" in failure(
         capsys, *start, *LIKE_THIS, "--cameras", "cam_0,cam_1", "--floor", "40"
     )
-    assert "give either RECORDING" in failure(capsys, "calibrate", "extrinsics", *start[3:])
+    assert "give either RECORDING" in failure(capsys, "extrinsics", *start[2:])
 
 
 def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
@@ -298,32 +236,22 @@ def test_a_mirrored_video_is_named(studio, lenses, tmp_path, capsys):
         write_video(
             walk / f"{name}.avi", [frame[:, ::-1] if name == "cam_1" else frame for frame in frames]
         )
-    output = failure(
-        capsys,
-        "calibrate",
-        "extrinsics",
-        walk,
-        "--intrinsics",
-        lenses,
-        *LIKE_THIS,
-        "--out",
-        tmp_path / "rig.toml",
-    )
-    assert "camera cam_1's pictures are mirrored" in output
+    words = ["extrinsics", walk, "--intrinsics", lenses, *LIKE_THIS, "--out", tmp_path / "rig.toml"]
+    assert "camera cam_1's pictures are mirrored" in failure(capsys, *words)
 
 
 def test_what_a_conversion_leaves_out_is_said(truth, tmp_path, capsys):
-    rig, out = tmp_path / "rig.qca.txt", str(tmp_path / "out.toml")
+    rig, out = tmp_path / "rig.qca.txt", tmp_path / "out.toml"
     write_rig(truth, rig)
     text = rig.read_text()
     first, second = truth.names[:2]
     mixed = text.replace(f'"none" serial="{first}"', f'"Miqus M3" serial="{first}"')
     rig.write_text(mixed)
-    assert mixed != text and run(["calibrate", "convert", str(rig), out]) == 0
+    assert mixed != text and calibrate("convert", rig, out) == 0
     assert f"left out cameras for markers: {first} (Miqus M3)" in capsys.readouterr().out
     assert first not in read_rig(out)
-    words = ["calibrate", "convert", str(rig), out, "--overwrite", "--cameras"]
-    assert run([*words, first]) == 0
+    words = ["convert", rig, out, "--overwrite", "--cameras"]
+    assert calibrate(*words, first) == 0
     assert read_rig(out).names == (first,)
     assert f"no calibration for x: the rig has {second}" in failure(capsys, *words, "x")
 
@@ -341,17 +269,9 @@ def test_listed_points_place_cameras(truth, lenses, tmp_path, capsys):
     kept = [line for line in lenses.read_text().splitlines() if "tion = " not in line]
     alone = tmp_path / "lenses.toml"
     alone.write_text("\n".join(line for line in kept if "unit" not in line))
-    words = [
-        "calibrate",
-        "extrinsics",
-        "--points",
-        str(points),
-        "--intrinsics",
-        str(alone),
-        "--out",
-        str(tmp_path / "rig.json"),
-    ]
-    assert run(words) == 0
+    words = ["extrinsics", "--points", points, "--intrinsics", alone]
+    words += ["--out", tmp_path / "rig.json"]
+    assert calibrate(*words) == 0
     assert "points that pairs of cameras share: cam_0-cam_1 12" in capsys.readouterr().out
     for camera in read_rig(tmp_path / "rig.json"):
         assert pose_difference(camera, truth[camera.name])[0] < 1
@@ -365,59 +285,36 @@ def test_units_are_stated_or_asked_for(truth, tmp_path, capsys):
     write_rig(truth, tmp_path / "rig.toml")
     text = (tmp_path / "rig.toml").read_text().replace('unit = "m"', "")
     (tmp_path / "rig.toml").write_text(text)
-    words = ["calibrate", "convert", tmp_path / "rig.toml", tmp_path / "out.json"]
+    words = ["convert", tmp_path / "rig.toml", tmp_path / "out.json"]
     assert "in which unit are its lengths?" in failure(capsys, *words)
-    assert (
-        run(
-            [str(word) for word in words] + ["--unit", "mm", "--picture", str(tmp_path / "rig.png")]
-        )
-        == 0
-    )
+    assert calibrate(*words, "--unit", "mm", "--picture", tmp_path / "rig.png") == 0
     assert "in metres" in capsys.readouterr().out
     np.testing.assert_allclose(
         read_rig(tmp_path / "out.json")["cam_0"].center_m, truth["cam_0"].center_m / 1000, atol=1e-9
     )
     assert cv2.imread(str(tmp_path / "rig.png")).std() > 5
-    assert "--size 640 is not understood" in failure(
-        capsys, *words, "--unit", "m", "--overwrite", "--size", "640"
-    )
+    words += ["--unit", "m", "--overwrite", "--size", "640"]
+    assert "--size 640 is not understood" in failure(capsys, *words)
 
 
 def test_a_printed_board_says_what_to_measure(tmp_path, capsys):
-    assert (
-        run(
-            [
-                "calibrate",
-                "board",
-                "--out",
-                str(tmp_path / "board.pdf"),
-                "--paper",
-                "a3",
-                "--charuco",
-            ]
-        )
-        == 0
-    )
+    assert calibrate("board", "--out", tmp_path / "board.pdf", "--paper", "a3", "--charuco") == 0
     output = capsys.readouterr().out
     assert "9 squares in a row are 360 mm" in output
     assert "--board 8x5 --square 0.04 --marker 0.03 --dictionary DICT_4X4_50" in output
-    assert "say how large a square is" in failure(
-        capsys, "calibrate", "board", "--out", tmp_path / "b.pdf", "--paper", "large"
-    )
+    words = ["board", "--out", tmp_path / "b.pdf", "--paper", "large"]
+    assert "say how large a square is" in failure(capsys, *words)
 
 
 def test_a_world_with_z_into_the_floor_is_put_right(tmp_path, capsys):
     """By its cameras, by a named axis, and by a fit, which knows the floor as well."""
     upright = ring(3)
     frame = UprightFrame.from_up([0.0, 0.0, -1.0], -0.5)
+    places = [(c.rotation @ frame.rotation, c.translation + c.rotation[:, 2] / 2) for c in upright]
     wrong = Rig(
         tuple(
-            replace(
-                camera,
-                rotation=camera.rotation @ frame.rotation,
-                translation=camera.translation - camera.rotation @ [0, 0, -0.5],
-            )
-            for camera in upright
+            replace(camera, rotation=rotation, translation=translation)
+            for camera, (rotation, translation) in zip(upright, places, strict=True)
         )
     )
     source = tmp_path / "board.toml"
@@ -431,14 +328,14 @@ def test_a_world_with_z_into_the_floor_is_put_right(tmp_path, capsys):
     for number, words in enumerate((["cameras"], ["-z"], ["person", "--result", str(result)])):
         out = tmp_path / f"{number}.toml"
         option = [f"--up={words[0]}", *words[1:]]
-        assert run(["calibrate", "convert", str(source), str(out), *option]) == 0
+        assert calibrate("convert", source, out, *option) == 0
         assert "z is now up, which was -z" in capsys.readouterr().out
         for camera, expected in zip(read_rig(out), upright, strict=True):
             np.testing.assert_allclose(camera.rotation, expected.rotation, atol=1e-9)
             height = expected.center_m[2] - (0.0 if words[0] == "person" else 0.5)
             assert camera.center_m[2] == pytest.approx(height, abs=1e-9)
         assert read_up(out) == pytest.approx([0, 0, 1])
-    failing = ["calibrate", "convert", str(source), str(tmp_path / "x.toml")]
+    failing = ["convert", source, tmp_path / "x.toml"]
     assert "--up person needs --result" in failure(capsys, *failing, "--up", "person")
     assert "--up=sky is no direction" in failure(capsys, *failing, "--up", "sky")
     source.write_text(source.read_text().replace('unit = "m"', 'unit = "m"\nup = "sky"'))

@@ -18,26 +18,15 @@ def test_beside_the_result_and_again(fitted, capsys):
     output = capsys.readouterr().out.split()
     assert "fitted/motion.glb" in output
     assert {path.name for path in fitted.iterdir()} - before == {
-        "motion.glb",
-        "motion.trc",
-        "motion.mot",
-        "motion.c3d",
-        "joints_wide.csv",
-        "angles.csv",
-        "motion.npz",
-        "export.json",
+        *("motion.glb", "motion.trc", "motion.mot", "motion.c3d", "motion.npz"),
+        *("joints_wide.csv", "angles.csv", "export.json"),
     }
 
 
 def test_elsewhere(fitted, desk, capsys):
     assert run(["export", "fitted", "--to", "GLB, csv", "--out", "lab"]) == 0
-    assert {path.name for path in (desk / "lab").iterdir()} == {
-        "motion.glb",
-        "joints.csv",
-        "joints_wide.csv",
-        "angles.csv",
-        "export.json",
-    }
+    names = {"motion.glb", "joints.csv", "joints_wide.csv", "angles.csv", "export.json"}
+    assert {path.name for path in (desk / "lab").iterdir()} == names
     assert run(["export", "fitted", "--to", "glb", "--out", "lab"]) == 2
     assert "lab/motion.glb exists" in capsys.readouterr().err
     assert run(["export", "fitted", "--to", "glb", "--out", "lab", "--overwrite"]) == 0

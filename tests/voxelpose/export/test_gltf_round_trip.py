@@ -12,15 +12,8 @@ from voxelpose.export.gltf import write_glb
 def test_the_exported_body_comes_back(tmp_path):
     body = BodyModel.from_sizes(BodySizes(1.75, sex="female"))
     angles = np.linspace(-0.1, 0.1, body.dof_count)[None]
-    motion = Motion(
-        30.0,
-        body,
-        np.array([[0.3, -0.2, 0.9]]),
-        np.array([[1.0, 0, 0, 0]]),
-        angles,
-        np.zeros(1, np.int64),
-        np.zeros(1),
-    )
+    place = np.array([[0.3, -0.2, 0.9]]), np.array([[1.0, 0, 0, 0]])
+    motion = Motion(30.0, body, *place, angles, np.zeros(1, np.int64), np.zeros(1))
     write_glb(motion, tmp_path / "body.glb")
     back = read_gltf(tmp_path / "body.glb")
     order = [back.names.index(name) for name in body.names]

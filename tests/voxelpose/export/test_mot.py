@@ -23,17 +23,11 @@ def read_trc(path: Path) -> tuple[dict[str, str], list[str], np.ndarray, np.ndar
     assert lines[0].split("\t")[:3] == ["PathFileType", "4", "(X/Y/Z)"]
     about = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=True))
     names = [name for name in lines[3].split("\t")[2:] if name]
-    assert lines[4].split("\t")[2:] == [
-        f"{axis}{k + 1}" for k in range(len(names)) for axis in "XYZ"
-    ]
+    axes = [f"{axis}{k + 1}" for k in range(len(names)) for axis in "XYZ"]
+    assert lines[4].split("\t")[2:] == axes
     table = np.array([[float(cell) for cell in line.split("\t")] for line in lines[5:] if line])
     points = table[:, 2:].reshape(len(table), len(names), 3)
-    return (
-        about,
-        names,
-        table[:, :2],
-        points[..., [2, 0, 1]],
-    )  # world x, y, z are the file's z, x, y
+    return about, names, table[:, :2], points[..., [2, 0, 1]]  # world x, y, z: the file's z, x, y
 
 
 def read_mot(path: Path) -> dict[str, np.ndarray]:
@@ -41,9 +35,8 @@ def read_mot(path: Path) -> dict[str, np.ndarray]:
     end = lines.index("endheader")
     about = dict(line.split("=") for line in lines[:end] if "=" in line)
     names = lines[end + 1].split("\t")
-    table = np.array(
-        [[float(cell) for cell in line.split("\t")] for line in lines[end + 2 :] if line]
-    )
+    rows = [line.split("\t") for line in lines[end + 2 :] if line]
+    table = np.array(rows).astype(float)
     assert (int(about["nRows"]), int(about["nColumns"])) == table.shape == (len(table), len(names))
     assert about["inDegrees"] == "yes"
     return dict(zip(names, table.T, strict=True))
@@ -55,9 +48,8 @@ def turned(columns: dict[str, np.ndarray], *names: str, mirror: float = 1.0) -> 
     """
     zero = np.zeros(len(columns["time"]))
     z, x, y = (columns.get(name, zero) for name in names)
-    return Rotation.from_euler(
-        "ZXY", np.column_stack([z, mirror * x, mirror * y]), degrees=True
-    ).as_matrix()
+    angles = np.column_stack([z, mirror * x, mirror * y])
+    return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix()
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -122,10 +122,7 @@ def test_the_files_and_times_are_those_beside_them(folder):
     assert [int(row.split("\t")[0]) - 1 for row in rows] == [3, 4, 5, 8, 9]
     assert text.splitlines()[2].split("\t")[2] == "5"
     times = [float(row.split("\t")[1]) for row in rows]
-    assert [float(word) for word in inverse.findtext("time_range", "").split()] == [
-        times[0],
-        times[-1],
-    ]
+    assert [*map(float, inverse.findtext("time_range", "").split())] == [times[0], times[-1]]
 
 
 def test_the_static_pose_stands_upright_and_faces_ahead(folder):

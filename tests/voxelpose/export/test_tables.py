@@ -27,18 +27,11 @@ def test_wide_joints(tmp_path, motion):
     read = rows(tmp_path / "joints_wide.csv")
     assert [int(row["frame"]) for row in read] == [0, 1, 3, 6]
     assert float(read[2]["time_s"]) == pytest.approx(3 / 25)
-    joints = np.array(
-        [
-            [[float(row[f"{name}_{axis}_m"]) for axis in "xyz"] for name in LANDMARK_NAMES]
-            for row in read
-        ]
-    )
-    np.testing.assert_allclose(joints, motion.landmarks(), atol=1e-6)
-    assert (
-        float(read[-1]["right_wrist_z_m"])
-        > float(read[-1]["head_top_z_m"])
-        > float(read[-1]["left_wrist_z_m"])
-    )
+    columns = [f"{name}_{axis}_m" for name in LANDMARK_NAMES for axis in "xyz"]
+    joints = np.array([[float(row[name]) for name in columns] for row in read])
+    np.testing.assert_allclose(joints, motion.landmarks().reshape(4, -1), atol=1e-6)
+    right, head, left = (f"{name}_z_m" for name in ("right_wrist", "head_top", "left_wrist"))
+    assert float(read[-1][right]) > float(read[-1][head]) > float(read[-1][left])
 
 
 def test_angles(tmp_path, motion):
@@ -47,12 +40,8 @@ def test_angles(tmp_path, motion):
     assert list(read[0]) == ["frame", "time_s", *(f"{name}_deg" for name in angles.names)]
     table = np.array([[float(row[f"{name}_deg"]) for name in angles.names] for row in read])
     np.testing.assert_allclose(table, angles.degrees, atol=1e-3)
-    assert (
-        float(read[-1]["left_knee_flexion_deg"])
-        > 80
-        > 20
-        > float(read[-1]["right_knee_flexion_deg"])
-    )
+    left_deg, right_deg = (float(read[-1][f"{s}_knee_flexion_deg"]) for s in ("left", "right"))
+    assert left_deg > 80 > 20 > right_deg
 
 
 def test_somebody_who_turns_twice_leaves_no_jumps(tmp_path):

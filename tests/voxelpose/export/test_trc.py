@@ -30,10 +30,8 @@ def write(path, points, names, unit="mm", scale=1000.0, gap="", first=1):
     ]
     lines = [*head, "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t", "\t\tX1\tY1\tZ1", ""]
     for row, frame in enumerate(points):
-        cells = "\t".join(
-            gap if np.isnan(value) else f"{scale * value:.4f}" for value in frame.ravel()
-        )
-        lines.append(f"{row + first}\t{row / 100}\t{cells}\t")
+        cells = [gap if np.isnan(value) else f"{scale * value:.4f}" for value in frame.ravel()]
+        lines.append("\t".join([f"{row + first}", f"{row / 100}", *cells, ""]))
     path.write_bytes("\r\n".join([*lines, ""]).encode())
 
 
@@ -55,9 +53,8 @@ def test_detectors_names_their_axes_and_no_pelvis(tmp_path, take):
 )
 def test_axes(tmp_path, take, axes, from_world):
     write(tmp_path / "x.trc", take.landmarks()[..., from_world], LANDMARK_NAMES, "m", 1.0)
-    np.testing.assert_allclose(
-        read_truth(tmp_path / "x.trc", axes=axes), take.landmarks(), atol=1e-4
-    )
+    read = read_truth(tmp_path / "x.trc", axes=axes)
+    np.testing.assert_allclose(read, take.landmarks(), atol=1e-4)
 
 
 def test_axes_that_run_backward(tmp_path, take):
@@ -67,15 +64,12 @@ def test_axes_that_run_backward(tmp_path, take):
 
 
 def test_markers_by_name_go_before_guesses(tmp_path, take):
-    names = [
-        {"neck": "C7", "left_hip": "LHJC", "right_hip": "hip_r"}.get(name, name)
-        for name in LANDMARK_NAMES
-    ]
+    others = {"neck": "C7", "left_hip": "LHJC", "right_hip": "hip_r"}
+    names = [others.get(name, name) for name in LANDMARK_NAMES]
     points = np.concatenate([take.landmarks(), 9 + take.landmarks()[:, :1]], axis=1)[..., [1, 2, 0]]
     write(tmp_path / "x.trc", points, [*names, "Neck"])
-    np.testing.assert_allclose(
-        read_trc(tmp_path / "x.trc", markers={"neck": "C7"}), take.landmarks(), atol=1e-6
-    )
+    read = read_trc(tmp_path / "x.trc", markers={"neck": "C7"})
+    np.testing.assert_allclose(read, take.landmarks(), atol=1e-6)
 
 
 @pytest.mark.parametrize("gap", ["", "NaN"])
@@ -134,9 +128,8 @@ def test_what_is_no_trc(tmp_path, content):
 
 def test_real_trc_is_the_truth_made_from_it(shared):
     folder = shared / "data" / "balancing4"
-    np.testing.assert_allclose(
-        read_truth(folder / "reference.trc"), read_truth(folder / "truth.json"), atol=1e-5
-    )
+    read = read_truth(folder / "reference.trc")
+    np.testing.assert_allclose(read, read_truth(folder / "truth.json"), atol=1e-5)
 
 
 @pytest.mark.parametrize(

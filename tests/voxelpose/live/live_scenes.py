@@ -35,15 +35,9 @@ def posed(
     rotation, origin = kinematics.place(
         model, pose.root_m[None], pose.root_rotation[None], angles[None]
     )
-    return PosedBody(
-        model,
-        pose,
-        rotation[0],
-        origin[0],
-        kinematics.landmarks(model, rotation, origin)[0],
-        np.linspace(0.5, 1, 15),
-        0.875,
-    )
+    joints_m = kinematics.landmarks(model, rotation, origin)[0]
+    confidence = np.linspace(0.5, 1, 15), 0.875
+    return PosedBody(model, pose, rotation[0], origin[0], joints_m, *confidence)
 
 
 def bare_frame(number: int = 3, body: PosedBody | None = None) -> LiveFrame:

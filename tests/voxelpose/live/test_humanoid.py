@@ -105,12 +105,9 @@ def test_heading_and_place():
 @pytest.mark.parametrize("stature_m", [1.5, 1.9])
 def test_a_humanoid_of_these_lengths_stands_where_the_body_stands(stature_m):
     generator = np.random.default_rng(7)
-    body = posed(
-        {name: generator.uniform(-40, 40) for name in person().tree.dof_names},
-        Rotation.random(rng=generator).as_matrix(),
-        (0.3, -0.2, 1.1),
-        person(stature_m),
-    )
+    degrees = {name: generator.uniform(-40, 40) for name in person().tree.dof_names}
+    turn = Rotation.random(rng=generator).as_matrix()
+    body = posed(degrees, turn, (0.3, -0.2, 1.1), person(stature_m))
     found = world(body)
     for name, part in zip(BONE_NAMES, BONE_PARTS, strict=True):
         x, y, z = body.part_origin_m[part]

@@ -108,12 +108,8 @@ print(recorder.written, recorder.failure)
 
 def test_what_was_written_before_the_disk_was_full_can_be_read(tmp_path):
     """timestamps.csv must not grow beyond 1000 bytes, which is in the middle of a line."""
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, str(tmp_path / "r")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    words = [sys.executable, "-c", FULL, str(tmp_path / "r")]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
     written, _, failure = done.stdout.partition(" ")
     assert "recording ended" in failure
     assert 0 < int(written) < 40

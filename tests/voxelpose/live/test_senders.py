@@ -7,23 +7,19 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from oscpy.parser import read_packet
 from websockets.sync.server import Server, ServerConnection, serve
 
 from calib.errors import InputError
+from tests.voxelpose.live import sessions
 from tests.voxelpose.live.live_scenes import bare_frame, posed
 from voxelpose.live.senders import Senders, parse_receiver
 
 BODY = posed({"left_forearm.flexion": 40.0})
-
-
-def wait_until(true: Callable[[], bool], seconds: float = 8.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.01)
+wait_until = partial(sessions.wait_until, seconds=8.0)
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
@@ -43,11 +39,8 @@ def sending(*addresses: str) -> Iterator[Senders]:
         began = time.monotonic()
         senders.close()
         assert time.monotonic() - began < 2.0
-        assert set(threading.enumerate()) <= before | receivers_threads()
-
-
-def receivers_threads() -> set[threading.Thread]:
-    return {t for t in threading.enumerate() if not t.name.startswith("send to")}
+        new = set(threading.enumerate()) - before
+        assert not [thread for thread in new if thread.name.startswith("send to")]
 
 
 @contextmanager

@@ -8,12 +8,8 @@ from tests.voxelpose.live.live_scenes import bare_frame, posed
 from voxelpose.live.messages import BONE_NAMES, vmc_datagrams
 
 # Performer to marionette, of protocol.vmc.info: the address, and the types of its arguments.
-PROTOCOL = {
-    "/VMC/Ext/OK": "i",
-    "/VMC/Ext/T": "f",
-    "/VMC/Ext/Root/Pos": "sfffffff",
-    "/VMC/Ext/Bone/Pos": "sfffffff",
-}
+PROTOCOL = {"/VMC/Ext/OK": "i", "/VMC/Ext/T": "f"}
+PROTOCOL |= {"/VMC/Ext/Root/Pos": "sfffffff", "/VMC/Ext/Bone/Pos": "sfffffff"}
 OWN = {"/voxelpose/confidence": "f"}
 
 
@@ -23,13 +19,8 @@ def messages(datagrams: list[bytes]) -> list[tuple[str, str, list]]:
     for datagram in datagrams:
         assert datagram.startswith(b"#bundle\0") and len(datagram) <= 1400
         for address, types, values, _ in read_packet(datagram, encoding="utf8"):
-            found.append(
-                (
-                    address.decode() if isinstance(address, bytes) else address,
-                    types.decode() if isinstance(types, bytes) else types,
-                    list(values),
-                )
-            )
+            texts = (one.decode() if isinstance(one, bytes) else one for one in (address, types))
+            found.append((*texts, list(values)))
     return found
 
 

@@ -23,12 +23,10 @@ def result(tmp_path, lost=(), outline_agreement=0.9, **overlaps):
         "outline_agreement": np.broadcast_to(np.asarray(outline_agreement, float), 20),
         "part_overlap": overlap,
     }
+    agreement = {"median": float(np.median(quality["outline_agreement"]))}
     summary = {
         "frames": {"with_pose": 20 - len(lost), "lost": list(lost)},
-        "quality": {
-            "joint_sigma_mm": {},
-            "outline_agreement": {"median": float(np.median(quality["outline_agreement"]))},
-        },
+        "quality": {"joint_sigma_mm": {}, "outline_agreement": agreement},
     }
     return Result(tmp_path, replace(motion, quality=quality), ring(2), summary, {})
 

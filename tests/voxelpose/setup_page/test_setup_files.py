@@ -133,14 +133,8 @@ def test_errors_of_points_are_distances_to_where_the_calibration_puts_them():
     pixels = {camera.name: camera.project(place[None])[0][0] for camera in rig}
     exact = {name: (float(x), float(y)) for name, (x, y) in pixels.items()}
     off = exact | {"cam_2": (exact["cam_2"][0] + 3, exact["cam_2"][1] - 4)}
-    found = point_errors(
-        [
-            PointClicked("measured", off, (0.3, -0.2, 1.1)),
-            PointClicked("seen", exact),
-            PointClicked("once", {"cam_1": (3, 4)}),
-        ],
-        rig,
-    )
+    points = [PointClicked("measured", off, (0.3, -0.2, 1.1)), PointClicked("seen", exact)]
+    found = point_errors([*points, PointClicked("once", {"cam_1": (3, 4)})], rig)
     assert found["measured"]["pixels"]["cam_2"]["error_px"] == pytest.approx(5)
     assert found["measured"]["pixels"]["cam_1"]["error_px"] == pytest.approx(0, abs=1e-6)
     assert found["seen"]["position_m"] == pytest.approx(place.tolist(), abs=1e-6)
@@ -150,26 +144,14 @@ def test_errors_of_points_are_distances_to_where_the_calibration_puts_them():
 def test_settings_are_those_of_fit_and_the_rest_of_the_file_stays(walk):
     path = walk / "voxelpose.toml"
     path.write_text('# mine\n[live]\nframes = 3\n\n[fit]\nsmooth = false  # keep\nrepair = "off"\n')
-    chosen = {
-        "background": "paper",
-        "tolerance": 1,
-        "voxel": 0.02,
-        "repair": None,
-        "cameras": "cam_1,cam_3",
-        "up": "-z",
-    }
+    given = {"background": "paper", "tolerance": 1, "voxel": 0.02, "cameras": "cam_1,cam_3"}
+    given["up"] = "-z"
+    chosen = given | {"repair": None}
     check_choices(chosen, ("cam_1", "cam_2", "cam_3"))
     path.write_text(path.read_text().replace("[live]\nframes = 3\n", ""))
     assert change_section(path, "fit", chosen)
     found = {name: each.value for name, each in folder_settings("fit", walk).items()}
-    assert found == {
-        "smooth": False,
-        "background": "paper",
-        "tolerance": 1,
-        "voxel": 0.02,
-        "cameras": "cam_1,cam_3",
-        "up": "-z",
-    }
+    assert found == given | {"smooth": False}
     assert "# mine" in path.read_text() and "# keep" in path.read_text()
     assert not change_section(walk / "none.toml", "fit", {"up": None})
 

@@ -62,13 +62,8 @@ def talk(port: int, data: bytes) -> str:
 
 
 def upgrade(*more: str) -> tuple[str, ...]:
-    return (
-        "Connection: Upgrade",
-        "Upgrade: websocket",
-        "Sec-WebSocket-Version: 13",
-        f"Sec-WebSocket-Key: {base64.b64encode(b'0123456789abcdef').decode()}",
-        *more,
-    )
+    key = f"Sec-WebSocket-Key: {base64.b64encode(b'0123456789abcdef').decode()}"
+    return "Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13", key, *more
 
 
 def cookie_of(server: GatedServer) -> str:

@@ -24,20 +24,17 @@ def frame(name: str, moment: Moment, kind: Literal["a", "b"] = "a") -> dict:
     return {"name": name, "moment": moment, "kind": kind}
 
 
-def fail() -> None:
-    raise RuntimeError("a secret")
-
-
-def doubled(asked: Whole) -> dict:
-    return {"twice": 2 * asked.number}
-
-
-def join(first: str, second: str = "z") -> dict:
-    return {"joined": first + second}
-
-
 @pytest.fixture(scope="module")
 def server(tmp_path_factory) -> Iterator[GatedServer]:
+    def fail() -> None:
+        raise RuntimeError("a secret")
+
+    def doubled(asked: Whole) -> dict:
+        return {"twice": 2 * asked.number}
+
+    def join(first: str, second: str = "z") -> dict:
+        return {"joined": first + second}
+
     path = tmp_path_factory.mktemp("kept") / "a.zip"
     path.write_bytes(300_000 * b"z")
     page = PageAnswers(
