@@ -1,4 +1,4 @@
-"""Crude people, and distances from them the slow way."""
+"""Crude people, distances from them the slow way, noise, and how well silhouettes agree."""
 
 import cv2
 import numpy as np
@@ -18,6 +18,16 @@ def figure(rng, shape=(60, 80)):
         end = middle + np.array([np.cos(angle), np.sin(angle)]) * h * rng.uniform(0.2, 0.4)
         cv2.line(image, middle.astype(int).tolist(), end.astype(int).tolist(), 1, max(1, h // 20))
     return image.astype(bool)
+
+
+def noisy(picture, rng, noise=1.5):
+    return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
+
+
+def agreements(model, frames, masks):
+    """Intersection over union of the silhouettes of frames with the true ones."""
+    silhouettes = np.stack([model.silhouette(frame) for frame in frames])
+    return (silhouettes & masks).sum(axis=(1, 2)) / (silhouettes | masks).sum(axis=(1, 2))
 
 
 def to_set(points, shape):

@@ -1,27 +1,21 @@
 """Background models against the paper's formula, and on synthetic scenes."""
 
+import re
+
 import numpy as np
 import pytest
 
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.tuning import BACKGROUND
 from tests.oracles import image as reference
+from tests.silhouette_core.image.drawn_figures import noisy
 
 SIZE = (48, 64)
 
 
-def scene(rng: np.random.Generator) -> np.ndarray:
-    """An empty room: smooth light over a coloured wall, (H, W, 3) float."""
-    light = (
-        110
-        + 60 * np.linspace(0, 1, SIZE[1])[None, :, None]
-        + 20 * np.linspace(0, 1, SIZE[0])[:, None, None]
-    )
-    return light * np.array([1.0, 0.9, 0.8])
-
-
-def noisy(picture: np.ndarray, rng: np.random.Generator, noise: float = 1.5) -> np.ndarray:
-    return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
+# An empty room: smooth light over a coloured wall, (H, W, 3).
+LIGHT = 110 + 60 * np.linspace(0, 1, SIZE[1]) + 20 * np.linspace(0, 1, SIZE[0])[:, None]
+ROOM = LIGHT[..., None] * np.array([1.0, 0.9, 0.8])
 
 
 def paper_reference(frames: list[np.ndarray], frame: np.ndarray) -> np.ndarray:
@@ -39,8 +33,7 @@ def paper_reference(frames: list[np.ndarray], frame: np.ndarray) -> np.ndarray:
 
 def test_the_paper_method_equals_the_formula():
     rng = np.random.default_rng(0)
-    frames = [noisy(scene(rng), rng) for _ in range(20)]
-    frame = noisy(scene(rng), rng)
+    *frames, frame = (noisy(ROOM, rng) for _ in range(21))
     frame[10:30, 20:30] = (40, 40, 180)
     frame[10:30, 40:50] = (frame[10:30, 40:50] * 0.4).astype(np.uint8)
     result = BackgroundModel.from_frames(frames, "paper").silhouette(frame)
@@ -49,23 +42,18 @@ def test_the_paper_method_equals_the_formula():
 
 def test_a_single_frame_suffices():
     rng = np.random.default_rng(1)
-    model = BackgroundModel.from_frames([noisy(scene(rng), rng)])
-    picture = scene(rng)
-    picture[10:34, 20:36] = (40, 40, 180)
+    model = BackgroundModel.from_frames([noisy(ROOM, rng)])
     truth = np.zeros(SIZE, bool)
     truth[10:34, 20:36] = True
-    result = model.silhouette(noisy(picture, rng))
+    result = model.silhouette(noisy(np.where(truth[..., None], (40, 40, 180), ROOM), rng))
     assert (result & truth).sum() / (result | truth).sum() > 0.95
 
 
 def test_wrong_frames_are_refused():
-    rng = np.random.default_rng(3)
-    model = BackgroundModel.from_frames([noisy(scene(rng), rng)])
-    with pytest.raises(ValueError, match=r"\(48, 64, 3\) uint8, got \(48, 64\)"):
-        model.silhouette(np.zeros(SIZE, np.uint8))
-    with pytest.raises(ValueError, match=r"\(48, 64, 3\) uint8, got \(20, 20, 3\)"):
-        model.silhouette(np.zeros((20, 20, 3), np.uint8))
-    with pytest.raises(ValueError, match="got none"):
-        BackgroundModel.from_frames([])
-    with pytest.raises(ValueError, match="got none"):
-        BackgroundModel.from_occupied([])
+    model = BackgroundModel.from_frames([noisy(ROOM, np.random.default_rng(3))])
+    for shape in (SIZE, (20, 20, 3)):
+        with pytest.raises(ValueError, match=re.escape(f"(48, 64, 3) uint8, got {shape}")):
+            model.silhouette(np.zeros(shape, np.uint8))
+    for of_nothing in (BackgroundModel.from_frames, BackgroundModel.from_occupied):
+        with pytest.raises(ValueError, match="got none"):
+            of_nothing([])

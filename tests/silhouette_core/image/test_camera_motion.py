@@ -12,8 +12,7 @@ from silhouette_core.image.camera_motion import CameraMovement
 
 def room(rng: np.random.Generator) -> np.ndarray:
     """A textured scene, wider than a picture of 320 x 240."""
-    coarse = rng.uniform(40, 215, (20, 26, 3))
-    return np.kron(coarse, np.ones((16, 16, 1)))
+    return np.kron(rng.uniform(40, 215, (20, 26, 3)), np.ones((16, 16, 1)))
 
 
 def picture(scene: np.ndarray, left: int, rng: np.random.Generator, person: int) -> np.ndarray:
@@ -23,19 +22,18 @@ def picture(scene: np.ndarray, left: int, rng: np.random.Generator, person: int)
     return np.clip(seen + rng.normal(0, 2, seen.shape), 0, 255).astype(np.uint8)
 
 
-def test_a_person_who_walks_does_not_move_the_camera():
-    rng = np.random.default_rng(0)
-    scene = room(rng)
-    motion = CameraMovement([picture(scene, 30, rng, 40 + 12 * at) for at in range(12)])
-    assert not motion.moves and not motion.shakes
+def walk(scene: np.ndarray, rng: np.random.Generator) -> list[np.ndarray]:
+    """Pictures of a person who walks before a camera that stands still."""
+    return [picture(scene, 20, rng, 40 + 10 * step) for step in range(12)]
 
 
-@pytest.mark.parametrize("near", [0, 11])
-def test_somebody_who_hides_the_rim_at_first_or_last_does_not_move_the_camera(near):
+@pytest.mark.parametrize("near", [None, 0, 11])
+def test_who_walks_or_hides_the_rim_at_first_or_last_does_not_move_the_camera(near):
     rng = np.random.default_rng(7)
     scene = room(rng)
-    frames = [picture(scene, 30, rng, 40 + 12 * at) for at in range(12)]
-    frames[near][:, 30:] = np.uint8(room(rng)[:240, :290])  # before the lens
+    frames = [picture(scene, 30, rng, 40 + 12 * step) for step in range(12)]
+    if near is not None:
+        frames[near][:, 30:] = np.uint8(room(rng)[:240, :290])  # before the lens
     motion = CameraMovement(frames)
     assert not motion.moves and not motion.shakes
 
@@ -73,19 +71,17 @@ def test_a_camera_that_shakes_is_told_from_one_that_stands_still(to_px, shakes):
 def test_an_empty_view_of_other_settings_does_not_shake_the_camera(settings, tones):
     rng = np.random.default_rng(6)
     scene = cv2.GaussianBlur(room(rng), (0, 0), 2)
-    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
-    motion = CameraMovement(frames, [np.uint8(settings(scene[10:250, 20:340]))])
+    motion = CameraMovement(walk(scene, rng), [np.uint8(settings(scene[10:250, 20:340]))])
     if tones is None:  # nothing is recognised
         assert motion.shakes and not motion.other_settings
     else:
-        assert (motion.shakes, motion.other_tones) == (False, tones)
-        assert motion.other_settings
+        assert (motion.shakes, motion.other_tones) == (False, tones) and motion.other_settings
 
 
 def test_an_empty_view_in_hlg_is_named_wherever_it_is_found():
     rng = np.random.default_rng(6)
     scene = cv2.GaussianBlur(room(rng), (0, 0), 2)
-    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
+    frames = walk(scene, rng)
     light = 0.3 * (scene[10:250, 20:340] / 255) ** 2.2  # to BT.2100's curve
     curve = 0.17883277 * np.log(np.maximum(12 * light - 0.28466892, 1e-6)) + 0.55991073
     empty = np.uint8(255 * np.where(light <= 1 / 12, np.sqrt(3 * light), curve))
@@ -97,9 +93,10 @@ def test_an_empty_view_in_hlg_is_named_wherever_it_is_found():
 def test_a_camera_that_was_touched_after_its_empty_view_is_told():
     rng = np.random.default_rng(6)
     scene = room(rng)
-    frames = [picture(scene, 20, rng, 40 + 10 * at) for at in range(12)]
-    assert not CameraMovement(frames, [np.uint8(scene[10:250, 20:340])]).shakes
-    assert CameraMovement(frames, [np.uint8(scene[10:250, 23:343])]).shakes
+    frames = walk(scene, rng)
+    for left, shakes in ((20, False), (23, True)):
+        empty = np.uint8(scene[10:250, left : left + 320])
+        assert CameraMovement(frames, [empty]).shakes == shakes
 
 
 def test_somebody_who_fills_the_middle_does_not_move_the_camera():
@@ -136,8 +133,7 @@ def test_a_shared_camera_above_a_plain_floor_stands_still(shared, tmp_path):
         pytest.skip(f"no script that draws the recording at {script}")
     subprocess.run([sys.executable, script, tmp_path / "ceiling", "ceiling", "5"], check=True)
     film = cv2.VideoCapture(str(tmp_path / "ceiling" / "cam_3.mp4"))
-    frames = [film.read()[1] for _ in range(24)]
-    motion = CameraMovement(frames)
+    motion = CameraMovement([film.read()[1] for _ in range(24)])
     assert not motion.moves and not motion.shakes
 
 

@@ -8,6 +8,7 @@ from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.cut import _ROUNDS, least_cut
 from silhouette_core.image.exposure import Aligner
 from tests.oracles.image import least_cost_labels
+from tests.silhouette_core.image.drawn_figures import agreements, noisy
 
 SIZE = (240, 320)
 SKIN, SHIRT, TROUSERS = (90, 120, 190), (90, 140, 110), (120, 60, 40)
@@ -23,17 +24,14 @@ def walk(
         for (top, bottom), colour in (((60, 85), SKIN), ((85, 140), SHIRT), ((140, 210), TROUSERS)):
             picture[top:bottom, left : left + 36] = colour
             mask[top:bottom, left : left + 36] = 1
-        picture = cv2.GaussianBlur(picture, (0, 0), 0.7) + rng.normal(0, 2, picture.shape)
-        frames.append(np.rint(picture).clip(0, 255).astype(np.uint8))
+        frames.append(noisy(cv2.GaussianBlur(picture, (0, 0), 0.7), rng, 2))
         masks.append(mask.astype(bool))
     return np.stack(frames), np.stack(masks)
 
 
 def agreement(frames: np.ndarray, masks: np.ndarray) -> float:
     """Least intersection over union of the silhouettes with the true ones."""
-    model = BackgroundModel.from_occupied(frames)
-    found = np.stack([model.silhouette(frame) for frame in frames])
-    return float(((found & masks).sum((1, 2)) / (found | masks).sum((1, 2))).min())
+    return float(agreements(BackgroundModel.from_occupied(frames), frames, masks).min())
 
 
 def test_a_white_screen_between_black_bars_is_no_person():
@@ -56,14 +54,9 @@ def test_beside_an_empty_view_colours_close_holes():
     wall[:, 150:230] = np.array(SHIRT) + 10  # a wide panel, nearly of the shirt's colour
     frames, masks = walk(wall, range(20, 270, 10), rng)
     soft = cv2.GaussianBlur(wall, (0, 0), 0.7)
-    empty = (np.rint(soft + rng.normal(0, 2, wall.shape)).astype(np.uint8) for _ in range(8))
-    plain = BackgroundModel.from_frames(empty)
-
-    def least(model: BackgroundModel) -> float:
-        found = np.stack([model.silhouette(frame) for frame in frames])
-        return float(((found & masks).sum((1, 2)) / (found | masks).sum((1, 2))).min())
-
-    assert least(plain.with_colours(frames[::2])) > max(0.9, least(plain) + 0.1)
+    plain = BackgroundModel.from_frames(noisy(soft, rng, 2) for _ in range(8))
+    least = agreements(plain, frames, masks).min()
+    assert agreements(plain.with_colours(frames[::2]), frames, masks).min() > max(0.9, least + 0.1)
 
 
 def test_a_cast_shadow_is_no_person():
@@ -72,8 +65,8 @@ def test_a_cast_shadow_is_no_person():
     frames, masks = walk(wall, range(20, 250, 9), rng)
     for frame, mask in zip(frames, masks, strict=True):
         columns = np.flatnonzero(mask.any(axis=0))
-        shadow = frame[205:225, columns[0] + 10 : columns[-1] + 30]
-        lit = ~mask[205:225, columns[0] + 10 : columns[-1] + 30]
+        part = slice(205, 225), slice(columns[0] + 10, columns[-1] + 30)
+        shadow, lit = frame[part], ~mask[part]
         shadow[lit] = (0.6 * shadow[lit]).astype(np.uint8)
     assert agreement(frames, masks) > 0.9
 

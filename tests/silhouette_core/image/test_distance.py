@@ -35,15 +35,10 @@ def test_bounds_hold_all_silhouettes():
 
 def test_thinning_is_that_of_scikit_image():
     rng = np.random.default_rng(4)
-    masks = [figure(rng, (120, 160)) for _ in range(20)] + [
-        rng.random((40, 50)) < share for share in (0.3, 0.6, 0.9)
-    ]
-    for mask in [
-        *masks,
-        np.ones((9, 12), bool),
-        np.zeros((5, 5), bool),
-        np.pad(np.ones((2, 2), bool), 2),
-    ]:
+    masks = [figure(rng, (120, 160)) for _ in range(20)]
+    masks += [rng.random((40, 50)) < share for share in (0.3, 0.6, 0.9)]
+    masks += [np.ones((9, 12), bool), np.zeros((5, 5), bool), np.pad(np.ones((2, 2), bool), 2)]
+    for mask in masks:
         assert (thin_silhouette(mask) == thin_of_scikit_image(mask)).all()
 
 

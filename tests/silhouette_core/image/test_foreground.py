@@ -7,6 +7,7 @@ import pytest
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.image.cast_shadow import darkest_shadow
 from silhouette_core.jit import cores, set_threads
+from tests.silhouette_core.image.drawn_figures import noisy
 
 SIZE = (240, 320)
 NOISE = 1.5
@@ -38,15 +39,11 @@ def person() -> np.ndarray:
         ((600, 200), (600, 240), 90),
         ((600, 340), (600, 480), 130),
         ((560, 300), (430, 480), 36),
+        ((575, 480), (550, 800), 48),
+        ((625, 480), (660, 800), 48),
     ):
         cv2.line(fine, first, second, 1, width)
-    cv2.line(fine, (575, 480), (550, 800), 1, 48)
-    cv2.line(fine, (625, 480), (660, 800), 1, 48)
     return fine
-
-
-def noisy(picture: np.ndarray, rng: np.random.Generator, noise: float = NOISE) -> np.ndarray:
-    return np.clip(np.rint(picture + rng.normal(0, noise, picture.shape)), 0, 255).astype(np.uint8)
 
 
 def composed(
@@ -60,11 +57,8 @@ def composed(
     silhouette.
     """
     coverage = cv2.resize(person.astype(np.float32), SIZE[::-1], interpolation=cv2.INTER_AREA)
-    shadow = cv2.warpAffine(
-        coverage,
-        np.array([[1, -0.9, 130], [0, length, 202 - 200 * length]], np.float32),
-        SIZE[::-1],
-    )
+    matrix = np.array([[1, -0.9, 130], [0, length, 202 - 200 * length]], np.float32)
+    shadow = cv2.warpAffine(coverage, matrix, SIZE[::-1])
     lit = room * (1 - (1 - shadow_ratio) * cv2.GaussianBlur(shadow, (0, 0), 1.5))[..., None]
     shading = np.linspace(0.9, 1.1, SIZE[1])[None, :, None]
     picture = coverage[..., None] * np.array(colour) * shading + (1 - coverage[..., None]) * lit
@@ -166,8 +160,7 @@ def test_a_difference_that_is_everywhere_is_no_clothes(room, model):
     """A video's blocks tint the whole picture by a little."""
     rng = np.random.default_rng(12)
     tint = cv2.GaussianBlur(rng.normal(0, 40, (*SIZE, 3)), (0, 0), 4)
-    soft = model.soft_silhouette(noisy(room + tint, rng))
-    assert soft.tint.mean() < 0.02
+    assert model.soft_silhouette(noisy(room + tint, rng)).tint.mean() < 0.02
 
 
 def test_the_refined_method_is_better_than_the_paper(room, person):
@@ -176,19 +169,15 @@ def test_the_refined_method_is_better_than_the_paper(room, person):
     picture, truth = composed(room, person, CLOTHES["grey"])
     frame = noisy(picture, rng)
     paper = BackgroundModel.from_frames(frames, "paper").silhouette(frame)
-    assert (
-        overlap(BackgroundModel.from_frames(frames).silhouette(frame), truth)
-        > overlap(paper, truth) + 0.05
-    )
+    refined = BackgroundModel.from_frames(frames).silhouette(frame)
+    assert overlap(refined, truth) > overlap(paper, truth) + 0.05
 
 
 @pytest.mark.parametrize("gain", [(0.85, 0.85, 0.85), (1.1, 1.0, 0.95)])
 def test_exposure_and_white_balance_may_change(room, model, person, gain):
     picture, truth = composed(room, person, CLOTHES["red"])
-    assert (
-        overlap(model.silhouette(noisy(picture * np.array(gain), np.random.default_rng(4))), truth)
-        > 0.95
-    )
+    frame = noisy(picture * np.array(gain), np.random.default_rng(4))
+    assert overlap(model.silhouette(frame), truth) > 0.95
 
 
 def test_a_single_frame_suffices_even_under_more_noise(room, person):
@@ -211,8 +200,7 @@ def test_the_gap_between_arm_and_trunk_stays_open(room, model, person):
     empty = cv2.erode((~truth).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     gap = np.zeros(SIZE, bool)
     gap[90:118, 115:138] = empty[90:118, 115:138]
-    assert gap.sum() > 100
-    assert not (result & gap).any()
+    assert gap.sum() > 100 and not (result & gap).any()
 
 
 def test_nothing_outside_the_region(room, model, person):
@@ -252,11 +240,7 @@ def test_a_window_around_the_person_gives_the_same_silhouette(room, model, perso
     _, exposure = model.look(frame)
     whole = model.silhouette(frame)
     rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
-    margin = 20
-    window = (
-        slice(max(rows[0] - margin, 0), rows[-1] + margin),
-        slice(max(columns[0] - margin, 0), columns[-1] + margin),
-    )
+    window = tuple(slice(max(some[0] - 20, 0), some[-1] + 20) for some in (rows, columns))
     near = model.silhouette_near(frame, frame[window], window, exposure)
     assert overlap(near, whole) > 0.995
     darker = noisy(picture * np.array((0.8, 0.85, 0.9)), np.random.default_rng(11))
@@ -264,8 +248,7 @@ def test_a_window_around_the_person_gives_the_same_silhouette(room, model, perso
     assert overlap(near, whole) > 0.98
     upper = slice(window[0].start, int(rows.mean())), window[1]
     half = model.silhouette_near(frame, frame[upper], upper, exposure)
-    assert half.any()
-    assert not half[upper[0].stop :].any()
+    assert half.any() and not half[upper[0].stop :].any()
     with pytest.raises(ValueError, match="part"):
         model.silhouette_near(frame, frame, window, exposure)
     larger = cv2.resize(frame, None, fx=1.5, fy=1.5, interpolation=cv2.INTER_CUBIC)

@@ -34,9 +34,8 @@ def test_two_people_keep_their_numbers_while_they_move():
     windows = PeopleWindows(BrightPeople(), most=2)
     first = centres(windows.see(picture((40, 60, 30, 90), (220, 70, 30, 90))))
     for step in range(8):
-        people = centres(
-            windows.see(picture((40 + 5 * step, 60, 30, 90), (220 - 5 * step, 70, 30, 90)))
-        )
+        frame = picture((40 + 5 * step, 60, 30, 90), (220 - 5 * step, 70, 30, 90))
+        people = centres(windows.see(frame))
     assert set(people) == set(first) == {0, 1}
     for number, centre in people.items():
         assert abs(centre[0] - first[number][0]) == pytest.approx(35, abs=4)
@@ -55,8 +54,7 @@ def test_who_appears_later_is_found():
     windows = PeopleWindows(BrightPeople())
     for _ in range(3):
         assert windows.see(picture()) == {}
-    found = [bool(windows.see(picture((250, 130, 20, 60)))) for _ in range(40)]
-    assert found[-1]
+    assert [windows.see(picture((250, 130, 20, 60))) for _ in range(40)][-1]
 
 
 def test_people_who_touch_are_followed_each():
@@ -115,15 +113,12 @@ def test_what_is_sure_from_one_square_alone_is_nobody():
         sides = ()
 
         def look(self, picture, crop, others=None):
-            seen, again = (
-                super().look(picture, crop, others),
-                any(abs(crop.side_px - side) < 15 for side in self.sides),
-            )
+            seen = super().look(picture, crop, others)
+            again = any(abs(crop.side_px - side) < 15 for side in self.sides)
             self.sides = (*self.sides, crop.side_px) if crop.side_px < 200 else self.sides
             return replace(seen, presence=0.2 if again else seen.presence)
 
-    windows = PeopleWindows(OneSquare())
-    assert windows.see(picture((100, 60, 30, 90))) == {}
+    assert PeopleWindows(OneSquare()).see(picture((100, 60, 30, 90))) == {}
 
 
 def test_a_square_in_which_nobody_is_likely_is_looked_at_once():

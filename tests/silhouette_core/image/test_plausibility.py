@@ -11,15 +11,12 @@ from silhouette_core.image.plausibility import (
     telling_frames,
 )
 
-RNG = np.random.default_rng(3)
 PERSON = np.zeros((120, 160), bool)
 PERSON[20:100, 60:80] = PERSON[30:40, 40:100] = True
 WHITE = np.ones((120, 160), bool)
-NOISE = RNG.random((120, 160)) < 0.5
-NOBODY = np.zeros((120, 160), bool)
-WALL = np.zeros((120, 160), bool)
+NOISE = np.random.default_rng(3).random((120, 160)) < 0.5
+NOBODY, WALL, COLUMN = np.zeros((3, 120, 160), bool)
 WALL[10:110, 30:120] = True
-COLUMN = np.zeros((120, 160), bool)
 COLUMN[:, 70:90] = COLUMN[40:80, 40:120] = True
 LARGER = cv2.dilate(PERSON.view(np.uint8), np.ones((15, 15), np.uint8)) > 0
 
@@ -89,6 +86,5 @@ def test_somebody_who_stands_still_or_is_cut_off_is_plausible(masks):
 def test_every_moment_has_the_frame_after_it(count):
     frames = telling_frames(count)
     assert frames == sorted(frames) and max(frames) < count
-    assert [b - a for a, b in zip(frames[::2], frames[1::2], strict=True)][:-1] == [1] * (
-        len(frames) // 2 - 1
-    )
+    steps = [b - a for a, b in zip(frames[::2], frames[1::2], strict=True)]
+    assert steps[:-1] == [1] * (len(steps) - 1)

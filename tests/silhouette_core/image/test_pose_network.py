@@ -78,9 +78,7 @@ def test_a_woman_who_walks_is_followed_and_cut_out(pose_network, shared, beside)
         (person,) = windows.see(frame).values()
         if number in checked:
             size = frame.shape[1::-1]
-            seen, people = (
-                person.odds(size, 1.0) > 0,
-                checked[number].masks_of_people(size, size)[0],
-            )
+            seen = person.odds(size, 1.0) > 0
+            people = checked[number].masks_of_people(size, size)[0]
             overlaps.append((seen & people).sum() / (seen | people).sum())
     assert person.is_sure and len(overlaps) == 3 and min(overlaps) > 0.93

@@ -36,15 +36,14 @@ def test_images_equal_the_reference(seed):
     vertices, faces, part = blobs(seed)
     parts, depth = render_parts(vertices, faces, part, MATRIX, SIZE)
     expected_parts, expected_depth = np.zeros_like(parts), np.full_like(depth, np.inf)
-    arrays = vertices, faces, part, MATRIX, NEAR_M, False, expected_parts, expected_depth
-    reference.draw(*arrays)
+    given = vertices, faces, part, MATRIX, NEAR_M, False
+    reference.draw(*given, expected_parts, expected_depth)
     np.testing.assert_array_equal(parts > 0, expected_parts > 0)
     seen = parts > 0
     np.testing.assert_allclose(depth[seen], expected_depth[seen], rtol=1e-5)
     assert np.isinf(depth[~seen]).all()
-    assert (
-        parts == expected_parts
-    ).mean() > 0.9999  # only equal depths, rounded differently, may change hands
+    # Only equal depths, rounded differently, may change hands.
+    assert (parts == expected_parts).mean() > 0.9999
 
 
 def ray_distances(rays, a, b, c):
@@ -64,22 +63,26 @@ def test_agrees_with_ray_casting_away_from_the_outlines():
     vertices, faces, part = blobs(5)
     parts, depth = render_parts(vertices, faces, part, MATRIX, SIZE)
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
-    rays = np.stack(
-        [(x - MATRIX[0, 2]) / MATRIX[0, 0], (y - MATRIX[1, 2]) / MATRIX[1, 1], np.ones(x.shape)], -1
-    ).reshape(-1, 3)
+    rays = np.stack([x, y, np.ones(x.shape)], -1).reshape(-1, 3) @ np.linalg.inv(MATRIX).T
     distance = np.stack([ray_distances(rays, *vertices[face]) for face in faces])
-    nearest = distance.argmin(0)
-    cast_depth = distance.min(0)
-    expected = np.where(np.isfinite(cast_depth), part[nearest] + 1, 0).astype(np.uint8)
-    expected = expected.reshape(parts.shape)
-    # Boundary band: a pixel beside another label may fall to either side by the 1/256 pixel
-    # rounding.
+    cast_depth = distance.min(0).reshape(parts.shape)
+    nearest = part[distance.argmin(0)].reshape(parts.shape)
+    expected = np.where(np.isfinite(cast_depth), nearest + 1, 0).astype(np.uint8)
+    # A pixel beside another label may fall to either side by the 1/256 pixel rounding.
     kernel = np.ones((3, 3), np.uint8)
     band = cv2.dilate(expected, kernel) != cv2.erode(expected, kernel)
     np.testing.assert_array_equal(parts[~band], expected[~band])
     assert (parts != expected).mean() < 2e-3
     inner = ~band & (parts > 0)
-    np.testing.assert_allclose(depth[inner], cast_depth.reshape(parts.shape)[inner], atol=0.02)
+    np.testing.assert_allclose(depth[inner], cast_depth[inner], atol=0.02)
+
+
+def times_drawn(vertices, faces, size):
+    """How often every pixel is drawn where each face is drawn alone."""
+    part = np.zeros(1, np.int32)
+    return sum(
+        render_parts(vertices, face[None], part, np.eye(3), size)[0].astype(int) for face in faces
+    )
 
 
 def test_shared_edges_are_drawn_once():
@@ -92,34 +95,21 @@ def test_shared_edges_are_drawn_once():
     pixels = np.vstack([[20.0, 20.0], ring])
     vertices = np.column_stack([pixels, np.ones(9)])
     faces = np.array([[0, i, i % 8 + 1] for i in range(1, 9)], np.int32)
-    count = np.zeros((40, 40), int)
-    for i in range(8):
-        count += render_parts(
-            vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (40, 40)
-        )[0]
     expected = np.zeros((40, 40), int)
-    expected[10:30, 10:30] = (
-        1  # left and top edges belong to the square, right and bottom ones do not
-    )
-    np.testing.assert_array_equal(count, expected)
+    # Left and top edges belong to the square, right and bottom ones do not.
+    expected[10:30, 10:30] = 1
+    np.testing.assert_array_equal(times_drawn(vertices, faces, (40, 40)), expected)
 
 
 def test_random_fans_tile_without_gaps_or_doubles():
     rng = np.random.default_rng(3)
     angles = np.sort(rng.uniform(0, 2 * np.pi, 12))
-    pixels = np.vstack(
-        [[50.3, 48.9], np.column_stack([50 + 45 * np.cos(angles), 50 + 45 * np.sin(angles)])]
-    )
+    ring = 50 + 45 * np.column_stack([np.cos(angles), np.sin(angles)])
+    pixels = np.vstack([[50.3, 48.9], ring])
     vertices = np.column_stack([pixels, np.ones(13)]) * rng.uniform(1, 4, (13, 1))
     faces = np.array([[0, i, i % 12 + 1] for i in range(1, 13)], np.int32)
-    count = sum(
-        render_parts(vertices, faces[i : i + 1], np.zeros(1, np.int32), np.eye(3), (100, 100))[
-            0
-        ].astype(int)
-        for i in range(12)
-    )
     whole = render_parts(vertices, faces, np.zeros(12, np.int32), np.eye(3), (100, 100))[0]
-    np.testing.assert_array_equal(count, whole)
+    np.testing.assert_array_equal(times_drawn(vertices, faces, (100, 100)), whole)
 
 
 def test_triangle_through_the_near_plane_is_clipped():
@@ -143,9 +133,8 @@ def test_faces_with_corners_that_are_not_finite_are_omitted():
     parts, _ = render_parts(vertices, faces, part, MATRIX, SIZE)
     kept = ~(faces == faces[0, 0]).any(1)
     vertices[faces[0, 0]] = 1.0
-    np.testing.assert_array_equal(
-        parts, render_parts(vertices, faces[kept], part[kept], MATRIX, SIZE)[0]
-    )
+    expected = render_parts(vertices, faces[kept], part[kept], MATRIX, SIZE)[0]
+    np.testing.assert_array_equal(parts, expected)
 
 
 SKEWED = np.array([[50.0, 9, 49.5], [0, 48, 49.5], [0, 0, 1]])
@@ -173,31 +162,22 @@ def test_skew_counts_in_whole_and_in_clipped_triangles(near_m):
     assert (parts[rows, columns] == expected + 1).mean() > 0.97
 
 
+def triangles(faces, part, **options):
+    """Part numbers of faces of three corners."""
+    corners = np.array([[0.0, 0, 2], [8, 0, 2], [0, 8, 2]])
+    arrays = corners, np.array(faces, np.int32), np.array(part, np.int32)
+    return render_parts(*arrays, np.diag([5.0, 5, 1]), (30, 30), **options)[0]
+
+
 def test_of_equally_near_faces_the_first_is_kept():
-    vertices = np.array([[0.0, 0, 2], [8, 0, 2], [0, 8, 2]])
-    faces = np.array([[0, 1, 2]] * 3, np.int32)
     for order in ([4, 7, 2], [7, 2, 4]):
-        parts, _ = render_parts(
-            vertices, faces, np.array(order, np.int32), np.diag([5.0, 5, 1]), (30, 30)
-        )
-        assert set(np.unique(parts)) == {0, order[0] + 1}
+        assert set(np.unique(triangles([[0, 1, 2]] * 3, order))) == {0, order[0] + 1}
 
 
 def test_culling_leaves_the_sides_that_face_the_camera():
     """Normals point outward by the right-hand rule."""
-    vertices = np.array([[0.0, 0, 2], [8, 0, 2], [0, 8, 2]])
-    seen = [
-        render_parts(
-            vertices,
-            np.array([face], np.int32),
-            np.zeros(1, np.int32),
-            np.diag([5.0, 5, 1]),
-            (30, 30),
-            cull_back=True,
-        )[0].any()
-        for face in ([0, 2, 1], [0, 1, 2])
-    ]
-    assert seen == [True, False]
+    assert triangles([[0, 2, 1]], [0], cull_back=True).any()
+    assert not triangles([[0, 1, 2]], [0], cull_back=True).any()
 
 
 def test_culling_keeps_the_silhouette_of_a_closed_mesh():
@@ -235,11 +215,7 @@ def test_many_poses_are_each_as_alone_for_any_thread_count():
     ],
 )
 def test_wrong_arguments_are_refused(change, words):
-    good = {
-        "vertices_cam": np.zeros((4, 3)),
-        "faces": np.zeros((1, 3), int),
-        "face_part": np.zeros(1, int),
-    }
-    good |= {"matrix": np.eye(3), "size": (8, 8)}
+    good = {"vertices_cam": np.zeros((4, 3)), "faces": np.zeros((1, 3), int)}
+    good |= {"face_part": np.zeros(1, int), "matrix": np.eye(3), "size": (8, 8)}
     with pytest.raises(ValueError, match=words):
         render_parts(**{**good, **change})

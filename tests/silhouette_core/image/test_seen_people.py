@@ -44,8 +44,7 @@ def test_what_is_seen_is_read_as_it_was_written(people):
 
 def test_each_camera_is_followed_for_itself(people):
     for step in range(4):
-        left = 60 + 10 * step
-        people.look(step, {"cam_1": picture((left, 60, 30, 90)), "cam_2": picture()})
+        people.look(step, {"cam_1": picture((60 + 10 * step, 60, 30, 90)), "cam_2": picture()})
     assert [len(people.of("cam_1", step)) for step in range(4)] == [1] * 4
     assert not any(people.of("cam_2", step) for step in range(4))
 
@@ -82,8 +81,7 @@ def test_of_previous_frames_alone_cameras_without_an_empty_view_are_asked(
 )
 def test_what_a_network_would_help_is_said_where_there_is_none(monkeypatch, missing, use, told):
     monkeypatch.setattr(seen_people, "installed_network", lambda use: None)
-    notes = []
-    reporter = SilentReporter()
+    notes, reporter = [], SilentReporter()
     reporter.note = notes.append
     assert network_for([*missing], use, reporter) is None
     assert len(notes) == told and all("voxelpose network install" in note for note in notes)
@@ -102,8 +100,7 @@ def test_each_pixel_is_the_likeliest_persons():
 
 def test_odds_are_the_surest_persons_and_nothing_where_nobody_is_seen():
     assert not people_odds({}, 1.0, (32, 24)).any()
-    looks = BrightPeople()
-    seen = looks.look(picture((100, 60, 30, 90)), Crop(115, 105, 120))
+    seen = BrightPeople().look(picture((100, 60, 30, 90)), Crop(115, 105, 120))
     odds = people_odds({0: seen}, 0.5, (160, 120))
     assert odds.shape == (120, 160)
     assert odds[52, 57] > 2 and odds[10, 10] < -5

@@ -18,10 +18,16 @@ def dressed(light):
     return np.clip(np.rint(colours * light[..., None]), 0, 255).astype(np.uint8)
 
 
-def shading(light, **how):
-    picture = dressed(light)
+def brightness(picture):
+    """Learned from a picture."""
     known = ColourBrightness()
     known.add(chromaticity(picture).ravel(), grey(picture).ravel())
+    return known
+
+
+def shading(light, **how):
+    picture = dressed(light)
+    known = brightness(picture)
     inside = how.get("inside", np.ones(light.shape, bool))
     return relative_shading(chromaticity(picture), grey(picture), known.mean(), inside)
 
@@ -51,9 +57,8 @@ def test_outside_and_of_rare_colours_nothing_is_said():
     light = np.ones((40, 100))
     inside = np.zeros((40, 100), bool)
     assert not shading(light * np.linspace(0.4, 1, 100), inside=inside).any()
-    few = ColourBrightness()
     picture = dressed(light)[:4, :4]
-    few.add(chromaticity(picture).ravel(), grey(picture).ravel())
+    few = brightness(picture)
     assert np.isnan(few.mean()).all()
     brighter = np.minimum(picture + 30, 255).astype(np.uint8)
     found = relative_shading(chromaticity(picture), grey(brighter), few.mean(), picture[..., 0] > 0)
@@ -62,8 +67,7 @@ def test_outside_and_of_rare_colours_nothing_is_said():
 
 def test_what_fades_is_forgotten():
     bright, dark = (dressed(np.full((40, 100), light)) for light in (1.0, 0.5))
-    known = ColourBrightness()
-    known.add(chromaticity(bright).ravel(), grey(bright).ravel())
+    known = brightness(bright)
     before = np.nanmean(known.mean())
     known.fade(0.0)
     assert np.isnan(known.mean()).all()

@@ -1,5 +1,7 @@
 """Views without lens distortion: silhouettes, and parts of the pictures that they come from."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -95,23 +97,16 @@ class TwoRooms(Room):
         super().__init__(True)
         self.rig = ring(2, (320, 240))
 
-    def regions(self) -> dict:
-        return {}
-
     def at(self, steps):
         walking = Room(False).at(steps)
         for own, other in zip(super().at(steps), walking, strict=True):
             yield own | {"cam_2": other["cam_1"]}
 
 
-class Notes:
-    """Keeps the notes."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-
-    def note(self, text: str) -> None:
-        self.texts.append(text)
+def notes_of(silhouettes: Silhouettes) -> list[str]:
+    texts = []
+    silhouettes.note(SimpleNamespace(note=texts.append))
+    return texts
 
 
 @pytest.mark.parametrize(
@@ -123,17 +118,15 @@ class Notes:
     ],
 )
 def test_one_note_names_each_camera_s_kind_of_background(kind, words, unsure):
-    silhouettes, notes = Silhouettes(TwoRooms(), kind), Notes()
-    silhouettes.note(notes)
-    assert notes.texts == [f"backgrounds: cam_1: an empty view; cam_2: {words}"]
+    silhouettes = Silhouettes(TwoRooms(), kind)
+    assert notes_of(silhouettes) == [f"backgrounds: cam_1: an empty view; cam_2: {words}"]
     assert silhouettes.without_background == unsure
 
 
 def test_masks_have_no_background_to_be_named():
-    source, notes = Room(True), Notes()
+    source = Room(True)
     source.silhouettes_given = True
-    Silhouettes(source).note(notes)
-    assert notes.texts == []
+    assert notes_of(Silhouettes(source)) == []
 
 
 def test_an_unknown_kind_of_background_is_refused():
@@ -173,12 +166,12 @@ class CurvedRoom(ShakenRoom):
 
 
 def test_an_empty_view_of_other_settings_is_named_and_set_aside():
-    silhouettes, reporter = Silhouettes(CurvedRoom(True, 0)), Notes()
-    silhouettes.note(reporter)
+    silhouettes = Silhouettes(CurvedRoom(True, 0))
+    notes = notes_of(silhouettes)
     assert silhouettes.without_background == ("cam_1",)
-    (line,) = (words for words in reporter.texts if "other settings" in words)
+    (line,) = (words for words in notes if "other settings" in words)
     assert line.startswith("the empty view of cam_1 was filmed with other settings")
-    assert not any("shakes" in words for words in reporter.texts)
+    assert not any("shakes" in words for words in notes)
 
 
 def moved(picture: np.ndarray, right_px: float) -> np.ndarray:
@@ -193,9 +186,8 @@ def moved(picture: np.ndarray, right_px: float) -> np.ndarray:
 )
 def test_what_a_camera_that_shakes_sees_is_registered(filmed, shaken_px, touched_px):
     source = ShakenRoom(filmed, shaken_px, touched_px)
-    silhouettes, reporter = Silhouettes(source), Notes()
-    silhouettes.note(reporter)
-    assert any("cam_1: shakes, or was touched" in words for words in reporter.texts)
+    silhouettes = Silhouettes(source)
+    assert any("cam_1: shakes, or was touched" in words for words in notes_of(silhouettes))
     assert not silhouettes.moving
     for step in (4, 5):
         mask = silhouettes.of(next(source.at([step])))["cam_1"]

@@ -9,9 +9,6 @@ from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.raster import render_parts
-from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
-from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
-from silhouette_core.monocular.tracking.observed_frame import ObservedFrame
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.monocular.window import Window
 from silhouette_core.motion.keyposes.notation import movements
@@ -20,7 +17,6 @@ from silhouette_core.motion.kinematics import landmarks, place, rotation_matrice
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import posed_mesh
 
 STATURE_M = 1.75
@@ -44,19 +40,16 @@ def camera_at(
     right = np.cross(forward, [0, 0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
-    matrix = np.array(
-        [[1.1 * size[1], 0, (size[0] - 1) / 2], [0, 1.1 * size[1], (size[1] - 1) / 2], [0, 0, 1.0]]
-    )
+    focal, (x, y) = 1.1 * size[1], (np.array(size) - 1) / 2
+    matrix = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1.0]])
     return Camera("cam_1", size, matrix, np.zeros(0), rotation, -rotation @ center)
 
 
 def body(shape: Sequence[float] = ()) -> BodyModel:
     model = _usual_body()
-    return (
-        model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))]))
-        if len(shape)
-        else model
-    )
+    if len(shape):
+        model = model.reshaped(np.array([*shape, *np.zeros(len(model.shape) - len(shape))]))
+    return model
 
 
 @cache
@@ -84,22 +77,10 @@ def films(motion: Motion, camera: Camera, rows: Sequence[int]) -> list[np.ndarra
     return [silhouette(motion.model, poses[row], camera) for row in rows]
 
 
-def joints_of(model: BodyModel, pose: Pose) -> np.ndarray:
-    return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
-
-
-def observed_by(camera: Camera, pose: Pose) -> ObservedFrame:
-    """The frame in which a camera sees the body in a pose."""
-    distance = float(np.linalg.norm(pose.root_m - camera.center_m))
-    tracker = HypothesisTracker(body(), camera, np.zeros(27), TrackerSettings(), CpuBackend())
-    return tracker.observe(silhouette(body(), pose, camera), distance, 0.0)
-
-
-def prior_of(pose: Pose, sigma_m: float = 0.1) -> LandmarkPrior:
-    """The body's joints in a pose, as a mode of a proposal."""
-    joints = joints_of(body(), pose)
+def prior_at(joints_m: np.ndarray, sigma_m: float) -> LandmarkPrior:
+    """Joints (15, 3) as a mode of a proposal."""
     precision = np.tile(np.eye(3) / sigma_m**2, (15, 1, 1))
-    return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
+    return LandmarkPrior(joints_m - joints_m[0], precision, joints_m[0], precision[0])
 
 
 def proposed(
@@ -109,9 +90,8 @@ def proposed(
     sigma_m: float = 0.1,
 ) -> FrameModes:
     """A proposal of some poses."""
-    return FrameModes(
-        np.array(probability), [prior_of(pose, sigma_m) for pose in poses], distance_m
-    )
+    priors = [prior_at(joints_at(body(), pose), sigma_m) for pose in poses]
+    return FrameModes(np.array(probability), priors, distance_m)
 
 
 def window_pixels(window: Window, points_m: np.ndarray) -> np.ndarray:

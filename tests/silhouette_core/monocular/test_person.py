@@ -21,50 +21,38 @@ def picture(*boxes, shape=(240, 320)):
     return mask
 
 
-BODY = (60, 140, 200, 180)
+BODY, ARM = (60, 140, 200, 180), (110, 180, 120, 214)
+NEAR = {"near_px": np.array([160.0, 130.0]), "usual_px": 5600.0}
 
 
-def test_the_largest_piece_is_the_person_with_what_lies_beside_it():
-    hand, speck, other = (100, 186, 112, 196), (70, 184, 72, 186), (20, 20, 60, 50)
-    result = find_person(picture(BODY, hand, speck, other))
-    assert result is not None and (result.mask == picture(BODY, hand)).all() and not result.cut
-
-
-@pytest.mark.parametrize("thing", [(66, 200, 78, 212), (100, 234, 112, 246)])
-def test_what_is_farther_away_than_it_is_large_is_no_piece(thing):
-    """A reflection in a window; the first one lies within the box about the body and its arm."""
-    arm = (110, 180, 120, 214)
-    result = find_person(picture(BODY, arm, thing))
-    assert result is not None and (result.mask == picture(BODY, arm)).all()
-
-
-@pytest.mark.parametrize("gap_px", [10, 100])
-def test_a_larger_board_on_the_floor_is_no_person_nor_a_piece_of_one(gap_px):
-    board = (200 + gap_px, 100, 270 + gap_px, 230)
-    result = find_person(picture(BODY, board, shape=(480, 320)))
-    assert result is not None and (result.mask == picture(BODY, shape=(480, 320))).all()
+@pytest.mark.parametrize(
+    ("person", "others"),
+    [
+        pytest.param(
+            [BODY, (100, 186, 112, 196)], [(70, 184, 72, 186), (20, 20, 60, 50)], id="a hand"
+        ),
+        # The first reflection lies within the box about the body and its arm.
+        pytest.param([BODY, ARM], [(66, 200, 78, 212)], id="a reflection"),
+        pytest.param([BODY, ARM], [(100, 234, 112, 246)], id="a reflection, farther away"),
+        pytest.param([BODY], [(210, 100, 280, 230)], id="a larger board on the floor"),
+        pytest.param([BODY], [(300, 100, 370, 230)], id="a larger board, farther away"),
+        # The shirt has the wall's colour: head and arms, and the smaller legs.
+        pytest.param([(40, 120, 120, 200), (130, 140, 230, 174)], [], id="halves"),
+        pytest.param([(180, 60, 220, 220)], [(20, 20, 60, 30)], id="who lies"),
+    ],
+)
+def test_the_person_is_the_largest_piece_with_what_is_nearer_than_it_is_large(person, others):
+    result = find_person(picture(*person, *others, shape=(480, 320)))
+    expected = picture(*person, shape=(480, 320))
+    assert result is not None and (result.mask == expected).all() and not result.cut
 
 
 def test_a_piece_may_hang_on_a_piece():
     """The shirt has the wall's colour: the head, 45 px above the legs, lies near an arm."""
-    head, arm = (20, 150, 44, 170), (50, 142, 100, 150)
-    result = find_person(picture((110, 140, 230, 174), arm, head))
-    assert result is not None and (result.mask & picture(head)).sum() == picture(head).sum()
-    without = find_person(picture((110, 140, 230, 174), head))
-    assert without is not None and not (without.mask & picture(head)).any()
-
-
-def test_halves_of_a_person_are_one():
-    """The shirt has the wall's colour: head and arms, and the smaller legs."""
-    above, legs = (40, 120, 120, 200), (130, 140, 230, 174)
-    result = find_person(picture(above, legs))
-    assert result is not None and (result.mask == picture(above, legs)).all()
-
-
-def test_who_lies_alone_is_a_person():
-    lying = (180, 60, 220, 220)
-    result = find_person(picture(lying, (20, 20, 60, 30)))
-    assert result is not None and (result.mask == picture(lying)).all()
+    legs, head, arm = (110, 140, 230, 174), (20, 150, 44, 170), (50, 142, 100, 150)
+    result, without = find_person(picture(legs, arm, head)), find_person(picture(legs, head))
+    assert result is not None and result.mask[picture(head)].all()
+    assert without is not None and not without.mask[picture(head)].any()
 
 
 def test_nobody_and_crumbs_are_no_person():
@@ -78,7 +66,7 @@ def test_nobody_and_crumbs_are_no_person():
 def test_a_piece_where_the_person_was_wins_over_a_larger_one():
     larger = (40, 10, 220, 60)
     everywhere = find_person(picture(BODY, larger))
-    near = find_person(picture(BODY, larger), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    near = find_person(picture(BODY, larger), **NEAR)
     assert everywhere is not None and (everywhere.mask == picture(larger)).all()
     assert near is not None and (near.mask == picture(BODY)).all()
 
@@ -86,9 +74,9 @@ def test_a_piece_where_the_person_was_wins_over_a_larger_one():
 def test_somebody_nearer_to_the_camera_does_not_take_over():
     """Who passes by is twice as large, a person's height away."""
     passing = (20, 240, 220, 296)
-    result = find_person(picture(BODY, passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    result = find_person(picture(BODY, passing), **NEAR)
     assert result is not None and (result.mask == picture(BODY)).all()
-    gone = find_person(picture(passing), near_px=np.array([160.0, 130.0]), usual_px=5600.0)
+    gone = find_person(picture(passing), **NEAR)
     assert gone is not None and (gone.mask == picture(passing)).all()
 
 

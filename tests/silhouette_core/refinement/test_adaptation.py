@@ -30,9 +30,9 @@ USUAL = np.zeros(len(SHAPE_AXES))
 BLIND = Observation.from_masks(views(2), [np.ones((320, 320), bool)] * 2)
 
 
-def adapted(stature: Stature, surface: Surface = SURFACE) -> Surface:
+def adapted(stature: Stature, surface: Surface = SURFACE, expected=USUAL) -> Surface:
     """The body where nothing is seen."""
-    return adapt_shape(surface, [BLIND], [stance(SURFACE.model)], stature, USUAL)[0]
+    return adapt_shape(surface, [BLIND], [stance(SURFACE.model)], stature, expected)[0]
 
 
 @pytest.mark.parametrize("metres", [STATURE_M - 0.06, STATURE_M + 0.06])
@@ -51,10 +51,11 @@ def test_a_stature_as_uncertain_as_the_proportions_is_met_half_way():
     assert found - start == pytest.approx(0.02, abs=2e-3)
 
 
-def test_proportions_return_to_the_expected_ones():
-    unusual = SURFACE.reshaped(0.8 * SHAPE_SIGMA)
-    found = adapted(Stature(STATURE_M, 100.0), unusual)
-    np.testing.assert_allclose(found.model.shape, USUAL, atol=1e-4)
+@pytest.mark.parametrize(("start", "expected"), [(0.8, 0.0), (0.5, 0.5)])
+def test_proportions_return_to_the_expected_ones_and_stay(start, expected):
+    unusual, expected = SURFACE.reshaped(start * SHAPE_SIGMA), expected * SHAPE_SIGMA
+    result = adapted(Stature(STATURE_M, 100.0), unusual, expected)
+    np.testing.assert_allclose(result.model.shape, expected, atol=1e-4)
 
 
 def test_no_proportion_is_farther_than_three_standard_deviations():

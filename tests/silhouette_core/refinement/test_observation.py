@@ -29,12 +29,8 @@ def ball_masks(seen_by: PinholeViews, centre: np.ndarray, radius: float) -> list
     masks = []
     for camera in seen_by.rig:
         width, height = camera.size
-        pixels = (
-            np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1)
-            .reshape(-1, 2)
-            .astype(float)
-        )
-        origin, directions = camera.rays(pixels)
+        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
+        origin, directions = camera.rays(pixels.reshape(-1, 2))
         away = np.linalg.norm(np.cross(directions, centre - origin), axis=1)
         masks.append((away < radius).reshape(height, width))
     return masks
@@ -46,8 +42,7 @@ def test_every_tangent_plane_touches_a_ball():
     assert set(seen.camera) == {0, 1, 2, 3} and len(seen.ray) > 4 * 60
     np.testing.assert_allclose(np.linalg.norm(seen.ray, axis=1), 1)
     np.testing.assert_allclose((seen.ray * seen.normal).sum(1), 0, atol=1e-12)
-    # The plane through the camera passes the middle at one radius, and its normal points away from
-    # it.
+    # The plane through the camera passes the middle at one radius; its normal points away from it.
     distance = ((seen_by.center_m[seen.camera] - centre) * seen.normal).sum(1)
     pixel_m = 3.5 / seen_by.intrinsics[0, 0]
     assert np.abs(distance - radius).max() < pixel_m
@@ -59,11 +54,8 @@ def test_distance_outside_grows_from_the_edge():
     masks = ball_masks(seen_by, np.array([0.0, 0, 0.9]), 0.3)
     seen = Observation.from_masks(seen_by, masks)
     for outside, mask in zip(seen.outside_px, masks, strict=True):
-        assert (
-            outside.dtype == np.float32
-            and (outside[mask] == 0).all()
-            and (outside[~mask] >= 0.9).all()
-        )
+        assert outside.dtype == np.float32
+        assert (outside[mask] == 0).all() and (outside[~mask] >= 0.9).all()
 
 
 def test_far_away_the_distance_outside_stays_what_it_is():
@@ -87,11 +79,8 @@ def test_contour_of_a_square_with_a_hole():
     hole = np.abs(points - (50, 40)).max(1) < 12
     straight = np.abs(np.abs(points - (50, 40)).min(1)) < 4
     to_middle = ((points - (50, 40)) * outward).sum(1)
-    assert (
-        hole.sum() > 30
-        and (to_middle[hole & straight] < 0).all()
-        and (to_middle[~hole & straight] > 0).all()
-    )
+    assert hole.sum() > 30 and (to_middle[hole & straight] < 0).all()
+    assert (to_middle[~hole & straight] > 0).all()
     left = (outward[:, 0] < -0.999) & ~hole
     np.testing.assert_allclose(points[left, 0], 29.5)
 
@@ -101,44 +90,30 @@ def test_where_the_image_cuts_the_body_there_is_no_contour():
     mask[30:, 40:60] = True
     points, outward = contour_points(mask, 1)
     assert points[:, 1].max() < 78 and not (outward[:, 1] > 0.9).any()
-    assert len(contour_points(np.zeros((80, 100), bool), 1)[0]) == 0
-    assert len(contour_points(np.ones((80, 100), bool), 1)[0]) == 0
+    for empty_or_full in (np.zeros((80, 100), bool), np.ones((80, 100), bool)):
+        assert len(contour_points(empty_or_full, 1)[0]) == 0
+
+
+def error(seen: Observation, place_m: tuple[float, float] = (0.0, 0.0)) -> float:
+    """Of the usual body in its stance at a place."""
+    model = fitting_model()
+    return silhouette_error(model, stance(model, place_m=place_m), seen, CpuBackend())
 
 
 def test_a_body_explains_its_own_silhouettes_and_no_other():
-    seen_by, model = views(3), fitting_model()
-    pose = stance(model)
-    assert silhouette_error(model, pose, observe(seen_by, model, pose), CpuBackend()) == 0
-    moved = stance(model, place_m=(0.1, 0.0))
-    stranger = silhouette_error(model, pose, observe(seen_by, other_body(), pose), CpuBackend())
-    assert 0.02 < stranger < 0.3
-    assert silhouette_error(model, moved, observe(seen_by, model, pose), CpuBackend()) > 0.1
-    assert (
-        silhouette_error(
-            model, stance(model, place_m=(1.0, 1.0)), observe(seen_by, model, pose), CpuBackend()
-        )
-        > 0.9
-    )
+    model = fitting_model()
+    seen, stranger = (observe(views(3), one, stance(model)) for one in (model, other_body()))
+    assert error(seen) == 0 and 0.02 < error(stranger) < 0.3
+    assert error(seen, (0.1, 0.0)) > 0.1 and error(seen, (1.0, 1.0)) > 0.9
 
 
 def test_a_camera_that_sees_nothing_and_should_not_is_left_out():
     away = look_at("away", (3, 0, 1), (6, 0, 1), (320, 320), 288)
     seen_by = PinholeViews.from_rig(Rig((*views(2).rig.cameras, away)))
     model = fitting_model()
-    assert (
-        silhouette_error(model, stance(model), observe(seen_by, model, stance(model)), CpuBackend())
-        == 0
-    )
+    assert error(observe(seen_by, model, stance(model))) == 0
     blind = PinholeViews.from_rig(Rig((away,)))
-    assert (
-        silhouette_error(
-            model,
-            stance(model),
-            Observation.from_masks(blind, photograph(blind, model, stance(model))),
-            CpuBackend(),
-        )
-        == 1
-    )
+    assert error(Observation.from_masks(blind, photograph(blind, model, stance(model)))) == 1
 
 
 def test_plain_arrays_are_those_of_the_cameras():

@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.proposed_poses import ProposedPoses
+from tests.silhouette_core.monocular.filming import prior_at
 
 JOINTS = np.random.default_rng(2).normal(0, 0.4, (2, 15, 3))
 
 
 def poses(sigma_m: float = 0.05) -> ProposedPoses:
     """Two poses, the second one likelier."""
-    precision = np.tile(np.eye(3) / sigma_m**2, (15, 1, 1))
-    priors = [LandmarkPrior(one - one[0], precision, one[0], precision[0]) for one in JOINTS]
-    return ProposedPoses(np.array([0.2, 0.8]), priors)
+    return ProposedPoses(np.array([0.2, 0.8]), [prior_at(one, sigma_m) for one in JOINTS])
 
 
 def test_the_likeliest_come_first():

@@ -31,14 +31,12 @@ def test_a_step_costs_what_the_normal_distribution_says():
         for b in range(5):
             sigma = np.hypot(SIGMA_RAD * np.where(occluded[a], 5, 1), SPACING_RAD)
             joints = (((after.angles_rad[b] - before.angles_rad[a]) / sigma) ** 2).sum()
-            turn = Rotation.from_matrix(
-                before.root_rotation[a].T @ after.root_rotation[b]
-            ).magnitude() ** 2 / (ROOT_STEP_RAD**2 + SPACING_RAD**2)
+            turn = Rotation.from_matrix(before.root_rotation[a].T @ after.root_rotation[b])
+            turned = turn.magnitude() ** 2 / (ROOT_STEP_RAD**2 + SPACING_RAD**2)
             place = ((after.root_m[b] - before.root_m[a]) ** 2).sum() / (ROOT_STEP_M**2 + 0.05**2)
             normaliser = np.log(sigma / np.hypot(SIGMA_RAD, SPACING_RAD)).sum()
-            assert result[a, b] == pytest.approx(
-                0.5 * (joints + turn + place) + normaliser, rel=1e-6
-            )
+            expected = 0.5 * (joints + turned + place) + normaliser
+            assert result[a, b] == pytest.approx(expected, rel=1e-6)
 
 
 def test_what_is_hidden_moves_cheaply():

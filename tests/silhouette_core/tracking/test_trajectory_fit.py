@@ -10,7 +10,6 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
@@ -23,6 +22,7 @@ from tests.silhouette_core.monocular.filming import (
     joints_at,
     performed,
     poses_of,
+    prior_at,
     silhouette,
 )
 
@@ -38,19 +38,11 @@ def walk():
     """Frames whose priors are wrong by 6 cm, each by itself, and true poses."""
     poses = poses_of(performed("walk"))[5:20]
     rng = np.random.default_rng(0)
-    observations = [
-        Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)]) for pose in poses
-    ]
-    precision = np.tile(np.eye(3) / NOISE_M**2, (15, 1, 1))
-    priors = []
-    for pose in poses:
-        joints = joints_at(MODEL, pose)
-        joints = joints + rng.normal(0, NOISE_M, joints.shape)
-        priors.append(LandmarkPrior(joints - joints[0], precision, joints[0], precision[0]))
-    frames = [
-        FrameEvidence(seen, t / 30, prior)
-        for t, (seen, prior) in enumerate(zip(observations, priors, strict=True))
-    ]
+    frames = []
+    for t, pose in enumerate(poses):
+        seen = Observation.from_masks(VIEWS, [silhouette(MODEL, pose, CAMERA)])
+        joints = joints_at(MODEL, pose) + rng.normal(0, NOISE_M, (15, 3))
+        frames.append(FrameEvidence(seen, t / 30, prior_at(joints, NOISE_M)))
     return frames, poses
 
 
@@ -58,16 +50,12 @@ def joints_of(poses: list[Pose]) -> np.ndarray:
     return np.stack([joints_at(MODEL, pose) for pose in poses])
 
 
-def tuned(**numbers):
-    return patch.object(trajectory_fit, "TRAJECTORY", replace(TRAJECTORY, **numbers))
-
-
 def fitted(walk, **numbers) -> np.ndarray:
     frames, poses = walk
     rng = np.random.default_rng(1)
     size = 6 + MODEL.dof_count
     starts = [pose.moved(0.03 * rng.standard_normal(size)).clipped() for pose in poses]
-    with tuned(**numbers):
+    with patch.object(trajectory_fit, "TRAJECTORY", replace(TRAJECTORY, **numbers)):
         return joints_of(fit_trajectory(SURFACE, frames, starts, True))
 
 
@@ -103,19 +91,12 @@ def test_the_floor_decides_the_distance(walk):
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     # Everything is expected 15 cm too far away, and the contour hardly counts.
     precision = np.eye(3) / 0.15**2
-    wrong = [
-        replace(
-            frame,
-            landmark_prior=replace(
-                prior, pelvis_m=prior.pelvis_m + 0.15 * own, pelvis_precision=precision
-            ),
-        )
-        for frame, own in zip(frames, away, strict=True)
-        if (prior := frame.landmark_prior)
-    ]
-    far = [
-        pose.moved(np.r_[0.15 * own, np.zeros(57)]) for pose, own in zip(poses, away, strict=True)
-    ]
+    wrong, far = [], []
+    for frame, pose, off_m in zip(frames, poses, 0.15 * away, strict=True):
+        prior = frame.landmark_prior
+        prior = replace(prior, pelvis_m=prior.pelvis_m + off_m, pelvis_precision=precision)
+        wrong.append(replace(frame, landmark_prior=prior))
+        far.append(pose.moved(np.r_[off_m, np.zeros(57)]))
 
     def distance_error(floor):
         faint = partial(RefineSettings, independence=0.005)

@@ -11,7 +11,6 @@ from silhouette_core.body.sizes import SHAPE_AXES, BodySizes
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body, shod_scale
 from silhouette_core.monocular.tracking.pose_modes import FrameModes
 from silhouette_core.motion.motion_file import read_motion, write_motion
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.cpu import CpuBackend
 from silhouette_core.scoring.silhouette_error import silhouette_error
@@ -22,6 +21,7 @@ from tests.silhouette_core.monocular.filming import (
     films,
     performed,
     poses_of,
+    prior_at,
     silhouette,
 )
 
@@ -33,9 +33,7 @@ STOUT = {"trunk_width": 0.25, "trunk_depth": 0.2, "thigh_girth": 0.3, "shin_girt
 
 def modes_at(landmarks_m: np.ndarray) -> list[FrameModes]:
     """One mode a frame, at joints (T, 15, 3)."""
-    precision = np.tile(np.eye(3) / 0.05**2, (15, 1, 1))
-    priors = [LandmarkPrior(own - own[0], precision, own[0], precision[0]) for own in landmarks_m]
-    return [FrameModes(np.ones(1), [prior], 4.0) for prior in priors]
+    return [FrameModes(np.ones(1), [prior_at(joints, 0.05)], 4.0) for joints in landmarks_m]
 
 
 def test_a_stout_person_gets_a_stout_body():
@@ -50,16 +48,11 @@ def test_a_stout_person_gets_a_stout_body():
     assert all(value > 0.08 for value in gained.values()), gained
     assert found.sizes.stature_m == pytest.approx(true.sizes.stature_m, rel=0.006)
 
+    seen = [Observation.from_masks(VIEWS, [mask]) for mask in masks]
+
     def error(model):
-        observed = zip(rows, masks, strict=True)
-        return np.mean(
-            [
-                silhouette_error(
-                    model, poses[row], Observation.from_masks(VIEWS, [mask]), CpuBackend()
-                )
-                for row, mask in observed
-            ]
-        )
+        pairs = zip(rows, seen, strict=True)
+        return np.mean([silhouette_error(model, poses[k], one, CpuBackend()) for k, one in pairs])
 
     assert error(found) < 0.6 * error(body())
 
@@ -88,21 +81,18 @@ def test_feet_above_the_floor_tell_how_much_taller_a_person_is():
 
 
 @pytest.mark.parametrize(
-    "lowest_m",
+    ("lowest_m", "camera_m"),
     [
-        pytest.param(np.full(10, -0.06), id="a foot before the other"),
-        pytest.param(np.full(10, 0.50), id="on a ladder, or z = 0 is not the floor"),
+        pytest.param(-0.06, 1.5, id="a foot before the other"),
+        pytest.param(0.50, 1.5, id="on a ladder, or z = 0 is not the floor"),
+        pytest.param(0.06, 0.1, id="a camera at the floor"),
     ],
 )
-def test_nobody_is_taller_for_feet_that_do_not_stand(lowest_m):
-    assert shod_scale(lowest_m, 1.5) == 1.0
+def test_nobody_is_taller_for_feet_that_do_not_stand_or_are_seen_from_the_floor(lowest_m, camera_m):
+    assert shod_scale(np.full(10, lowest_m), camera_m) == 1.0
 
 
 def test_who_jumps_is_hardly_taller():
     jumping = np.array([-0.05, -0.02, 0.0, 0.03, 0.06, 0.07, 0.09, 0.2, 0.3, 0.4])
     standing = np.full(10, np.median(jumping))
     assert shod_scale(jumping, 1.5) - 1 < 0.4 * (shod_scale(standing, 1.5) - 1)
-
-
-def test_a_camera_at_the_floor_tells_no_stature():
-    assert shod_scale(np.full(10, 0.06), 0.1) == 1.0

@@ -1,7 +1,6 @@
 """Every named cost of a frame: what it says, and that it decides where nothing else does."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from silhouette_core.refinement.surface import Surface
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
-    joints_of,
+    joints_at,
     performed,
     poses_of,
     proposed,
@@ -37,12 +36,10 @@ def alike():
     """Makes hypotheses that the silhouette fits alike, with equal probability, unless said."""
 
     def of(*poses: Pose, **others) -> Hypotheses:
-        joints = np.stack([joints_of(MODEL, pose) for pose in poses])
+        joints = np.stack([joints_at(MODEL, pose) for pose in poses])
         either = proposed(poses, [1 / len(poses)] * len(poses))
-        one = Hypotheses(
-            list(poses), joints, np.full(len(poses), 0.05), SURFACE, either,
-        )  # fmt: skip
-        return replace(one, **others)
+        distance = np.full(len(poses), 0.05)
+        return replace(Hypotheses(list(poses), joints, distance, SURFACE, either), **others)
 
     return of
 
@@ -51,56 +48,35 @@ def costs_of(name: str, given: Hypotheses, costs: FrameCosts | None = None) -> n
     return (costs or FrameCosts(SETTINGS)).terms[name](given)
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Two hypotheses, of which one term alone prefers the first."""
-
-    name: str
-    given: Callable[[Callable[..., Hypotheses]], Hypotheses]
-
-
-def _fits_better(alike):
-    return alike(LEVEL, LEVEL, distance=np.array([0.02, 0.10]))
-
-
-def _on_the_floor(alike):
-    return alike(LEVEL, moved(LEVEL, 0, 0, 0.12))
-
-
 def _as_proposed(alike):
-    other = poses_of(performed("wave"))[30]
-    other = moved(LEVEL, 0, 0, 0), replace(other, root_m=LEVEL.root_m)
-    return alike(
-        LEVEL, LEVEL,
-        joints=np.stack([joints_of(MODEL, pose) for pose in other]),
-        proposal=proposed(other, [0.99, 0.01]),
-    )  # fmt: skip
+    poses = LEVEL, replace(poses_of(performed("wave"))[30], root_m=LEVEL.root_m)
+    joints = np.stack([joints_at(MODEL, pose) for pose in poses])
+    return alike(LEVEL, LEVEL, joints=joints, proposal=proposed(poses, [0.99, 0.01]))
 
 
-SCENES = [
-    Scene("silhouette", _fits_better),
-    Scene("floor", _on_the_floor),
-    Scene("proposal", _as_proposed),
-]
+# By term, two hypotheses, of which that term alone prefers the first.
+SCENES = {
+    "silhouette": lambda alike: alike(LEVEL, LEVEL, distance=np.array([0.02, 0.10])),
+    "floor": lambda alike: alike(LEVEL, moved(LEVEL, 0, 0, 0.12)),
+    "proposal": _as_proposed,
+}
 
 
 def test_every_term_has_a_scene():
-    assert [scene.name for scene in SCENES] == sorted(
-        FrameCosts(SETTINGS).terms, key=[scene.name for scene in SCENES].index
-    )
+    assert SCENES.keys() == FrameCosts(SETTINGS).terms.keys()
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
-def test_a_term_decides_where_nothing_else_does(scene, alike):
+@pytest.mark.parametrize("name", SCENES)
+def test_a_term_decides_where_nothing_else_does(name, alike):
     costs = FrameCosts(SETTINGS)
-    given = scene.given(alike)
-    own = costs.terms[scene.name](given)
-    assert own[1] > own[0] + 0.4
+    given = SCENES[name](alike)
+    of_term = costs.terms[name](given)
+    assert of_term[1] > of_term[0] + 0.4
     whole = costs(given)
-    del costs.terms[scene.name]
+    del costs.terms[name]
     others = costs(given)
     assert others[0] == pytest.approx(others[1], abs=0.05)
-    assert whole - others == pytest.approx(own, abs=1e-6)
+    assert whole - others == pytest.approx(of_term, abs=1e-6)
 
 
 def test_the_silhouette_costs_half_its_square(alike):

@@ -16,7 +16,7 @@ from silhouette_core.tracking.beam import Beam, backtrack
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
-    joints_of,
+    joints_at,
     performed,
     poses_of,
     proposed,
@@ -62,7 +62,7 @@ def followed():
         modes = proposed([near, turned(near, 180), turned(near, 40), hanging], [0.25] * 4)
         observed = seen(tracker, poses[row], STEP_S * k, other)
         states.append(tracker.step(observed, modes, last_two(states)))
-        truth.append(joints_of(other, poses[row]))
+        truth.append(joints_at(other, poses[row]))
     return tracker, states, np.stack(truth)
 
 
@@ -203,7 +203,7 @@ def test_who_stands_still_does_not_turn_round_for_a_while():
     pose = poses_of(performed("walk"))[0]
     back = turned(pose, 180)
     hip = LANDMARK_NAMES.index("left_hip")
-    facing = (joints_of(body(), pose)[hip] - pose.root_m)[:2]
+    facing = (joints_at(body(), pose)[hip] - pose.root_m)[:2]
 
     def turns(restart):
         tracker = tracker_of(replace(TrackerSettings(), restart=restart))

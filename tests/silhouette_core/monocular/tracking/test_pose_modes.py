@@ -23,17 +23,10 @@ from silhouette_core.monocular.tracking.pose_modes import (
     merge_modes,
 )
 from silhouette_core.monocular.window import STATURE_PX, Window
-from silhouette_core.refinement.landmark_prior import LandmarkPrior
-from tests.silhouette_core.monocular.filming import camera_at, performed
+from tests.silhouette_core.monocular.filming import camera_at, performed, prior_at
 
 TIMES = np.arange(20) / 30
 STANDING = performed("walk").landmarks()[0]
-
-
-def frame_modes(joints: np.ndarray, probability: list[float], sigma_m: float = 0.05) -> FrameModes:
-    precision = np.tile(np.eye(3) / sigma_m**2, (15, 1, 1))
-    priors = [LandmarkPrior(own - own[0], precision, own[0], precision[0]) for own in joints]
-    return FrameModes(np.array(probability), priors, 4.0)
 
 
 def two_headings(certain: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +92,8 @@ def test_like_modes_are_merged_and_unlike_ones_kept():
 def test_poses_at_a_probable_mode_cost_least():
     other = STANDING.copy()
     other[9:, 1] -= 0.3
-    modes = frame_modes(np.stack([STANDING, other]), [0.9, 0.1])
+    priors = [prior_at(joints, 0.05) for joints in (STANDING, other)]
+    modes = FrameModes(np.array([0.9, 0.1]), priors, 4.0)
     far = STANDING + np.random.default_rng(0).normal(0, 0.3, STANDING.shape)
     costs = modes.cost(np.stack([STANDING, other, far]))
     assert costs[0] < costs[1] < costs[2]

@@ -18,7 +18,7 @@ from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
-    joints_of,
+    joints_at,
     performed,
     poses_of,
     proposed,
@@ -130,7 +130,7 @@ def test_blocks_follow_one_another(monkeypatch):
     assert [len(one.poses) for one in before] == [1, 1]
     assert [one.time_s for one in before] == pytest.approx([0.2, 0.1])
     for frame in found:
-        own, truth = (joints_of(body(), pose) for pose in (frame.pose, POSES[frame.number]))
+        own, truth = (joints_at(body(), pose) for pose in (frame.pose, POSES[frame.number]))
         assert np.linalg.norm(own - own[0] - truth + truth[0], axis=1).mean() < 0.05
 
 

@@ -14,7 +14,7 @@ from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import (
     body,
     camera_at,
-    joints_of,
+    joints_at,
     performed,
     poses_of,
     silhouette,
@@ -53,7 +53,7 @@ def test_a_frame_is_kept_without_its_pictures(proposal):
 def test_seeds_are_the_likeliest_samples(proposal, surface, library):
     """All of them differ from each other, and each begins with a pose of the library."""
     starts = proposal.starts(surface, None)
-    joints = np.stack([joints_of(body(), start.pose) for start in starts])
+    joints = np.stack([joints_at(body(), start.pose) for start in starts])
     apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(-1)
     assert (apart[~np.eye(len(apart), dtype=bool)] > DIFFERENT_M).all()
     assert 4 < len(starts) <= 16
