@@ -360,7 +360,7 @@ def test_metadata_of_any_content_is_read(tmp_path):
     ("name", "content", "words"),
     [
         ("a.pickle", b"\x80\x04\x95abc", "a pickle, not text: write its cameras as aniposelib's"),
-        ("a.mat", b"MATLAB 5.0 MAT-file\0\1IM\xff", "no MATLAB file that can be read: save it again"),
+        ("a.mat", b"MATLAB 5.0 MAT-file\0\1IM\xff", "no MATLAB file that can be read: save"),
         ("a.cal", b"4 1\n0 1079 0 1919\n", "of no format that is known: .*Qualisys"),
         ("a.bin", b"ab\xff\xfe", r"byte 2 is no UTF-8\): write its cameras as"),
         ("a.toml", "[cam_1]\n".encode("utf-16"), "text in UTF-16: save it as UTF-8"),
