@@ -220,10 +220,10 @@ class Standing:
     def estimate(self, source, settings, reporter):
         reporter.stage("standing about", source.frame_count)
         for frame, _, _ in source:
-            if settings.options.get("voxel_size_m") == 9.0:
+            if settings.options.get("voxel_size_m") == 0.09:
                 time.sleep(1)
             reporter.advance()
-        if settings.options.get("voxel_size_m") == 8.0:
+        if settings.options.get("voxel_size_m") == 0.08:
             raise RuntimeError("a bug")
         motion = waving(source.frame_count, settings.stature_m or 1.7, source.fps)
         stage_s = {"standing": np.full(source.frame_count, 0.002)}

@@ -111,7 +111,7 @@ def test_the_summary_states_filter_and_gaps(recording, tmp_path, monkeypatch):
 
 
 def test_a_bug_leaves_nothing_and_keeps_its_traceback(recording, tmp_path):
-    settings = Settings(options={"voxel_size_m": 8.0})
+    settings = Settings(options={"voxel_size_m": 0.08})
     with pytest.raises(RuntimeError, match="a bug"):
         fit(recording, Output(tmp_path / "out"), settings, "standing")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["site", "walk"]

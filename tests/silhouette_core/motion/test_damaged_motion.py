@@ -81,7 +81,7 @@ def test_the_array_is_named(tmp_path, name, array):
         ({"angles": "[" * 5000}, "damaged"),
         ({"angles": "{}"}, "its angles are no list"),
         ({"conditioning": "3"}, "damaged"),
-        ({"conditioning": '{"filter": "x"}'}, "no filter 'x'"),
+        ({"conditioning": '{"filter": "x"}'}, "enum value 'x'"),
         ({"conditioning": '{"cutoff_hz": "x"}'}, "Expected `float`"),
     ],
 )

@@ -210,7 +210,7 @@ def test_wrong_arguments_end_with_code_2(words, capsys):
 
 def test_a_bug_keeps_its_traceback(desk):
     returned, _, err = ended(
-        start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "8")
+        start(desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "0.08")
     )
     assert returned == 1
     assert "Traceback" in err and "RuntimeError: a bug" in err
@@ -221,7 +221,7 @@ def test_a_bug_keeps_its_traceback(desk):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_fit_says_how_far_it_came_and_leaves_nothing(desk, number):
     process = start(
-        desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "9"
+        desk, "fit", "walk", "--out", "fitted", "--estimator", "standing", "--voxel", "0.09"
     )
     deadline = time.monotonic() + 60
     while not left(desk) and time.monotonic() < deadline:

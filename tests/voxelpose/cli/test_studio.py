@@ -59,7 +59,7 @@ def test_its_end_is_that_of_its_job(desk, number):
         assert process.stdout is not None
         url = re.search(r"http://localhost:\d+", process.stdout.readline())
         assert url is not None
-        settings = {"estimator": "standing", "voxel": 9.0}  # a second a frame
+        settings = {"estimator": "standing", "voxel": 0.09}  # a second a frame
         asked = {"project": "walk", "command": "fit", "out": "out", "settings": settings}
         head = {"Content-Type": "application/json"}
         request = urllib.request.Request(f"{url[0]}/api/fit", json.dumps(asked).encode(), head)

@@ -239,7 +239,7 @@ def test_an_error_names_the_step_that_mends_it(desk, settings, file, step, line)
 
 @pytest.mark.slow
 def test_a_fit_that_is_stopped_leaves_nothing(studio, desk):
-    assert start(studio, voxel=9.0)[0] == 200  # a second a frame
+    assert start(studio, voxel=0.09)[0] == 200  # a second a frame
     end = time.monotonic() + 60
     while studio._session.job.status()["stage"] != "standing about":
         assert time.monotonic() < end

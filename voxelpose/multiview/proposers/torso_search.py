@@ -18,7 +18,6 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.tuning import MATCHING
 
 _MOST_POSITIONS = 1500
-_HEADS, _ROLLS = 36, 4  # directions of the head, and turns about each: 28 degrees apart at most
 _STEPS = np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
 
 
@@ -127,14 +126,10 @@ def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -
 def _orientations(upright: bool) -> np.ndarray:
     if upright:
         return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
-    # Where the head points, evenly on a spiral, and half a turn about it: the rest is tried anyway.
-    number = np.arange(_HEADS) + 0.5
-    tilt, around = np.arccos(1 - 2 * number / _HEADS), number * np.pi * (3 - np.sqrt(5))
-    rolls = np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, (_HEADS, 1))
-    turns = np.stack(
-        np.broadcast_arrays(around[:, None], tilt[:, None], rolls - around[:, None]), 2
-    )
-    return Rotation.from_euler("ZYZ", turns.reshape(-1, 3)).as_matrix()
+    leans_deg = [(0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30),
+                 (30, -30), (0, 70), (0, -70), (180, 0)]  # fmt: skip
+    turns_deg = [(yaw, *lean) for yaw in range(0, 360, 30) for lean in leans_deg]
+    return Rotation.from_euler("zxy", turns_deg, degrees=True).as_matrix()
 
 
 def _polish(
