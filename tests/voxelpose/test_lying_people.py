@@ -16,7 +16,6 @@ from voxelpose.reliability import verdict_of
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="not solved: a limb of who lies is wrong and called known")
 def test_the_shared_case_of_a_lying_person(shared: Path, tmp_path: Path):
     script = shared / "cases" / "scripts" / "lying_arm" / "scenes.py"
     if not script.exists():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -18,6 +19,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.tuning import MATCHING
 
 _MOST_POSITIONS = 1500
+_HEADS, _ROLLS = 36, 4  # directions of the head, and turns about each: 28 degrees apart at most
 _STEPS = np.stack([g.ravel() for g in np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij")], 1)
 
 
@@ -123,13 +125,26 @@ def _deep_positions(grid: VoxelGrid, depth: np.ndarray, inner_m: float | None) -
     return grid.centres(thinned if len(thinned) else deep[:1])
 
 
+@cache
 def _orientations(upright: bool) -> np.ndarray:
+    """Orientations (N, 3, 3) in which torsos are tried first."""
     if upright:
         return Rotation.from_euler("z", np.arange(0, 360, 15)[:, None], degrees=True).as_matrix()
     leans_deg = [(0, 0), (30, 0), (60, 0), (90, 0), (-30, 0), (0, 30), (0, -30), (30, 30),
                  (30, -30), (0, 70), (0, -70), (180, 0)]  # fmt: skip
     turns_deg = [(yaw, *lean) for yaw in range(0, 360, 30) for lean in leans_deg]
-    return Rotation.from_euler("zxy", turns_deg, degrees=True).as_matrix()
+    people = Rotation.from_euler("zxy", turns_deg, degrees=True)
+    # How people lie, too: of turns that are even over all of them, those to which none is near, nor
+    # half turned about its axis, which is tried anyway. Heads on a spiral, half a turn about each.
+    number = np.repeat(np.arange(_HEADS) + 0.5, _ROLLS)
+    around, tilt = number * np.pi * (3 - np.sqrt(5)), np.arccos(1 - 2 * number / _HEADS)
+    rolls = np.tile(np.arange(_ROLLS) * np.pi / _ROLLS, _HEADS)
+    even = Rotation.from_euler("ZYZ", np.stack([around, tilt, rolls - around], axis=1))
+    both = Rotation.concatenate([people, people * Rotation.from_euler("z", np.pi)])
+    lying = [
+        (both.inv() * turn).magnitude().min() > np.radians(MATCHING.apart_deg) for turn in even
+    ]
+    return np.concatenate([people.as_matrix(), even[lying].as_matrix()])
 
 
 def _polish(

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other_body, stance, views
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.proposers.torso_search import find_torso
+from voxelpose.multiview.proposers.torso_search import _orientations, find_torso
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
 
@@ -51,3 +52,11 @@ def test_torsos_lie_in_the_hull_however_the_body_leans(pitch_deg):
         points = BODY.points["pelvis"] @ pose.root_rotation.T + pose.root_m
         cells = voxels_at(grid, points).clip(0, np.array(grid.shape) - 1)
         assert occupancy[tuple(cells.T)].mean() > 0.7
+
+
+def test_torsos_are_tried_in_every_orientation():
+    """Of people who lie, whichever way, too."""
+    tried, half = Rotation.from_matrix(_orientations(False)), Rotation.from_euler("z", np.pi)
+    both = Rotation.concatenate([tried, tried * half])
+    for any_turn in Rotation.random(200, random_state=1):
+        assert np.degrees((both.inv() * any_turn).magnitude().min()) < 45
