@@ -144,7 +144,7 @@ def _orientations(upright: bool) -> np.ndarray:
     lying = [
         (both.inv() * turn).magnitude().min() > np.radians(MATCHING.apart_deg) for turn in even
     ]
-    return np.concatenate([people.as_matrix(), even[lying].as_matrix()])
+    return np.concatenate([people.as_matrix(), even.as_matrix()[lying]])
 
 
 def _polish(
