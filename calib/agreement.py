@@ -77,16 +77,14 @@ def agreement(
     moments_s: FloatArray,
     offset_s: Mapping[str, float] | None = None,
 ) -> Agreement:
-    """Checks a rig against silhouettes recorded with it.
+    """Checks a rig against silhouettes recorded with it. InputError where there is only one camera,
+    or one never sees somebody together with another.
 
     Args:
         tracks: Outlines of at least two cameras; three are needed to identify a wrong one.
         moments_s: (M,) float64, s: times at which outlines are compared; a dozen, spread over the
             recording.
         offset_s: Clock offset by camera name, s: by how much its clock is ahead.
-
-    Raises:
-        InputError: Only one camera, or one that never sees somebody together with another.
     """
     names = tuple(track.camera.name for track in tracks)
     if len(names) < 2:

@@ -35,11 +35,7 @@ class BoardView:
 
 @dataclass(frozen=True)
 class Board:
-    """A checkerboard, or a ChArUco board if `marker_m` is given.
-
-    Raises:
-        InputError: The board is impossible.
-    """
+    """A checkerboard, or a ChArUco one if `marker_m` is given. InputError where it cannot be."""
 
     columns: int  #: Inner corners along a row (one fewer than squares).
     rows: int  #: Inner corners along a column.
@@ -364,8 +360,6 @@ def view_between(
     """View of a moving board at a time between two frames of one camera.
 
     Args:
-        before: View in the earlier frame.
-        after: View in the later frame.
         fraction: Time passed since the earlier frame, 0 to 1 of that between the two.
 
     Returns:

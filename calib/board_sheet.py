@@ -37,7 +37,6 @@ def largest_square_m(columns: int, rows: int, paper: str) -> float:
     """Longest side of a square, m, in whole millimetres, at which a board fits a paper size.
 
     Args:
-        rows: Inner corners along a column.
         paper: A key of `PAPERS_M`.
     """
     return max(_square_that_fits(columns, rows, page) for page in _pages(paper))
@@ -45,15 +44,13 @@ def largest_square_m(columns: int, rows: int, paper: str) -> float:
 
 def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float, float]:
     """Writes a one-page PDF: the board to scale, its numbers, and a ruler to check the print;
-    returns the page's width and height, m.
+    returns the page's width and height, m. InputError where the board does not fit the paper, or
+    the file cannot be written.
 
     Args:
         path: The file. A failure leaves no partial file.
         paper: A key of `PAPERS_M`, portrait or landscape as the board fits better; None for a page
             of the size that the board needs.
-
-    Raises:
-        InputError: The board does not fit the paper, or the file cannot be written.
     """
     from reportlab.pdfgen.canvas import Canvas
 

@@ -29,10 +29,8 @@ def _read_only(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """One calibrated camera.
-
-    Raises:
-        ValueError: A value has the wrong shape, is not finite, or is impossible.
+    """One calibrated camera. ValueError where a value has the wrong shape, is not finite, or is
+    impossible.
     """
 
     name: str  #: Name, unique in its rig.
@@ -194,10 +192,8 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Cameras calibrated in one world, accessible by name.
-
-    Raises:
-        ValueError: No camera, or two of one name.
+    """Cameras calibrated in one world, accessible by name. ValueError where there is no camera, or
+    two have one name.
     """
 
     cameras: tuple[Camera, ...]
@@ -234,10 +230,8 @@ class Rig:
         return len(self.cameras)
 
     def select(self, names: Sequence[str]) -> "Rig":
-        """Returns the rig of the named cameras, in that order.
-
-        Raises:
-            InputError: A name is not in the rig, or there is none.
+        """Returns the rig of the named cameras, in that order. InputError where a name is not in
+        the rig, or there is none.
         """
         if not names:
             raise InputError(f"no camera is chosen: the rig has {', '.join(self.names)}")

@@ -30,7 +30,6 @@ def check_array(
     """Raises an error where an array is not what a function needs.
 
     Args:
-        name: Name of the argument, with which the message begins.
         shape: Required shape: a number, or a letter such as "N" where any number will do.
         dtype: Required dtype or its kind, such as `np.bool_` or `np.integer`; None allows any.
 
@@ -57,14 +56,8 @@ def check_array(
 def float_array(
     name: str, value: ArrayLike, shape: Sequence[int | str], *, finite: bool = False
 ) -> FloatArray:
-    """Returns a value as float64 of a given shape, without a copy where possible.
-
-    Args:
-        name: Name of the argument, with which the message begins.
-        shape: Required shape, as for `check_array`.
-
-    Raises:
-        ValueError: The shape is another, or a number is not finite.
+    """Returns a value as float64 of a given shape, without a copy where possible. ValueError where
+    the shape is another, or a number is not finite.
     """
     array = np.asarray(value, dtype=np.float64)
     check_array(name, array, shape, finite=finite)
@@ -72,10 +65,8 @@ def float_array(
 
 
 def image_size(name: str, size: Sequence[int]) -> tuple[int, int]:
-    """Returns an image size (width, height), px, as two Python integers.
-
-    Raises:
-        ValueError: It is not two numbers of at least 1.
+    """Returns an image size (width, height), px, as two Python integers. ValueError where it is not
+    two numbers of at least 1.
     """
     numbers = tuple(int(n) for n in size)
     if len(numbers) != 2 or min(numbers) < 1:

@@ -9,10 +9,8 @@ class InputError(Exception):
 
 
 def check_name(name: object) -> None:
-    """Checks that a name or path is text, which OpenCV and files of text need.
-
-    Raises:
-        InputError: It is not.
+    """Checks that a name or path is text, which OpenCV and files of text need. InputError where it
+    is not.
     """
     try:
         str(name).encode()

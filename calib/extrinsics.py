@@ -59,10 +59,11 @@ class Extrinsics:
 def calibrate_extrinsics(
     board: Board, lenses: Rig, views: Views, floor: str | None = None, refine_lenses: bool = False
 ) -> Extrinsics:
-    """Estimates the poses of cameras, and their accuracy.
+    """Estimates the poses of cameras, and their accuracy. InputError where a camera saw no board,
+    the cameras are not connected by shared boards, or the board on the floor is missing or upside
+    down.
 
     Args:
-        board: The board that was moved through the room.
         lenses: Cameras with calibrated lenses; their poses are ignored.
         views: Detected boards: moment -> camera name -> view.
         floor: The moment at which the board lay on the floor, face up. Its first corner becomes the
@@ -71,10 +72,6 @@ def calibrate_extrinsics(
             squares in one direction and an even number in the other.
         refine_lenses: Whether the lens parameters are refined too; only useful if they are not
             known better from boards closer to the camera.
-
-    Raises:
-        InputError: A camera saw no board, the cameras are not connected by shared boards, or the
-            board on the floor is missing or upside down.
     """
     for name in {name for seen in views.values() for name in seen} - set(lenses.names):
         raise InputError(
@@ -100,14 +97,12 @@ def calibrate_extrinsics(
 
 def board_errors(board: Board, rig: Rig, views: Views) -> dict[str, float]:
     """Root mean square reprojection error, px, by the names of a rig's cameras, which stay where
-    they are while each board is moved to where it fits best.
+    they are while each board is moved to where it fits best. InputError where no two of the cameras
+    saw a board at the same moment, or pictures have another size than the lenses were calibrated
+    at.
 
     Args:
         views: Detected boards: moment -> camera name -> view; other cameras' do not count.
-
-    Raises:
-        InputError: No two of the cameras saw a board at the same moment, or pictures have another
-            size than the lenses were calibrated at.
     """
     known = {
         moment: {name: view for name, view in seen.items() if name in rig}
@@ -199,10 +194,8 @@ def _misfit(
 
 
 def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camera, ...]:
-    """The cameras in the world of the board on the floor.
-
-    Raises:
-        InputError: That board was not seen, or lies so that cameras would be under the floor.
+    """The cameras in the world of the board on the floor. InputError where that board was not seen,
+    or lies so that cameras would be under the floor.
     """
     if floor not in moments:
         raise InputError(
@@ -224,12 +217,7 @@ def _on_floor(floor: str, moments: list[str], scene: BundleScene) -> tuple[Camer
 
 
 def camera_error(index: int, adjusted: Adjustment, seen: Observations, count: int) -> CameraError:
-    """Accuracy of one camera.
-
-    Args:
-        index: Number of the camera.
-        count: Number of boards or points that this camera saw.
-    """
+    """Accuracy of one camera."""
     name, covariance = adjusted.scene.cameras[index].name, adjusted.covariances[index][:6, :6]
     rows = seen.camera == index
     error = rms_px(adjusted.residuals_px[rows]) if rows.any() else np.nan

@@ -72,17 +72,14 @@ def calibrate_intrinsics(
     lens: LensKind = "pinhole",
     camera: str = "camera",
 ) -> Intrinsics:
-    """Calibrates one camera.
+    """Calibrates one camera. InputError where too few pictures show the board, sizes differ, or no
+    plausible lens fits.
 
     Pictures with outlying errors (more than 2.5 times the median and more than 0.5 px) are excluded
     one by one, worst first, and named in the table.
 
     Args:
-        views: Result of `Board.find` for each picture, by its name.
         lens: "pinhole" (k1 k2 p1 p2), "rational" (eight terms, for wide lenses) or "fisheye".
-
-    Raises:
-        InputError: Too few pictures show the board, sizes differ, or no plausible lens fits.
     """
     good = {name: view for name, view in views.items() if isinstance(view, BoardView)}
     lines = {

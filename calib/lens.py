@@ -187,9 +187,6 @@ class FisheyeLens:
     Only directions in front of the camera (less than 90 degrees from the axis) are covered, as in
     OpenCV.
 
-    Args:
-        coefficients: (4,) float64, k1 k2 k3 k4.
-
     Source: OpenCV, "Fisheye camera model" (Kannala and Brandt's polynomial with the leading term
     1).
     """

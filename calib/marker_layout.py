@@ -14,11 +14,8 @@ _MOST_ACROSS = 60
 
 
 def marked_squares(across: int, first: bool, count: int) -> NDArray[np.int64]:
-    """Column and row (count, 2) int64 of the squares with markers 0, 1, ...
-
-    Args:
-        across: Squares in a row.
-        first: Whether the first square has a marker.
+    """Column and row (count, 2) int64 of the squares with markers 0, 1, ..., with so many squares
+    in a row, of which the first has a marker or none.
     """
     row, column = np.divmod(np.arange(2 * count + across), across)
     marked = (column + row) % 2 == (0 if first else 1)

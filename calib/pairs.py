@@ -45,10 +45,8 @@ def board_candidates(board: Board, lenses: Rig, views: Views) -> Candidates:
 
 
 def board_poses(board: Board, camera: Camera, view: BoardView) -> list[PoseCandidate]:
-    """Pose candidates of a board relative to a camera.
-
-    Raises:
-        InputError: The picture's size is not that of the lens calibration.
+    """Pose candidates of a board relative to a camera. InputError where the picture's size is not
+    that of the lens calibration.
     """
     check_lens_size(camera, view.size)
     points = board.points_m[view.ids]
@@ -63,9 +61,7 @@ def board_poses(board: Board, camera: Camera, view: BoardView) -> list[PoseCandi
 
 def check_lens_size(lens: Camera, size: tuple[int, int]) -> None:
     """Refuses pictures (width, height) px of another size than a camera's lens was calibrated at.
-
-    Raises:
-        InputError: The sizes differ.
+    InputError where the sizes differ.
     """
     if size != lens.size:
         seen, known = (f"{width}x{height}" for width, height in (size, lens.size))
@@ -93,14 +89,12 @@ def shared_boards(
 def chain_poses(
     names: tuple[str, ...], candidates: Candidates, shared: Mapping[Pair, int]
 ) -> tuple[dict[str, Pose], dict[Pair, int]]:
-    """Initial poses of all cameras, along the pairs that share most boards.
+    """Initial poses of all cameras, along the pairs that share most boards. InputError where the
+    cameras are not connected.
 
     Returns:
         Poses by camera name, camera from first camera, and for each pair used the number of its
         boards that agree on its relative pose.
-
-    Raises:
-        InputError: The cameras are not connected.
     """
     poses: dict[str, Pose] = {names[0]: (np.eye(3), np.zeros(3))}
     agreeing: dict[Pair, int] = {}
@@ -176,14 +170,11 @@ def refuse_mirrored(
     agreeing: Mapping[Pair, int],
     shared: Mapping[Pair, int],
 ) -> None:
-    """Detects cameras with mirrored images, among pairs that disagree about most boards.
+    """Detects cameras with mirrored images, among pairs that disagree about most boards. InputError
+    where a camera agrees with another once its images are mirrored; the message has both counts.
 
     A mirrored plain board is still a valid board, but its motion is mirrored too, so that the
     relative poses from different boards disagree.
-
-    Raises:
-        InputError: A camera agrees with another once its images are mirrored; the message has both
-            counts.
     """
     for (a, b), count in agreeing.items():
         together = shared[a, b]

@@ -45,12 +45,10 @@ class ScenePoints:
 
 
 def read_points(path: Path) -> ScenePoints:
-    """Reads scene points.
+    """Reads scene points. InputError where the file or a column is missing, or a row is wrong,
+    which is named.
 
     A measured point has x_m, y_m and z_m (up) in at least one of its rows.
-
-    Raises:
-        InputError: The file is missing, a column is, or a row is wrong; the row is named.
     """
     rows = csv_rows(path, ("camera", "point", *_PIXELS), _LARGEST_BYTES, optional=_METRES)
     pixels: dict[str, dict[str, np.ndarray]] = {}
@@ -94,13 +92,11 @@ def _numbers(row: dict[str, str], keys: tuple[str, ...], location: str) -> np.nd
 
 def calibrate_from_points(lenses: Rig, points: ScenePoints) -> Extrinsics:
     """Estimates the poses of cameras with calibrated lenses; those that they have are ignored.
+    InputError where too few points are measured, or they do not locate every camera.
 
     Returns:
         The rig in the world of the measured points. Standard errors are relative to that world, and
         counts are of points, not boards.
-
-    Raises:
-        InputError: Too few points are measured, or they do not locate every camera.
     """
     for name in sorted(points.cameras() - set(lenses.names)):
         raise InputError(
@@ -165,10 +161,8 @@ def measured_errors(rig: Rig, points: ScenePoints) -> dict[str, float]:
 
 
 def _start(lenses: Rig, points: ScenePoints) -> tuple[dict[str, Camera], dict[str, FloatArray]]:
-    """Initial poses of cameras and triangulated points, cameras with most points first.
-
-    Raises:
-        InputError: A camera has too few known points.
+    """Initial poses of cameras and triangulated points, cameras with most points first. InputError
+    where a camera has too few known points.
     """
     located: dict[str, Camera] = {}
     points_m = {

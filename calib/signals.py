@@ -130,14 +130,12 @@ class SignalOffsets:
 def offsets_from_signals(
     signals: Sequence[Signal], settings: SignalSettings, reference: str | None = None
 ) -> SignalOffsets:
-    """Estimates the offsets between cameras' clocks.
+    """Estimates the offsets between cameras' clocks. InputError where there are fewer than two
+    cameras, or the reference is unknown.
 
     Args:
         signals: One of each of at least two cameras.
         reference: The camera whose clock is the reference; None for the first.
-
-    Raises:
-        InputError: Fewer than two cameras, or an unknown reference.
     """
     names = [signal.camera for signal in signals]
     reference = checked_reference(names, reference)
@@ -208,10 +206,8 @@ def _is_rivalled(
 
 
 def checked_reference(names: Sequence[str], reference: str | None) -> str:
-    """The camera whose clock is the reference: a given one, or the first.
-
-    Raises:
-        InputError: Fewer than two cameras, or an unknown reference.
+    """The camera whose clock is the reference: a given one, or the first. InputError where there
+    are fewer than two cameras, or the reference is unknown.
     """
     if len(names) < 2:
         raise InputError("one camera alone has nothing to be in step with")

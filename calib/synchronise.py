@@ -61,15 +61,13 @@ class Synchronisation:
 def synchronise(
     tracks: Sequence[OutlineTrack], max_offset_s: float, reference: str | None = None
 ) -> Synchronisation:
-    """Estimates the offsets between cameras' clocks.
+    """Estimates the offsets between cameras' clocks. InputError where there are fewer than two
+    cameras, the reference is unknown, or nobody moves.
 
     Args:
         tracks: Outlines of at least two cameras, frame by frame, each with times of its own clock.
         max_offset_s: Largest offset considered, s.
         reference: The camera whose clock is the reference; None for the first.
-
-    Raises:
-        InputError: Fewer than two cameras, an unknown reference, or nobody moves.
     """
     names = [track.camera.name for track in tracks]
     reference = checked_reference(names, reference)
@@ -114,11 +112,7 @@ def outline_signal(track: OutlineTrack) -> Signal:
 
 
 def require_motion(track: OutlineTrack) -> None:
-    """Refuses a camera without motion.
-
-    Raises:
-        InputError: Nobody is seen, or nobody moves.
-    """
+    """Refuses a camera without motion. InputError where nobody is seen, or nobody moves."""
     if track.seen.sum() < 3:
         raise InputError(
             f"{track.camera.name} sees nobody: offsets are found from somebody's motion"

@@ -46,15 +46,13 @@ class Outline:
     @classmethod
     def from_mask(cls, camera: Camera, mask: Mask, unknown: Mask | None = None) -> "Outline | None":
         """Outline of the large components of a silhouette, or None if it is (nearly) empty.
+        TypeError where the silhouette is not bool; ValueError where the silhouette has another
+        aspect than the camera's image.
 
         Args:
             mask: (H, W) bool, silhouette in the camera's image or in a reduced one.
             unknown: (H, W) bool, where nothing is known: where that touches the silhouette, the
                 body may go on behind it, as it does at the image's border. None: nowhere.
-
-        Raises:
-            TypeError: The silhouette is not bool.
-            ValueError: The silhouette has another aspect than the camera's image.
         """
         width, height = camera.size
         scaled = mask.ndim == 2 and abs(mask.shape[0] * width / mask.shape[1] - height) <= 4

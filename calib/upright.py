@@ -84,11 +84,7 @@ class UprightFrame:
 
 
 def unit_vector(direction: ArrayLike) -> FloatArray:
-    """A direction (3,) at unit length.
-
-    Raises:
-        ValueError: it has no length, or is not finite.
-    """
+    """A direction (3,) at unit length. ValueError where it has no length, or is not finite."""
     vector = float_array("direction", direction, (3,), finite=True)
     if np.abs(vector).max() > 1e150:
         raise ValueError("direction must have a length whose square is a float64")
@@ -99,14 +95,12 @@ def unit_vector(direction: ArrayLike) -> FloatArray:
 
 
 def direction_of(text: str, setting: str = 'up = "{}"', where: str = "") -> FloatArray:
-    """Direction (3,), unit, of an axis' name (`-z`) or of three numbers (`0,0.1,-1`).
+    """Direction (3,), unit, of an axis' name (`-z`) or of three numbers (`0,0.1,-1`). InputError
+    where the text is neither.
 
     Args:
         setting: how it is given, with {} in its place, for messages.
         where: what stands before that in messages.
-
-    Raises:
-        InputError: the text is neither.
     """
     name = text.strip().lower().removeprefix("+")
     if name in AXES:
@@ -150,9 +144,6 @@ def up_candidates(rig: Rig) -> list[FloatArray]:
     Tried are the axes of the world, the cameras' verticals, and the directions at right angles to
     the horizontals of any two images, each of which may lie on its side. Each is fitted to the
     cameras that it explains in the least-squares sense, or is an axis of the world near that.
-
-    Args:
-        rig: at least one camera.
 
     Returns:
         Unit vectors (3,) float64, 20 degrees or more apart; they explain at least 0.85 of what the

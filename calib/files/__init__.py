@@ -74,7 +74,8 @@ def read_rig(
     cameras: Sequence[str] | None = None,
     lenses: bool = False,
 ) -> Rig:
-    """Reads a calibration of any known format, in metres.
+    """Reads a calibration of any known format, in metres. InputError where the file is missing, of
+    no known format, incomplete or wrong; the message is one line with the mistake and its remedy.
 
     Args:
         path: A file (aniposelib-layout TOML, OpenCV FileStorage, JSON with cameras or with 3x4
@@ -87,10 +88,6 @@ def read_rig(
         cameras: Names of the cameras that are wanted; None for all. Others may be left out of the
             rig, and are where they have a lens and no position.
         lenses: Whether lenses alone are wanted: a camera without a position stands in the origin.
-
-    Raises:
-        InputError: The file is missing, of no known format, incomplete or wrong; the message is
-            one line with the mistake and its remedy.
     """
     source = Source(Path(path), unit, size, cameras, lenses)
     return _reader(source)(source)
@@ -103,15 +100,13 @@ def write_rig(
     notes: Mapping[str, Any] | None = None,
 ) -> None:
     """Writes a calibration in metres, with the unit stated. A failure leaves no partial file.
+    InputError where the format is unknown, cannot hold this rig, or the file cannot be written.
 
     Args:
         path: The file. Its suffix selects the format: .toml aniposelib layout; .yml, .yaml, .xml
             OpenCV FileStorage; .json plain JSON; .txt Qualisys; none EasyMocap's folder.
         style: A name from `RIG_FORMATS`, to override the suffix.
         notes: Further entries, stored under [metadata] in TOML; the other formats drop them.
-
-    Raises:
-        InputError: The format is unknown, cannot hold this rig, or the file cannot be written.
     """
     target = Path(path)
     if style is None:

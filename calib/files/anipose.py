@@ -32,10 +32,8 @@ _REMEDY = 'add [metadata] unit = "m"'
 
 
 def read_anipose(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: The file is not TOML, or a camera in it is incomplete or wrong.
+    """Reads the rig. InputError where the file is not TOML, or a camera in it is incomplete or
+    wrong.
     """
     text = load_text(source.path, LARGEST_CALIBRATION)
     try:
@@ -94,9 +92,7 @@ def read_notes(path: Path) -> dict[str, Any]:
 
 def read_up(path: Path) -> FloatArray | None:
     """Direction of up (3,) in the world as `[metadata] up` states it; None if it does not.
-
-    Raises:
-        InputError: it is neither an axis nor three numbers.
+    InputError where it is neither an axis nor three numbers.
     """
     stated = read_notes(path).get("up")
     if stated is None:

@@ -19,10 +19,8 @@ _SUFFIXES = {".yml", ".yaml", ".xml", ".json", ".mat"}
 
 
 def read_camera_folder(source: Source) -> Rig:
-    """Reads a folder.
-
-    Raises:
-        InputError: No calibration in it, or a camera is incomplete or wrong.
+    """Reads a folder. InputError where there is no calibration in it, or a camera is incomplete or
+    wrong.
     """
     cameras: list[Camera | None] = []
     for entry in visible_entries(source.path):

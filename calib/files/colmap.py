@@ -38,10 +38,8 @@ def is_colmap(path: Path) -> bool:
 
 
 def read_colmap(source: Source) -> Rig:
-    """Reads the rig from the folder or either file in it.
-
-    Raises:
-        InputError: A file is missing or cut off, or a camera is of a model without an OpenCV lens.
+    """Reads the rig from the folder or either file in it. InputError where a file is missing or cut
+    off, or a camera is of a model without an OpenCV lens.
     """
     folder = source.path if source.path.is_dir() else source.path.parent
     for name in _FILES:

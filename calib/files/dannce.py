@@ -27,10 +27,8 @@ def is_matlab(path: Path) -> bool:
 
 
 def read_dannce(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: A camera is missing, incomplete or wrong, or the unit is not given.
+    """Reads the rig. InputError where a camera is missing, incomplete or wrong, or the unit is not
+    given.
     """
     content = load_dannce(source)
     if is_dannce_camera(content) or "params" not in content:
@@ -51,11 +49,7 @@ def read_dannce(source: Source) -> Rig:
 
 
 def load_dannce(source: Source) -> dict[str, Any]:
-    """Variables of a calibration of DANNCE's.
-
-    Raises:
-        InputError: The file cannot be read.
-    """
+    """Variables of a calibration of DANNCE's. InputError where the file cannot be read."""
     return load_matlab(source, (*_CAMERA, "params", "camnames"))
 
 
@@ -65,11 +59,7 @@ def is_dannce_camera(content: dict[str, Any]) -> bool:
 
 
 def dannce_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera | None:
-    """Camera from its variables.
-
-    Raises:
-        InputError: It is incomplete or wrong.
-    """
+    """Camera from its variables. InputError where it is incomplete or wrong."""
     matrix = source.numbers(name, "K", fields.get("K"), (3, 3)).T
     if matrix[2, :2].any() and not matrix[:2, 2].any():
         raise source.error("K is not transposed as MATLAB's is: write K'", name)

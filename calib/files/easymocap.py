@@ -31,10 +31,8 @@ def is_easymocap(path: Path) -> bool:
 
 
 def read_easymocap(source: Source) -> Rig:
-    """Reads the rig from the folder or either file in it.
-
-    Raises:
-        InputError: A file is missing, or a camera in it is incomplete or wrong.
+    """Reads the rig from the folder or either file in it. InputError where a file is missing, or a
+    camera in it is incomplete or wrong.
     """
     folder = source.path if source.path.is_dir() else source.path.parent
     folder_source = replace(source, path=folder)
@@ -67,10 +65,8 @@ def read_easymocap(source: Source) -> Rig:
 
 def write_easymocap(rig: Rig, path: Path) -> None:
     """Writes the folder, in metres; neither file takes its name before both are complete.
-
-    Raises:
-        InputError: A camera's lens or name cannot be stored in these files, or they cannot be
-            written.
+    InputError where a camera's lens or name cannot be stored in these files, or they cannot be
+    written.
     """
     for camera in rig:
         if not re.fullmatch(r"[A-Za-z0-9_-]+", camera.name):

@@ -41,13 +41,11 @@ class Source:
         return InputError(" ".join(f"{self.path}: {whose}{message}".split()))
 
     def metres_per_unit(self, stated: object, remedy: str) -> float:
-        """Length of the file's unit in metres.
+        """Length of the file's unit in metres. InputError where no unit is given, it is unknown, or
+        the file and the caller differ.
 
         Args:
             remedy: How a unit is written in this format.
-
-        Raises:
-            InputError: No unit is given, it is unknown, or the file and the caller differ.
         """
         unit = self.unit if stated is None else stated
         if unit is None and self.lenses:
@@ -69,14 +67,12 @@ class Source:
     def numbers(
         self, camera: str, key: str, value: object, shape: tuple[int, ...] | None = None
     ) -> FloatArray:
-        """Finite float64 numbers of a given shape.
+        """Finite float64 numbers of a given shape. InputError where the value is missing, not
+        numbers, not finite, or has another shape.
 
         Args:
             value: The value; lists nested one level deeper than needed are accepted.
             shape: Required shape; None for any number of values, flat.
-
-        Raises:
-            InputError: The value is missing, not numbers, not finite, or has another shape.
         """
         if value is None:
             raise self.error(f"{key} is missing: {_REMEDY}", camera)
@@ -100,15 +96,13 @@ class Source:
         return array.reshape(-1 if shape is None else shape)
 
     def camera(self, name: str, values: Mapping[str, Any], metres_per_unit: float) -> Camera | None:
-        """Camera from raw values; None where it has no position and is not wanted.
+        """Camera from raw values; None where it has no position and is not wanted. InputError where
+        a value is missing or wrong.
 
         Args:
             values: `size`, `matrix`, `distortions`, `rotation` (Rodrigues or matrix), `translation`
                 and optionally `fisheye`.
             metres_per_unit: Length of the translation's unit, m.
-
-        Raises:
-            InputError: A value is missing or wrong.
         """
         if values.get("rotation") is None and values.get("translation") is None:
             if not self.lenses:
@@ -160,14 +154,12 @@ class Source:
         self, camera: str, values: Mapping[str, object], fisheye: bool = False
     ) -> dict[str, Any]:
         """Matrix and distortion, as `camera` takes them, of a lens whose numbers have names and
-        count from the corner of the first pixel, half a pixel before its centre.
+        count from the corner of the first pixel, half a pixel before its centre. InputError where a
+        number is missing or is none.
 
         Args:
             values: `fx`, `fy`, `cx`, `cy`, px, or one focal length `f`; optionally `skew`, px, and
                 OpenCV's terms `k1`, `p1` ...
-
-        Raises:
-            InputError: A number is missing or none.
         """
         terms = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
         more = () if fisheye else ("k4", "k5", "k6")
@@ -295,7 +287,6 @@ def video_cameras(
 
     Args:
         kinds: Model by the name of every calibrated camera.
-        filming: Those that film.
         unused: Cameras that are not calibrated or not in use.
 
     Returns:
@@ -312,10 +303,7 @@ def video_cameras(
 
 def five_distortion_numbers(camera: Camera, container: str) -> FloatArray:
     """Returns k1 k2 p1 p2 k3 of a camera, (5,) float64; messages name the container, which holds no
-    other numbers.
-
-    Raises:
-        InputError: The camera's lens has more terms.
+    other numbers. InputError where the camera's lens has more terms.
     """
     if camera.fisheye or len(camera.distortion) > 5:
         raise InputError(

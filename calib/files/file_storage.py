@@ -45,15 +45,12 @@ _DEEPEST = 50
 
 def load_storage(path: Path) -> dict[str, Any]:
     """Content of a file, YAML, XML or JSON by its beginning, as dictionaries, lists, arrays, floats
-    and strings.
+    and strings. InputError where the file is none of these, too large, nested too deeply, or a
+    matrix in it does not have the numbers that it announces.
 
     Returns:
         Values by key. Numbers are floats; matrices (rows, cols) or (rows, cols, channels) arrays of
         their own dtype, of which numbers may be NaN or infinite.
-
-    Raises:
-        InputError: The file is none of these, too large, nested too deeply, or a matrix in it does
-            not have the numbers that it announces.
     """
     text = load_text(path, LARGEST_CALIBRATION)
     start = text.lstrip()[:1]
@@ -71,15 +68,12 @@ def load_storage(path: Path) -> dict[str, Any]:
 
 
 def dump_storage(content: Mapping[str, Any], path: Path) -> None:
-    """Writes a file that OpenCV reads.
+    """Writes a file that OpenCV reads. OSError where the file cannot be written.
 
     Args:
         content: Strings, whole numbers, 2-D float64 arrays, lists of strings, and dictionaries of
             these, by key.
         path: The file; its suffix .xml or .json selects the syntax, else YAML.
-
-    Raises:
-        OSError: The file cannot be written.
     """
     suffix = path.suffix if path.suffix.lower() in (".xml", ".json") else ".yml"
     file = cv2.FileStorage(suffix.lower(), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)

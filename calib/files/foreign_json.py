@@ -42,10 +42,8 @@ _ORDER = "cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1".split()
 
 
 def read_nerfstudio(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: A frame is incomplete or wrong, or its lens is none of OpenCV's.
+    """Reads the rig. InputError where a frame is incomplete or wrong, or its lens is none of
+    OpenCV's.
     """
     content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
     frames = content["frames"]
@@ -95,11 +93,7 @@ def is_opencap(content: dict[str, Any]) -> bool:
 
 
 def read_opencap(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: A camera is incomplete or wrong.
-    """
+    """Reads the rig. InputError where a camera is incomplete or wrong."""
     content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
     named = {source.path.stem: content} if OPENCAP_MATRIX in content else content
     return source.rig(
@@ -112,11 +106,7 @@ def read_opencap(source: Source) -> Rig:
 
 
 def opencap_camera(source: Source, name: str, fields: dict[str, Any]) -> Camera | None:
-    """Camera from its map.
-
-    Raises:
-        InputError: It is incomplete or wrong.
-    """
+    """Camera from its map. InputError where it is incomplete or wrong."""
     size = fields.get("imageSize")
     values = {
         "size": None if size is None else source.numbers(name, "imageSize", size, (2,))[::-1],
@@ -135,22 +125,15 @@ def is_kinect(content: dict[str, Any]) -> bool:
 
 
 def read_kinect(source: Source) -> Rig:
-    """Reads the colour camera.
-
-    Raises:
-        InputError: It is not there, incomplete, or of another lens; or the picture's size is none
-            that this sensor makes.
+    """Reads the colour camera. InputError where it is not there, incomplete, or of another lens; or
+    the picture's size is none that this sensor makes.
     """
     content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
     return source.rig([kinect_camera(source, source.path.stem, content)])
 
 
 def kinect_camera(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
-    """Colour camera from the content of its JSON.
-
-    Raises:
-        InputError: As `read_kinect`.
-    """
+    """Colour camera from the content of its JSON. InputError as of `read_kinect`."""
     if "intrinsic_matrix" in content:
         matrix = source.numbers(name, "intrinsic_matrix", content["intrinsic_matrix"], (9,))
         size = [content.get("width"), content.get("height")]

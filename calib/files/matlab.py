@@ -22,10 +22,7 @@ _BEGIN = 128  # bytes before the first element
 
 def load_matlab(source: Source, wanted: Collection[str]) -> dict[str, Any]:
     """Variables of a file by name: arrays of numbers, strings, lists (cells), and lists of
-    dictionaries (structs).
-
-    Raises:
-        InputError: The file cannot be read.
+    dictionaries (structs). InputError where the file cannot be read.
     """
     data = load_bytes(source.path, LARGEST_CALIBRATION)
     if data.startswith(b"MATLAB 7.3"):

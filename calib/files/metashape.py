@@ -22,10 +22,8 @@ _FISHEYES = ("fisheye", "equidistant_fisheye")
 
 
 def read_metashape(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: It holds other than one chunk, or a camera in it is incomplete or wrong.
+    """Reads the rig. InputError where it holds other than one chunk, or a camera in it is
+    incomplete or wrong.
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
     chunks = root.findall("chunk")

@@ -44,10 +44,8 @@ _REMEDY = "add a top-level entry unit: m"
 
 
 def read_opencv(source: Source) -> Rig:
-    """Reads one file.
-
-    Raises:
-        InputError: The file is no FileStorage, or a camera in it is incomplete or wrong.
+    """Reads one file. InputError where the file is no FileStorage, or a camera in it is incomplete
+    or wrong.
     """
     content = load_storage(source.path)
     maps = {
@@ -69,20 +67,15 @@ def is_opencv_camera(content: dict[str, Any]) -> bool:
 
 
 def opencv_camera(source: Source, name: str, content: dict[str, Any]) -> Camera | None:
-    """Camera of a file that is its own and states its unit.
-
-    Raises:
-        InputError: It is incomplete or wrong.
+    """Camera of a file that is its own and states its unit. InputError where it is incomplete or
+    wrong.
     """
     return _camera(source, name, content, _metres(source, content))
 
 
 def write_opencv(rig: Rig, path: Path) -> None:
-    """Writes one file with all cameras, in metres.
-
-    Raises:
-        InputError: A camera's name cannot be a key of OpenCV's.
-        OSError: The file cannot be written.
+    """Writes one file with all cameras, in metres. InputError where a camera's name cannot be a key
+    of OpenCV's; OSError where the file cannot be written.
     """
     for name in rig.names:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):

@@ -24,10 +24,8 @@ from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 
 
 def read_json(source: Source) -> Rig:
-    """Reads the rig; `cameras` may also be a map from names to cameras.
-
-    Raises:
-        InputError: A camera is incomplete or wrong.
+    """Reads the rig; `cameras` may also be a map from names to cameras. InputError where a camera
+    is incomplete or wrong.
     """
     text = load_text(source.path, LARGEST_CALIBRATION)
     content: dict[str, Any] = parse_json(text, source.path)
@@ -58,16 +56,14 @@ def write_json(rig: Rig, path: Path) -> None:
 
 def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     r"""RQ decomposition of a projection matrix (3, 4), homogeneous pixels from world, of any scale
-    and sign.
+    and sign. ValueError where the left 3x3 part is singular: the camera is not at a finite
+    position.
 
     .. math:: P \sim K \, [R \mid t]
 
     Returns:
         Matrix K (3, 3) with a positive diagonal and 1 in the corner, rotation R (3, 3), translation
         t (3,) in the world's unit.
-
-    Raises:
-        ValueError: The left 3x3 part is singular: the camera is not at a finite position.
 
     Source: Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed., 6.2.4.
     """
@@ -88,10 +84,8 @@ def decompose(projection: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
 
 
 def read_projections(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: A matrix is not 3x4, not finite or singular, or sizes or the unit are unknown.
+    """Reads the rig. InputError where a matrix is not 3x4, not finite or singular, or sizes or the
+    unit are unknown.
     """
     content: Any = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
     content = {"projections": content} if isinstance(content, list) else content
@@ -126,10 +120,8 @@ def read_projections(source: Source) -> Rig:
 
 
 def write_projections(rig: Rig, path: Path) -> None:
-    """Writes the rig in metres.
-
-    Raises:
-        InputError: A camera has lens distortion, which a matrix cannot hold.
+    """Writes the rig in metres. InputError where a camera has lens distortion, which a matrix
+    cannot hold.
     """
     bent = [camera.name for camera in rig if not camera.is_pinhole]
     if bent:

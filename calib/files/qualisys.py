@@ -47,11 +47,8 @@ _LENS = ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV")
 
 
 def read_qualisys(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: The file is neither QTM's nor Theia's calibration, or a camera in it is
-            incomplete or wrong.
+    """Reads the rig. InputError where the file is neither QTM's nor Theia's calibration, or a
+    camera in it is incomplete or wrong.
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
     theia = not root.attrib
@@ -77,10 +74,8 @@ def read_qualisys(source: Source) -> Rig:
 
 
 def write_qualisys(rig: Rig, path: Path) -> None:
-    """Writes the rig, in QTM's units.
-
-    Raises:
-        InputError: A camera's lens has terms that QTM does not know.
+    """Writes the rig, in QTM's units. InputError where a camera's lens has terms that QTM does not
+    know.
     """
     root = ElementTree.Element("calibration", {"type": "regular"})
     cameras = ElementTree.SubElement(root, "cameras")

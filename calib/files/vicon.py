@@ -21,10 +21,8 @@ _MODEL = "Vicon3Parameter"
 
 
 def read_vicon(source: Source) -> Rig:
-    """Reads the rig.
-
-    Raises:
-        InputError: A camera in it is incomplete or wrong, or of a lens that OpenCV's cannot follow.
+    """Reads the rig. InputError where a camera in it is incomplete or wrong, or of a lens that
+    OpenCV's cannot follow.
     """
     root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
     metres = source.metres_per_unit("mm", "Vicon writes mm")

@@ -33,14 +33,11 @@ _renames: dict[int, Path] = {}
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a file beside `path` that takes its name, in place of an earlier file, when the
-    block ends without an error.
+    """Yields a file beside `path` that takes its name, in place of an earlier file, when the block
+    ends without an error. InputError where the system refuses to write the file.
 
     The file is on the disk before it takes the name, so that a full disk or a power cut leaves the
     earlier file. What killed processes left of the same file is removed.
-
-    Raises:
-        InputError: the system refuses to write the file.
     """
     pattern = _PARTIAL.format(stem=re.escape(path.stem), suffix=re.escape(path.suffix))
     _removed(path.parent, pattern)
@@ -58,20 +55,16 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes a file whole or not at all; text as UTF-8.
-
-    Raises:
-        InputError: the system refuses to write the file.
+    """Writes a file whole or not at all; text as UTF-8. InputError where the system refuses to
+    write the file.
     """
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def rename(partial: Path, path: Path) -> None:
-    """Renames what is complete, and remembers it for `written_paths`.
-
-    Raises:
-        OSError: the system refuses; a folder of this name that is not empty is one reason.
+    """Renames what is complete, and remembers it for `written_paths`. OSError where the system
+    refuses; a folder of this name that is not empty is one reason.
     """
     announce(partial, path)
     partial.replace(path)
@@ -128,9 +121,7 @@ def _removed(folder: Path, pattern: str) -> list[Path]:
 
 def flush(path: Path) -> None:
     """Waits until a file is on its disk, which is when some file systems notice that it is full.
-
-    Raises:
-        OSError: it is.
+    OSError where it is full.
     """
     # Reading is enough where files are not locked; a linked file may be another's.
     with path.open("rb+" if os.name == "nt" else "rb") as file:
@@ -139,13 +130,11 @@ def flush(path: Path) -> None:
 
 @contextmanager
 def claimed(path: Path) -> Iterator[None]:
-    """Holds the right to write a file or folder, which one process at a time has.
+    """Holds the right to write a file or folder, which one process at a time has. InputError where
+    another process is writing it, or the lock cannot be made.
 
     A lock beside it, `.NAME.lock`, which ends with the process however that ends; where the file
     system has no locks, a file `.NAME.softlock`, which a killed process may leave.
-
-    Raises:
-        InputError: another process is writing it, or the lock cannot be made.
     """
     lock = FileLock(path.with_name(_LOCK.format(name=path.name)), timeout=0)
     soft = SoftFileLock(path.with_name(_SOFT_LOCK.format(name=path.name)), timeout=0)
@@ -194,14 +183,12 @@ class FolderWriter:
         overwrite: bool = False,
         replaceable: Callable[[Path], bool] = lambda folder: True,
     ) -> None:
-        """Checks where the folder is to be written, before any work is done.
+        """Checks where the folder is to be written, before any work is done. InputError where `out`
+        exists and must not be replaced.
 
         Args:
             overwrite: whether an earlier folder is replaced, once the new one is complete.
             replaceable: whether a folder is of the kind that may be replaced.
-
-        Raises:
-            InputError: `out` exists and must not be replaced.
         """
         self.out, self._overwrite, self._replaceable = Path(out), overwrite, replaceable
         self._check(self.out)
@@ -312,10 +299,7 @@ class FolderWriter:
 
 def replace_folder(new: Path, target: Path) -> None:
     """Puts a folder in another's place; there is no moment without one of them, where the system
-    allows it. The earlier one then lies at `new`, or is removed.
-
-    Raises:
-        OSError: the system refuses.
+    allows it. The earlier one then lies at `new`, or is removed. OSError where the system refuses.
     """
     if _exchanged(new, target):
         return
@@ -349,11 +333,9 @@ def recover(target: Path) -> list[Path]:
 
 def remove_leftovers(folder: Path) -> list[Path]:
     """Removes what killed processes left of any file or folder in a folder, and returns it.
+    InputError where the folder cannot be read.
 
     Folders that are being written, and those below, are left alone.
-
-    Raises:
-        InputError: the folder cannot be read.
     """
     removed = _removed(folder, _PARTIAL.format(stem=".+", suffix=r"(\..+)?"))
     try:

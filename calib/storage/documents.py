@@ -32,11 +32,8 @@ _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
 def visible_entries(folder: Path) -> list[Path]:
-    """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on
-    other systems' disks. None where there is no such folder.
-
-    Raises:
-        InputError: It cannot be listed.
+    """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on other
+    systems' disks. None where there is no such folder. InputError where it cannot be listed.
     """
     try:
         return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
@@ -47,13 +44,10 @@ def visible_entries(folder: Path) -> list[Path]:
 
 
 def load_bytes(path: Path, largest_bytes: int) -> bytes:
-    """Content of a file.
+    """Content of a file. InputError where the file cannot be read, or is too large.
 
     Args:
         largest_bytes: Size beyond which the file is refused.
-
-    Raises:
-        InputError: The file cannot be read, or is too large.
     """
     try:
         with path.open("rb") as file:
@@ -69,15 +63,13 @@ def load_bytes(path: Path, largest_bytes: int) -> bytes:
 def load_text(
     path: Path, largest_bytes: int, errors: str = "strict", remedy: str = _AS_UTF_8
 ) -> str:
-    """Text of a file in UTF-8, with or without its mark, lines ended by a newline.
+    """Text of a file in UTF-8, with or without its mark, lines ended by a newline. InputError where
+    the file cannot be read, is too large, or holds bytes that are no text.
 
     Args:
         largest_bytes: Size beyond which the file is refused.
         errors: "replace" puts a mark in the place of bytes that are no text.
         remedy: What to do about a file that is no text, for messages.
-
-    Raises:
-        InputError: The file cannot be read, is too large, or holds bytes that are no text.
     """
     data = load_bytes(path, largest_bytes)
     _check_start(path, data, remedy)
@@ -92,10 +84,7 @@ def load_text(
 
 def parse_json(text: str, path: Path) -> Any:
     """Content of JSON, of a file that messages name; whole numbers that no float64 can hold become
-    infinite.
-
-    Raises:
-        InputError: The text is no JSON, or nested too deeply.
+    infinite. InputError where the text is no JSON, or nested too deeply.
     """
     try:
         content = json.loads(text, parse_int=_integer)
@@ -108,10 +97,8 @@ def parse_json(text: str, path: Path) -> Any:
 
 
 def parse_toml(text: str, path: Path) -> dict[str, Any]:
-    """Content of TOML, of a file that messages name.
-
-    Raises:
-        InputError: The text is no TOML, or nested too deeply.
+    """Content of TOML, of a file that messages name. InputError where the text is no TOML, or
+    nested too deeply.
     """
     try:
         content = tomllib.loads(text)
@@ -125,11 +112,8 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
 
 
 def parse_xml(text: str, path: Path) -> ElementTree.Element:
-    """Root element of XML, of a file that messages name.
-
-    Raises:
-        InputError: The text is no XML, is nested too deeply, or has a document type, with which
-            entities are defined.
+    """Root element of XML, of a file that messages name. InputError where the text is no XML, is
+    nested too deeply, or has a document type, with which entities are defined.
     """
     try:
         # A declaration of an encoding does not count in text that was decoded already.
@@ -141,10 +125,8 @@ def parse_xml(text: str, path: Path) -> ElementTree.Element:
 
 
 def _check_start(path: Path, data: bytes, remedy: str) -> None:
-    """Checks that bytes do not begin like UTF-16, or like files of programs.
-
-    Raises:
-        InputError: They do.
+    """Checks that bytes do not begin like UTF-16, or like files of programs. InputError where they
+    do.
     """
     if data[:2] in _UTF_16 or (len(data) > 3 and data[:4].count(0) == 2):  # with a mark or without
         raise InputError(f"{path} is text in UTF-16: save it as UTF-8")
@@ -156,7 +138,8 @@ def _check_start(path: Path, data: bytes, remedy: str) -> None:
 def csv_rows(
     path: Path, columns: Sequence[str], largest_bytes: int, optional: Sequence[str] = ()
 ) -> Iterator[dict[str, str]]:
-    """Rows of a table in CSV, one after the other.
+    """Rows of a table in CSV, one after the other. InputError where the file cannot be read, is too
+    large or no text, or lacks a column.
 
     Args:
         path: The file; its first line names the columns.
@@ -166,9 +149,6 @@ def csv_rows(
 
     Yields:
         The texts of these columns by name, as far as the row has them. Empty lines are left out.
-
-    Raises:
-        InputError: The file cannot be read, is too large or no text, or lacks a column.
     """
     names = (*columns, *optional)
     remedy = f"its first line must name {','.join(names)}"
@@ -200,10 +180,8 @@ def csv_rows(
 
 
 def check_depth(content: Any, path: Path) -> None:
-    """Checks that lists and dictionaries are not nested too deeply for whatever follows.
-
-    Raises:
-        InputError: They are.
+    """Checks that lists and dictionaries are not nested too deeply for whatever follows. InputError
+    where they are.
     """
     level = [content]
     for _ in range(_DEEPEST):

@@ -16,13 +16,11 @@ from calib.storage.atomic import is_disk_full
 
 def private_folder() -> Path:
     """The user's own folder among the temporary files, the same for all processes; it is for caches
-    where neither the installation nor the home folder can be written.
+    where neither the installation nor the home folder can be written. InputError where there is no
+    folder of temporary files that can be written.
 
     What lies there is run: where the name is taken by somebody else, or others may write to the
     folder, this process gets a new one.
-
-    Raises:
-        InputError: There is no folder of temporary files that can be written.
     """
     user = getattr(os, "getuid", lambda: "user")()
     try:
@@ -48,21 +46,13 @@ class ScratchFile:
     """
 
     def __init__(self) -> None:
-        """Creates the file.
-
-        Raises:
-            InputError: the folder of temporary files cannot be written to.
-        """
+        """Creates the file. InputError where the folder of temporary files cannot be written to."""
         with _said():
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
         self._lock, self._end = Lock(), 0
 
     def append(self, content: bytes) -> int:
-        """Writes at the end; returns where it begins.
-
-        Raises:
-            InputError: the disk is full.
-        """
+        """Writes at the end; returns where it begins. InputError where the disk is full."""
         with self._lock:
             start = self._end
             self._end += len(content)

@@ -88,7 +88,8 @@ class Job:
 def jobs_of(
     paths: Sequence[Path], command: Command, common: Mapping[str, bool | int | float | str]
 ) -> list[Job]:
-    """The jobs of recordings, of folders of recordings, and of TOML lists.
+    """The jobs of recordings, of folders of recordings, and of TOML lists. InputError where
+    something is not there or not understood, or nothing is to be done.
 
     Args:
         paths: a recording; a folder whose subfolders are recordings; or a TOML file with a table
@@ -96,9 +97,6 @@ def jobs_of(
             `name`, `command` and the settings.
         command: what is done where a list does not say.
         common: settings where a list has no other.
-
-    Raises:
-        InputError: something is not there or not understood, or nothing is to be done.
     """
     unchecked: list[Job] = []
     for path in paths:

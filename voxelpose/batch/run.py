@@ -257,13 +257,11 @@ def run_batch(
     jobs: Sequence[Job], settings: BatchSettings, on_outcome: Callable[[Outcome, int | None], None]
 ) -> list[Outcome]:
     """Runs the jobs that are not done yet; returns an outcome for each job, in their order.
+    InputError where there is no worker, the folder cannot be made, or another batch is writing it.
 
     Results are whole or not there; run again, a batch does what is missing, what failed and what
     has other settings now. `on_outcome` is called with every outcome, and how many there are so
     far; None for a piece of a long recording.
-
-    Raises:
-        InputError: there is no worker, the folder cannot be made, or another batch is writing it.
     """
     try:
         settings.out.mkdir(parents=True, exist_ok=True)

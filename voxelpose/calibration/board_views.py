@@ -57,13 +57,11 @@ def stride(frame_count: int) -> int:
 
 
 def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
-    """Finds the cameras among files and folders.
+    """Finds the cameras among files and folders. InputError where a path is missing, there is no
+    picture in it, or two cameras share a name.
 
     A video is a camera named after its file; stills are a camera named after their folder; a folder
     of videos and of folders of stills holds a camera for each.
-
-    Raises:
-        InputError: A path is missing, there is no picture in it, or two cameras share a name.
     """
     cameras: dict[str, FrameReader] = {}
     loose: dict[Path, list[Path]] = {}
@@ -104,10 +102,8 @@ def _add(cameras: dict[str, FrameReader], name: str, pictures: FrameReader) -> N
 
 def as_printed(board: Board, cameras: Mapping[str, FrameReader], reporter: Reporter) -> Board:
     """A board as the first picture shows it that tells, see `Board.as_printed`, and says what is
-    otherwise than was given; as it was given where none tells.
-
-    Raises:
-        InputError: A picture cannot be read.
+    otherwise than was given; as it was given where none tells. InputError where a picture cannot be
+    read.
     """
     for pictures in cameras.values() if board.marker_m is not None else ():
         if is_film(pictures):
@@ -126,11 +122,8 @@ def find_views(
     board: Board, pictures: FrameReader, max_views: int, reporter: Reporter
 ) -> dict[str, BoardView | str]:
     """Detects the board in one camera's pictures, of a film in at most `max_views` frames: by name
-    a view, or the reason why there is none.
-
-    Raises:
-        InputError: A picture cannot be read, or none shows the board; another board that they show
-            is described.
+    a view, or the reason why there is none. InputError where a picture cannot be read, or none
+    shows the board; another board that they show is described.
     """
     views: dict[str, BoardView | str] = {}
     if pictures.sensor:
@@ -246,6 +239,7 @@ def board_moments(
 ) -> tuple[dict[str, dict[str, BoardView]], dict[str, int]]:
     """Detects the board in recordings of any rates, of which every frame's time is known: views by
     moment ("frame 120") and camera, and the number of moments at which each saw the board.
+    InputError where pictures cannot be read, or a camera never saw the board.
 
     The moments are frames of the first camera. At these times, corners of the others are
     interpolated between the frames before and after.
@@ -255,9 +249,6 @@ def board_moments(
         times: (frames,) float64, s, increasing, of one clock, by camera name; None: all cameras
             film in step, from the first frame on.
         floor: A frame of the first camera that is always kept; None if there is none.
-
-    Raises:
-        InputError: Pictures cannot be read, or a camera never saw the board.
     """
     first, *others = readers
     place = "the recording" if times is None else first

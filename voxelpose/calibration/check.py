@@ -75,10 +75,8 @@ class Check:
 def check_recording(
     recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None
 ) -> Check:
-    """Checks a recording's cameras, two or more, against its silhouettes.
-
-    Raises:
-        InputError: one camera only, nobody seen, or a file that cannot be read.
+    """Checks a recording's cameras, two or more, against its silhouettes. InputError where there is
+    one camera only, nobody is seen, or a file cannot be read.
     """
     settings, reporter = settings or CheckSettings(), reporter or SilentReporter()
     if len(recording.rig) < 2:
@@ -295,10 +293,7 @@ def _remedy(repair: Repair, repairing: str) -> str:
 
 def write_repair(check: Check, recording: Recording, out: Path | str) -> Path:
     """Writes the repaired calibration, and timestamps.csv where a camera is out of step, into a
-    folder.
-
-    Raises:
-        InputError: nothing can be repaired, or the folder exists or cannot be made.
+    folder. InputError where nothing can be repaired, or the folder exists or cannot be made.
     """
     if check.repaired is None:
         reason = "all cameras agree" if check.agreement.agrees else "what happened is not known"

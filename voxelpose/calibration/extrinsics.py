@@ -38,15 +38,12 @@ class ExtrinsicsSettings:
 def extrinsics_from_recording(
     board: Board, lenses: Rig, folder: Path, settings: ExtrinsicsSettings, reporter: Reporter
 ) -> Extrinsics:
-    """Estimates the poses of cameras.
+    """Estimates the poses of cameras. InputError where cameras and pictures do not match, or the
+    pictures do not determine the poses.
 
     Args:
-        board: The board that was moved through the room.
         folder: A video, a folder of frames or a still per camera: synchronous, or with the times
             of all frames in timestamps.csv or the videos.
-
-    Raises:
-        InputError: Cameras and pictures do not match, or the pictures do not determine the poses.
     """
     readers, lenses = _readers(folder, lenses, settings.cameras)
     times, notes = recorded_times(folder, readers)

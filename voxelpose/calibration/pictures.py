@@ -285,16 +285,14 @@ def write_calibration(
     picture: tuple[Path, Image],
     report: tuple[Path, Mapping[str, object]],
 ) -> None:
-    """Writes a calibration, a picture and a report. A failure leaves no partial file.
+    """Writes a calibration, a picture and a report. A failure leaves no partial file. InputError
+    where a file cannot be written.
 
     Args:
         out: The calibration; its suffix selects the format.
         notes: Stored in the calibration, if its format supports that.
         picture: PNG file and what it shows.
         report: JSON file and what it says.
-
-    Raises:
-        InputError: A file cannot be written.
     """
     others = {picture[0]: png(picture[1]), report[0]: as_json(report[1]).encode()}
     with ExitStack() as complete:

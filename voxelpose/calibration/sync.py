@@ -138,14 +138,12 @@ def sync_recording(
     reporter: Reporter | None = None,
 ) -> Sync:
     """Estimates the clock offsets of a recording's cameras. An existing timestamps.csv is ignored.
+    InputError where something is missing, or nothing that all cameras recorded tells their offsets.
 
     Args:
         folder: the recording folder; its videos may differ in length and rate. Only geometry needs
             a calibration.
         cameras: names of the cameras used; None for all.
-
-    Raises:
-        InputError: something is missing, or nothing that all cameras recorded tells their offsets.
     """
     settings, reporter = settings or SyncSettings(), reporter or SilentReporter()
     films = _Films.open(Path(folder), settings, cameras)

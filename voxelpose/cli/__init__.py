@@ -102,10 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Runs a command, the arguments after `voxelpose`; returns the exit code.
-
-    Raises:
-        SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
+    """Runs a command, the arguments after `voxelpose`; returns the exit code. SystemExit where the
+    arguments are wrong (code 2), or help was requested (code 0).
     """
     if not arguments:
         print(f"{_HELP.splitlines()[0]}\n\n{_BEGINNING}")

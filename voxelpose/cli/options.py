@@ -36,10 +36,8 @@ class Option:
     group: str  # of the command's `groups`, else "expert"
 
     def value_from(self, given: object, folder: Path, where: str) -> Any:
-        """The value that a file gives; paths in it are relative to its folder.
-
-        Raises:
-            InputError: the value is none of this option; `where` names file and section.
+        """The value that a file gives; paths in it are relative to its folder. InputError where the
+        value is none of this option; `where` names file and section.
         """
 
         def path_from(kind: type, text: Any) -> Path:
@@ -185,12 +183,9 @@ def parse_with_settings(
     section: str, words: Sequence[str], program: str
 ) -> tuple[Any, dict[str, FolderSetting]]:
     """A command with its arguments, those of files where the command line gives none, and what was
-    taken from files. The program's name is for messages.
-
-    Raises:
-        InputError: a file cannot be read, or has an unknown section, option or value, or a number
-            is out of its option's range.
-        SystemExit: the arguments are wrong (code 2), or help was requested (code 0).
+    taken from files. The program's name is for messages. InputError where a file cannot be read, or
+    has an unknown section, option or value, or a number is out of its option's range; SystemExit
+    where the arguments are wrong (code 2), or help was requested (code 0).
     """
     import tyro
 

@@ -98,8 +98,6 @@ class FilmCamera:
         """Picture of the actor in the room.
 
         Args:
-            vertices_m: (V, 3) world.
-            faces: (F, 3).
             face_colour: (F,) index into `COLOURS_BGR`.
 
         Returns:
@@ -238,6 +236,8 @@ def make_recording(
     person: Measurements | None = None,
 ) -> Path:
     """Renders a recording: videos, empty backgrounds, calibration, subject and exact truth.
+    InputError where a video cannot be written there; ValueError for fewer than one frame, or an
+    unknown performance or camera.
 
     Args:
         folder: where to write; made if absent.
@@ -250,10 +250,6 @@ def make_recording(
 
     Returns:
         The folder. Its `truth.json` holds the 15 joints of every frame.
-
-    Raises:
-        InputError: a video cannot be written there.
-        ValueError: fewer than one frame, or an unknown performance or camera.
     """
     known = performances()
     if performance not in known:
@@ -295,10 +291,8 @@ def make_recording(
 
 
 def write_video(path: Path, fps: int, pictures: Iterable[NDArray[np.uint8]]) -> None:
-    """Writes pictures (480, 640, 3) uint8 BGR as a video.
-
-    Raises:
-        InputError: it cannot be written there.
+    """Writes pictures (480, 640, 3) uint8 BGR as a video. InputError where it cannot be written
+    there.
     """
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), fps, SIZE)
     if not writer.isOpened():

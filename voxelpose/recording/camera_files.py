@@ -39,15 +39,13 @@ _MOST = 3  # names in a message
 
 def pictures_by_camera(folder: Path, stills: bool = False) -> dict[str, Path]:
     """Returns the videos and folders of images, or of chapters, in a folder, by camera name.
+    InputError where two files belong to one camera.
 
     The camera name is the stem of the file or the name of the folder.
 
     Args:
         folder: the folder; one that does not exist is empty.
         stills: whether single images count too.
-
-    Raises:
-        InputError: two files belong to one camera.
     """
     paths: dict[str, Path] = {}
     for path in visible_entries(folder):

@@ -79,9 +79,8 @@ class _Facts(NamedTuple):
 
 def open_camera(path: Path) -> FrameReader:
     """Opens the pictures of a camera: a video, an image, a folder of images or of chapters.
-
-    Raises:
-        InputError: it is missing, empty or cannot be read, or the chapters are not those of a film.
+    InputError where it is missing, empty or cannot be read, or the chapters are not those of a
+    film.
     """
     files = chapters_in(path)
     if not files:
@@ -125,10 +124,8 @@ def chapters_apart(names: Iterable[str]) -> str:
 
 
 def _gopro_order(folder: Path, files: Sequence[Path]) -> list[Path]:
-    """Chapters of a film by the number in their names.
-
-    Raises:
-        InputError: there are several films, or a chapter is missing or there twice.
+    """Chapters of a film by the number in their names. InputError where there are several films, or
+    a chapter is missing or there twice.
     """
     matches = {file: match for file in files if (match := _GOPRO.fullmatch(file.stem))}
     films = {match[2] for match in matches.values()}
@@ -147,10 +144,8 @@ def _gopro_order(folder: Path, files: Sequence[Path]) -> list[Path]:
 
 
 def _continued(folder: Path, chapters: Sequence[FrameReader]) -> list[FrameReader]:
-    """Chapters in the order in which each continues the one before.
-
-    Raises:
-        InputError: they do not, or nothing tells it, or they were filmed in different ways.
+    """Chapters in the order in which each continues the one before. InputError where they do not,
+    or nothing tells it, or they were filmed in different ways.
     """
     first = chapters[0]
     for chapter in chapters:

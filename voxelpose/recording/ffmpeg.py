@@ -71,13 +71,10 @@ def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:
     """When a video's coded pictures are to be decoded and shown, (n, 2), s, in the order of the
-    file; NaN where it does not tell.
+    file; NaN where it does not tell. InputError where there is no FFmpeg for this machine.
 
     Args:
         words: further options of FFmpeg's output.
-
-    Raises:
-        InputError: there is no FFmpeg for this machine.
     """
     return _packets(path, *words)[0][:, :2]
 
@@ -120,10 +117,8 @@ class FieldCapture:
     """
 
     def __init__(self, path: Path, size: tuple[int, int]) -> None:
-        """Opens a video of pictures (width, height) px.
-
-        Raises:
-            InputError: there is no FFmpeg for this machine.
+        """Opens a video of pictures (width, height) px. InputError where there is no FFmpeg for
+        this machine.
         """
         source = ("-i", str(path.absolute()), "-map", "0:v:0", "-fps_mode", "passthrough")
         raw = ("-vf", "idet,bwdif=send_frame:auto:interlaced", "-f", "rawvideo", "-pix_fmt")
@@ -151,22 +146,14 @@ class FieldCapture:
 
 
 def finished(*words: str) -> subprocess.CompletedProcess[str]:
-    """FFmpeg with these arguments, at its end.
-
-    Raises:
-        InputError: there is none for this machine.
-    """
+    """FFmpeg with these arguments, at its end. InputError where there is none for this machine."""
     return subprocess.run(
         [program(), *words], capture_output=True, check=False, encoding="utf-8", errors="replace"
     )
 
 
 def program() -> str:
-    """Path of FFmpeg.
-
-    Raises:
-        InputError: there is none for this machine.
-    """
+    """Path of FFmpeg. InputError where there is none for this machine."""
     import imageio_ffmpeg
 
     try:

@@ -32,16 +32,13 @@ def recorded_times(
     together: bool = False,
 ) -> tuple[dict[str, Times] | None, tuple[str, ...]]:
     """Times of the frames, (frames,) float64, s, by camera, as timestamps.csv tells, or the files;
-    None where frame n was taken at one moment by all. And what is to be told.
+    None where frame n was taken at one moment by all. And what is to be told. InputError where the
+    rate is impossible, the times are damaged, or cameras did not stop together.
 
     Args:
-        folder: the recording folder.
         readers: frame readers by camera name, none of them selected.
         fps: frames per second, before timestamps.csv and what videos tell.
         together: whether cameras that did not stop together are refused.
-
-    Raises:
-        InputError: the rate is impossible, the times are damaged, or cameras did not stop together.
     """
     if fps is not None:
         checked_rate(fps, "--fps", "correct it")
@@ -76,14 +73,11 @@ def times_in_files(
 ) -> tuple[FileTimes | None, tuple[str, ...]]:
     """Times that the files tell, by which cameras lost frames, began late or film at a varying
     rate; None where they tell no such thing, so that frame n is the same moment in all. And what
-    else is to be told.
+    else is to be told. InputError where the names of images may be understood in several ways.
 
     Args:
         readers: frame readers by camera name, none of them selected.
         fps: frames per second, before what files tell.
-
-    Raises:
-        InputError: the names of images may be understood in several ways.
     """
     images = {name: reader.stills for name, reader in readers.items() if reader.stills}
     named, notes = _comparable(images)
@@ -131,10 +125,8 @@ def _comparable(
     images: Mapping[str, Sequence[Path]],
 ) -> tuple[dict[str, NameReading], tuple[str, ...]]:
     """What the names of images tell, by camera, where those of all tell alike; else nothing, and
-    that the order counts.
-
-    Raises:
-        InputError: a camera lost images, and others' names do not tell which go with those left.
+    that the order counts. InputError where a camera lost images, and others' names do not tell
+    which go with those left.
     """
     readings = names_by_camera(images)
     if all(len(paths) < 2 for paths in images.values()):
@@ -181,11 +173,9 @@ def _check_ends(folder: Path, times: Mapping[str, Times]) -> None:
 
 def _common_numbers(named: Mapping[str, NameReading]) -> tuple[dict[str, Times], tuple[str, ...]]:
     """Numbers of the cameras' images, counted in steps from a common begin, and what is to be told.
+    InputError where it is not sure whether they do.
 
     Where all count as many, each begins with its first: some count from 0, others from 1.
-
-    Raises:
-        InputError: it is not sure whether they do.
     """
     if not named:
         return {}, ()

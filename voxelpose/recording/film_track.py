@@ -15,12 +15,10 @@ _TRACK = re.compile(r"Stream #0:(\d+).*?: Video: ")
 
 def film_track(path: Path) -> Path | None:
     """A copy of a video with its film and its sound alone, in a temporary folder that ends with the
-    process; None where the file has no other video track than its first.
+    process; None where the file has no other video track than its first. InputError where there is
+    no room for the copy.
 
     OpenCV reads none but the first.
-
-    Raises:
-        InputError: there is no room for the copy.
     """
     return _copy(path.absolute(), path.stat().st_mtime_ns)
 

@@ -80,7 +80,8 @@ class Recording:
         fps: float | None = None,
         label: str | None = None,
     ) -> "Recording":
-        """Opens a recording folder and checks that its files fit each other.
+        """Opens a recording folder and checks that its files fit each other. InputError where a
+        file is missing, unreadable or does not fit the others.
 
         The first frame of every video is decoded, some of masks, and all where a file tells that
         pictures may be repeated.
@@ -93,9 +94,6 @@ class Recording:
             fps: frames per second; needed for folders of images without timestamps.csv, and takes
                 precedence over both the videos' rates and timestamps.csv.
             label: of the person in masks/, see `open_masks`; None: found.
-
-        Raises:
-            InputError: a file is missing, unreadable or does not fit the others.
         """
         folder = Path(folder)
         readers, silhouettes_given, mask_notes = open_readers(folder, cameras, label)
@@ -156,14 +154,7 @@ class Recording:
         cls, folder: Path | str, cameras: Sequence[str] | None = None, unit: str | None = None
     ) -> "Recording":
         """Opens a folder of which calibration, background, regions and subject are wanted alone.
-
-        Args:
-            folder: the recording folder; its videos, if any, are not opened.
-            cameras: names of the cameras; None: all that are calibrated.
-            unit: as of `open`.
-
-        Raises:
-            InputError: the folder or its calibration is missing, or lacks a camera.
+        InputError where the folder or its calibration is missing, or lacks a camera.
         """
         folder = Path(folder)
         calibration = calibration_path(folder)
@@ -185,9 +176,7 @@ class Recording:
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
-
-        Raises:
-            InputError: a file cannot be read to its end.
+        InputError where a file cannot be read to its end.
         """
         stop = self.first + self.frame_count
         for step, frames in enumerate(read_together(self.readers, self.first, stop)):
@@ -195,10 +184,7 @@ class Recording:
 
     def at(self, steps: Sequence[int]) -> Iterator[dict[str, Frame]]:
         """Yields the frames of time steps in ascending order, counted from `first`: (H, W, 3) uint8
-        BGR by camera name.
-
-        Raises:
-            InputError: a file cannot be read as far as requested.
+        BGR by camera name. InputError where a file cannot be read as far as requested.
         """
         numbers = [self.first + int(step) for step in steps]
         readers = {name: reader.select(numbers) for name, reader in self.readers.items()}
@@ -228,9 +214,7 @@ class Recording:
 
     def backgrounds(self) -> dict[str, FrameReader]:
         """Returns readers of the empty view for the cameras that have one in background/.
-
-        Raises:
-            InputError: a file cannot be read or differs in size from the camera.
+        InputError where a file cannot be read or differs in size from the camera.
         """
         backgrounds: dict[str, FrameReader] = {}
         paths = pictures_by_camera(self.folder / "background", stills=True)
@@ -245,11 +229,9 @@ class Recording:
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         """Returns the region of interest, (H, W) bool, of the cameras that have one in regions/.
+        InputError where a file cannot be read or differs in size from the camera.
 
         What is opaque in a layer, else what is not black, is where the person may be.
-
-        Raises:
-            InputError: a file cannot be read or differs in size from the camera.
         """
         regions: dict[str, NDArray[np.bool_]] = {}
         for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
@@ -259,10 +241,8 @@ class Recording:
 
     def unknown(self) -> UnknownMasks:
         """Returns where nothing is known, (H, W) bool, of the cameras for which something is marked
-        in unknown/ or recording.toml.
-
-        Raises:
-            InputError: a file cannot be read, does not fit its camera, or names none.
+        in unknown/ or recording.toml. InputError where a file cannot be read, does not fit its
+        camera, or names none.
         """
         paths = pictures_by_camera(self.folder / "unknown", stills=True)
         masks = paint_unknown(paths, self.rig, self.camera_names)
@@ -274,13 +254,11 @@ class Recording:
 
 
 def one_camera(recording: Path, camera: str | None = None) -> tuple[Path, str]:
-    """Folder of a recording, or of a single video, and the name of its only camera.
+    """Folder of a recording, or of a single video, and the name of its only camera. InputError
+    where there are others, or none, or the video is another camera's.
 
     Args:
         camera: name of the camera that was chosen; None: the only one.
-
-    Raises:
-        InputError: there are others, or none, or the video is another camera's.
     """
     if recording.is_file() and recording.suffix.lower() in VIDEOS:
         if camera not in (None, recording.stem):
@@ -299,13 +277,10 @@ def frame_range(
     text: str | None, setting: str = "--frames {}"
 ) -> tuple[int | None, int | None] | None:
     """Reads A:B as a Python slice (10:50, 10:, :50); a single number is that frame alone.
+    InputError where the text is none of these.
 
     Args:
-        text: the range; None: all frames.
         setting: how it is given, with {} in its place, for messages.
-
-    Raises:
-        InputError: the text is none of these.
     """
     if text is None:
         return None
@@ -350,13 +325,11 @@ def open_readers(
     folder: Path, cameras: Sequence[str] | None = None, label: str | None = None
 ) -> tuple[Mapping[str, FrameReader], bool, tuple[str, ...]]:
     """Readers of a recording's pictures by name, of all or some cameras, whether they are
-    silhouettes, and what is worth telling about these.
+    silhouettes, and what is worth telling about these. InputError where it is no folder, there are
+    no pictures, or some cannot be read.
 
     Args:
         label: of the person, see `open_masks`.
-
-    Raises:
-        InputError: it is no folder, or there are no pictures, or some that cannot be read.
     """
     if not folder.is_dir():
         remedy = "give a folder with a video per camera and calibration.toml"

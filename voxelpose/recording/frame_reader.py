@@ -70,10 +70,8 @@ class FrameReader:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Opens a video, an image or a folder of images.
-
-        Raises:
-            InputError: it is missing, empty or cannot be read.
+        """Opens a video, an image or a folder of images. InputError where it is missing, empty or
+        cannot be read.
         """
         if not path.exists():
             raise InputError(f"{path} is missing")
@@ -108,10 +106,8 @@ class FrameReader:
         return self.frames(0, self.frame_count)
 
     def frames(self, start: int, stop: int) -> Iterator[Frame]:
-        """Yields the frames start, start + 1, ..., stop - 1.
-
-        Raises:
-            InputError: a frame is missing, unreadable, or of another size.
+        """Yields the frames start, start + 1, ..., stop - 1. InputError where a frame is missing,
+        unreadable, or of another size.
         """
         numbers = range(start, stop) if self.numbers is None else self.numbers[start:stop]
         for number, frame in zip(numbers, self._pictures(numbers), strict=True):
@@ -188,16 +184,11 @@ class FrameReader:
 def read_together(
     readers: Mapping[str, FrameReader], start: int, stop: int
 ) -> Iterator[dict[str, Frame]]:
-    """Reads several cameras in parallel, one thread each, a few frames ahead at most.
-
-    Args:
-        readers: frame readers by camera name.
+    """Reads several cameras in parallel, one thread each, a few frames ahead at most. InputError
+    where a camera's frames cannot be read.
 
     Yields:
         Frames by camera name.
-
-    Raises:
-        InputError: a camera's frames cannot be read.
     """
     with ExitStack() as pools:
         ahead = {}
@@ -266,14 +257,11 @@ def _orientation(file: Path) -> int:
 
 
 def read_still(file: Path, bits: int = 8, sensor: bool = False) -> Frame:
-    """Reads an image file as (H, W, 3) uint8, BGR.
+    """Reads an image file as (H, W, 3) uint8, BGR. InputError where the file is missing or is not
+    an image.
 
     Args:
-        file: the image.
         bits: as of `FrameReader`; `sensor` likewise.
-
-    Raises:
-        InputError: the file is missing or is not an image.
     """
     as_is = cv2.IMREAD_IGNORE_ORIENTATION if sensor else 0
     if bits == 8:
@@ -282,10 +270,8 @@ def read_still(file: Path, bits: int = 8, sensor: bool = False) -> Frame:
 
 
 def read_image(file: Path, flags: int) -> np.ndarray:
-    """Reads an image file as OpenCV's `imdecode` does with these flags.
-
-    Raises:
-        InputError: the file is missing or is not an image.
+    """Reads an image file as OpenCV's `imdecode` does with these flags. InputError where the file
+    is missing or is not an image.
     """
     try:
         if file.stat().st_size > _LARGEST_BYTES:
@@ -303,10 +289,7 @@ def read_image(file: Path, flags: int) -> np.ndarray:
 
 def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     """Whether an image says that it is of a size that a camera's may have, before it is decoded:
-    few bytes may decode to gigabytes.
-
-    Raises:
-        InputError: it is too large.
+    few bytes may decode to gigabytes. InputError where it is too large.
     """
     pillow = _pillow()
     try:

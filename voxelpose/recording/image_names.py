@@ -80,7 +80,6 @@ class _ImageNames:
         """The names of the images of one camera.
 
         Args:
-            paths: files of the images.
             clock: whether other cameras' names are known to tell times of a clock.
         """
         stems = [path.stem for path in paths]
@@ -223,8 +222,6 @@ def _parts(words: Sequence[str], whole: Sequence[object], decimal: bool) -> Iter
     millionths or billionths.
 
     Args:
-        words: the groups.
-        whole: the seconds before them.
         decimal: whether a decimal point stands between.
     """
     numbers = [int(word) for word in words]
@@ -324,13 +321,11 @@ def _hexadecimal(stems: Sequence[str]) -> NameReading | None:
 
 
 def names_by_camera(stills: Mapping[str, Sequence[Path]]) -> dict[str, NameReading | None]:
-    """What the names of images tell, by camera; None where they tell nothing.
+    """What the names of images tell, by camera; None where they tell nothing. InputError where they
+    may be read in several ways, or are several times the same.
 
     Args:
         stills: the images of each camera, in the order of their names.
-
-    Raises:
-        InputError: they may be read in several ways, or are several times the same.
     """
     names = {camera: _ImageNames.of(paths) for camera, paths in stills.items()}
     kinds = {one.reading.kind for one in names.values() if one.reading is not None}

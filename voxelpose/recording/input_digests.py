@@ -20,12 +20,10 @@ _LARGEST_BYTES = 1_000_000
 
 def input_digests(recording: Recording, estimator: str) -> dict[str, str]:
     """Digests of calibration, timestamps, regions, unknown places and settings, by these names.
+    InputError where a file cannot be read.
 
     Regions and unknown places count as they are read, of the cameras in use; settings as the
     nearest files give them for the command that runs the estimator.
-
-    Raises:
-        InputError: a file cannot be read.
     """
     calibration = recording.calibration_path
     files = [] if calibration is None else [calibration, *sorted(calibration.rglob("*"))]
@@ -40,9 +38,7 @@ def input_digests(recording: Recording, estimator: str) -> dict[str, str]:
 
 def changes_since(noted: Mapping[str, str], recording: Recording, estimator: str) -> str:
     """A sentence that names what changed since digests were noted; empty where nothing did.
-
-    Raises:
-        InputError: a file cannot be read.
+    InputError where a file cannot be read.
     """
     now = input_digests(recording, estimator)
     names = [name for name, digest in noted.items() if now.get(name, digest) != digest]

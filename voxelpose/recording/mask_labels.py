@@ -114,10 +114,8 @@ class _Look:
         return "the same in all of them" if still else ""
 
     def check(self) -> None:
-        """Checks that the masks can be understood without being asked about.
-
-        Raises:
-            InputError: they are pictures, or white at their borders.
+        """Checks that the masks can be understood without being asked about. InputError where they
+        are pictures, or white at their borders.
         """
         path, levels = self.reader.path, self.levels
         if not levels.exact and not levels.bordered:
@@ -152,15 +150,12 @@ class _Look:
 def open_masks(
     paths: Mapping[str, Path], label: str | None = None
 ) -> tuple[dict[str, MaskReader], tuple[str, ...]]:
-    """Readers of masks by camera name, and what is worth telling about them.
+    """Readers of masks by camera name, and what is worth telling about them. InputError where they
+    cannot be read, or do not say by themselves who is the person.
 
     Args:
-        paths: videos or folders of images by camera name.
         label: labels of the person, with commas between them: numbers, or colours as rrggbb; None:
             found.
-
-    Raises:
-        InputError: they cannot be read, or do not say by themselves who is the person.
     """
     readers = {name: MaskReader.open(path) for name, path in paths.items()}
     looks = dict(zip(readers, side_by_side(_Look.at, list(readers.values())), strict=True))
@@ -178,13 +173,8 @@ def open_masks(
 
 def cut_outs(readers: Mapping[str, FrameReader]) -> tuple[dict[str, MaskReader], tuple[str, ...]]:
     """Readers of the silhouettes that frames hold in their opacity, by camera name, and what is
-    worth telling; no readers where frames are no cut-outs.
-
-    Args:
-        readers: frame readers by camera name.
-
-    Raises:
-        InputError: only some of the cameras' frames are cut-outs.
+    worth telling; no readers where frames are no cut-outs. InputError where only some of the
+    cameras' frames are cut-outs.
     """
     layered = {
         name: MaskReader.open(reader.path)
@@ -242,11 +232,7 @@ def _person(looks: Mapping[str, _Look]) -> tuple[dict[str, list[str]], tuple[str
 
 
 def _asked_for(looks: Mapping[str, _Look], label: str) -> dict[str, list[str]]:
-    """The labels that are asked for by camera name.
-
-    Raises:
-        InputError: no camera has one of them.
-    """
+    """The labels that are asked for by camera name. InputError where no camera has one of them."""
     wanted = [word.strip().lower() for word in label.split(",")]
     matches = {
         word: {name: near for name, look in looks.items() if (near := look.near(word)) is not None}

@@ -53,7 +53,6 @@ class MaskForm:
         where they are as few as labels.
 
         Args:
-            layers: the pictures.
             labels: whether colours may be labels.
         """
         alphas = [one.alpha for one in layers if one.alpha is not None]
@@ -152,7 +151,6 @@ class MaskLevels:
         """Values of some planes of a sequence.
 
         Args:
-            planes: of pictures of the sequence.
             labels: whether several values may be labels; opacity has two, and what is between.
         """
         top = max(float(plane.max()) for plane in planes)

@@ -79,10 +79,8 @@ class MaskReader(FrameReader):
     rule: MaskRule | None = field(default=None, compare=False)  #: which pixels are the person.
 
     def layers(self, numbers: Sequence[int]) -> Iterator[Layers]:
-        """Yields pictures as the file has them, by their numbers in ascending order.
-
-        Raises:
-            InputError: one cannot be read.
+        """Yields pictures as the file has them, by their numbers in ascending order. InputError
+        where one cannot be read.
         """
         if self.stills:
             return (_still_layers(self.stills[number]) for number in numbers)
@@ -174,10 +172,7 @@ def _has_alpha(file: Path) -> bool:
 
 def painted(path: Path) -> NDArray[np.bool_]:
     """What is painted (H, W) bool in a picture that marks places, or in a video's first: what is
-    opaque in a layer, else what is not black.
-
-    Raises:
-        InputError: it cannot be read.
+    opaque in a layer, else what is not black. InputError where it cannot be read.
     """
     layers = next(iter(MaskReader.open(path).layers([0])))
     if layers.alpha is not None and not layers.alpha.any() and not _holds_something(layers):

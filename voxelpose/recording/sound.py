@@ -30,15 +30,13 @@ def has_sound(path: Path) -> bool:
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:
     """How suddenly it becomes loud, (T, 1), each millisecond: a clap is a peak, noise is zero.
+    InputError where the video has no sound that can be read.
 
     Args:
         seconds: length of the part, from the beginning, that is used.
 
     Returns:
         The signal, in the time in which the first picture was taken at 0.
-
-    Raises:
-        InputError: the video has no sound that can be read.
     """
     energy = np.concatenate([np.zeros(0), *_energies(path, seconds)])
     if len(energy) < 1 / STEP_S:

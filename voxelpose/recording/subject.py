@@ -52,10 +52,8 @@ class Subject:
 
 
 def read_subject(path: Path) -> Subject:
-    """Reads subject.toml; a missing file gives a subject about whom nothing is known.
-
-    Raises:
-        InputError: the file is not TOML, or a key or value is not understood.
+    """Reads subject.toml; a missing file gives a subject about whom nothing is known. InputError
+    where the file is not TOML, or a key or value is not understood.
     """
     if not path.exists():
         return Subject()

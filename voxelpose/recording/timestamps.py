@@ -34,15 +34,13 @@ def read_timestamps(
     path: Path, readers: Mapping[str, FrameReader]
 ) -> tuple[dict[str, Times], tuple[str, ...]]:
     """Reads timestamps.csv: cam_id,frame_time, one row per frame in the order of the frames, into
-    (frames,) float64, s, by camera name; and what is worth telling about it.
+    (frames,) float64, s, by camera name; and what is worth telling about it. InputError where the
+    file is not such a table, or does not fit the videos.
 
     Args:
         path: the file; cam_id is the camera's name, or 1 for cam_1; frame_time is in seconds, or in
             the unit that the column's name states, as in frame_time_ms.
         readers: frame readers by name of the cameras whose times are read.
-
-    Raises:
-        InputError: the file is not such a table, or does not fit the videos.
     """
     listed: dict[str, array[float]] = {}
     column = "frame_time"
@@ -121,11 +119,7 @@ def possible_rate(fps: float) -> bool:
 
 
 def checked_rate(fps: float, source: str, remedy: str) -> float:
-    """The rate, frames per second.
-
-    Raises:
-        InputError: no camera films so slowly, or so fast.
-    """
+    """The rate, frames per second. InputError where no camera films so slowly, or so fast."""
     if possible_rate(fps):
         return fps
     raise InputError(
@@ -134,14 +128,7 @@ def checked_rate(fps: float, source: str, remedy: str) -> float:
 
 
 def write_timestamps(path: Path, times: Mapping[str, Times]) -> None:
-    """Writes timestamps.csv.
-
-    Args:
-        times: (frames,) s, by camera name.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Writes timestamps.csv. InputError where the file cannot be written."""
     with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["cam_id", "frame_time"])
@@ -152,17 +139,14 @@ def match_frames(
     times: Mapping[str, Times], path: Path
 ) -> tuple[Times, dict[str, NDArray[np.int64]]]:
     """Times (M,), s, and frame numbers (M,) int64 by camera name, of frames that match in time.
+    InputError where there is no time at which all cameras have a frame.
 
     The camera with the lowest rate is the reference; among equally slow ones, the camera to which
     the others' frames are nearest. Every frame of the reference is matched with the frame of every
     other camera that is nearest in time. Times at which a camera has no frame are left out.
 
     Args:
-        times: (frames,) s, by camera name.
         path: source of the times, for messages.
-
-    Raises:
-        InputError: there is no time at which all cameras have a frame.
     """
     periods = {name: _period(taken) for name, taken in times.items()}
     slowest = max(periods.values())
@@ -193,14 +177,10 @@ def times_by_rate(
     folder: Path, readers: Mapping[str, FrameReader], fps: float | None
 ) -> tuple[float, Times]:
     """Frames per second and the time of every frame since the first, s, of readers in step.
+    InputError where the rate is not known, impossible, or not the same in all files.
 
     Args:
-        folder: the recording folder, for messages.
-        readers: frame readers by camera name.
         fps: frames per second, before what the files state; None: as they state.
-
-    Raises:
-        InputError: the rate is not known, impossible, or not the same in all files.
     """
     count = min(reader.frame_count for reader in readers.values())
     if fps is not None:
@@ -236,16 +216,11 @@ def matched_by_time(
     path: Path, readers: Mapping[str, FrameReader], times: Mapping[str, Times], earliest: bool
 ) -> tuple[dict[str, FrameReader], NDArray[np.int64], float, Times]:
     """Readers of the frames that match in time, their numbers on an even grid (M,) int64, frames
-    per second, and times since the first, s.
+    per second, and times since the first, s. InputError as of `match_frames`.
 
     Args:
         path: source of the times, for messages.
-        readers: frame readers by camera name.
-        times: (frames,) s, by camera name.
         earliest: whether the first is that of the camera that began first, not the first match.
-
-    Raises:
-        InputError: as of `match_frames`.
     """
     times_s, rows = match_frames(times, path)
     matched = {name: reader.select(rows[name].tolist()) for name, reader in readers.items()}

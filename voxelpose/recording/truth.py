@@ -44,14 +44,11 @@ def load_truth(
     path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
 ) -> KnownJoints:
     """Truth of a file of any format: a person's as `read_truth` reads it, a motion (.safetensors),
-    or a joints.csv with whatever joints it names.
+    or a joints.csv with whatever joints it names. InputError where the file cannot be read.
 
     Args:
         markers: for a TRC, as for `read_trc`.
         axes: for a TRC, as for `read_trc`.
-
-    Raises:
-        InputError: the file cannot be read.
     """
     match path.suffix.lower():
         case ".safetensors":
@@ -83,8 +80,6 @@ def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m
 
     Args:
         joints_m: (T, 15, 3) float64, world, z up, metres, in the order of LANDMARK_NAMES.
-        fps: frames per second.
-        stature_m: height of the person, metres.
     """
     joints = {name: joints_m[:, k].round(5).tolist() for k, name in enumerate(LANDMARK_NAMES)}
     document = {"fps": fps, "unit": "m", "up": "z", "stature": stature_m, "joints": joints}
@@ -94,7 +89,8 @@ def write_truth(path: Path, joints_m: NDArray[np.float64], fps: float, stature_m
 def read_truth(
     path: Path, markers: Mapping[str, str] | None = None, axes: str = POSE2SIM_AXES
 ) -> NDArray[np.float64]:
-    """Reads known joint positions from truth.json or a TRC.
+    """Reads known joint positions from truth.json or a TRC. InputError where the file cannot be
+    read or has no position.
 
     Args:
         markers: for a TRC, as for `read_trc`.
@@ -103,9 +99,6 @@ def read_truth(
     Returns:
         (T, 15, 3) float64, world, metres; NaN where a position is unknown (null in JSON, or the
         joint is left out).
-
-    Raises:
-        InputError: the file cannot be read or has no position.
     """
     truth = read_trc(path, axes, markers) if path.suffix.lower() == ".trc" else _read_json(path)
     if not np.isfinite(truth).all(axis=2).any():
@@ -121,10 +114,8 @@ def read_truth(
 
 def read_people_truth(path: Path) -> list[NDArray[np.float64]]:
     """Reads the known joint positions of everybody from truth.json, whose `people` each have
-    `joints` as a single person's truth has; (T, 15, 3) float64 each, world, metres.
-
-    Raises:
-        InputError: the file cannot be read, or is not of several people.
+    `joints` as a single person's truth has; (T, 15, 3) float64 each, world, metres. InputError
+    where the file cannot be read, or is not of several people.
     """
     document = parse_json(load_text(path, _LARGEST_BYTES), path)
     people = document.get("people") if isinstance(document, dict) else None

@@ -26,15 +26,13 @@ UnknownMasks = dict[str, NDArray[np.bool_]]
 
 
 def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> UnknownMasks:
-    """Reads painted unknown places: what is opaque in a layer, else what is not black.
+    """Reads painted unknown places: what is opaque in a layer, else what is not black. InputError
+    where a picture cannot be read, differs in size from its camera's, or is of a camera that there
+    is not.
 
     Args:
         paths: a picture by camera name, of the camera's size.
         names: all cameras of the recording; those that are not in use may have pictures, too.
-
-    Raises:
-        InputError: a picture cannot be read, differs in size from its camera's, or is of a camera
-            that there is not.
     """
     masks: UnknownMasks = {}
     for name, path in paths.items():
@@ -46,13 +44,11 @@ def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> 
 
 
 def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.bool_]:
-    """What is painted (H, W) in a picture that marks places in a camera's pictures.
+    """What is painted (H, W) in a picture that marks places in a camera's pictures. InputError
+    where it cannot be read or differs in size from the camera.
 
     Args:
         remedy: what to do about a picture of another size, for messages.
-
-    Raises:
-        InputError: it cannot be read or differs in size from the camera.
     """
     mask = painted(path)
     if mask.shape[::-1] != camera.size:
@@ -70,14 +66,11 @@ def painted_mask(polygons: Sequence[ArrayLike], size: tuple[int, int]) -> NDArra
 
 def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray[np.float64]]]:
     """Reads the unknown places of recording.toml, polygons (N, 2) px each, by camera name.
+    InputError where the file is not TOML, a key is not known, there is no such camera, or what it
+    holds are no polygons.
 
     Args:
         path: the file; one that does not exist lists none.
-        names: all cameras of the recording.
-
-    Raises:
-        InputError: the file is not TOML, a key is not known, there is no such camera, or what it
-            holds are no polygons.
     """
     if not path.exists():
         return {}

@@ -62,7 +62,7 @@ class PageJob:
         shares: Mapping[str, float] | None = None,
         step: str = "",
     ) -> None:
-        """Begins a job.
+        """Begins a job. InputError where one is running.
 
         Args:
             kind: what it does, such as "fit".
@@ -71,9 +71,6 @@ class PageJob:
                 can be pickled, and returns what is known then; its InputError is told in a line.
             shares: of the time that its stages usually take; None: not known.
             step: of the page that mends an InputError which is no StepError.
-
-        Raises:
-            InputError: one is running.
         """
         with self._lock:
             if self._state["state"] == "running":
