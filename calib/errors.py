@@ -1,4 +1,8 @@
-"""Exception for mistakes in user input, and the check of names."""
+"""Exception for mistakes in user input, and names: their check, and how they are shown."""
+
+import unicodedata
+
+_UNSEEN = {"Cc", "Cf", "Zl", "Zp"}  # categories of Unicode
 
 
 class InputError(Exception):
@@ -16,3 +20,14 @@ def check_name(name: object) -> None:
         str(name).encode()
     except UnicodeEncodeError:
         raise InputError(f"the name {name} is not UTF-8: rename it") from None
+
+
+def visible(text: object) -> str:
+    r"""Text in which what is not seen is written as \x1b, for example: control characters but for
+    tab and line feed, separators of lines, marks that format or reorder, and what is no Unicode.
+    """
+    encoded = str(text).encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(
+        ascii(each)[1:-1] if unicodedata.category(each) in _UNSEEN and each not in "\t\n" else each
+        for each in encoded
+    )

@@ -4,30 +4,20 @@ on a terminal, plain lines elsewhere.
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, TextIO
 
+from calib.errors import visible
 from silhouette_core.progress import OverallProgress
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-# Control characters but for tab and line feed, separators and those that reorder text.
-_CONTROL = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069]"
-)
 _LONGEST = 1000  # characters of a message
-
-
-def visible(text: object) -> str:
-    r"""Text in which control characters and what is no Unicode are written as \x1b, for example."""
-    encoded = str(text).encode("utf-8", "backslashreplace").decode("utf-8")
-    return _CONTROL.sub(lambda match: ascii(match[0])[1:-1], encoded)
 
 
 def message(text: object) -> str:

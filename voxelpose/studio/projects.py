@@ -1,11 +1,13 @@
 """Projects: the recordings in the folder that the studio reads and writes, and their results."""
 
+import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from calib.errors import InputError, check_name
+from calib.errors import InputError, check_name, visible
 from calib.storage.atomic import unwritable
 from calib.storage.documents import visible_entries
 from voxelpose.recording.camera_files import pictures_by_camera
@@ -28,7 +30,7 @@ _UNFINISHED = {
     *("lenses.toml", "lenses_coverage.png", "lenses_lenses.json", *SINGLE_FILES),
 }
 _LONGEST = 80
-_FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]|^[.\s-]|[.\s]$')
+_FORBIDDEN = re.compile(r'[\t\n/\\:*?"<>|]|^[.\s-]|[.\s]$')
 _OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
@@ -38,8 +40,8 @@ def check_plain_name(name: str) -> None:
     Raises:
         InputError: it cannot.
     """
-    check_name(name)
-    if not name or len(name) > _LONGEST or _FORBIDDEN.search(name) or _OF_WINDOWS.fullmatch(name):
+    unfit = visible(name) != name or _FORBIDDEN.search(name) or _OF_WINDOWS.fullmatch(name)
+    if unfit or not 0 < len(name) <= _LONGEST:
         raise InputError(
             f"{name[:40]!r} cannot be a name: take letters, digits, - and _, up to {_LONGEST}, as"
             " in anna_walk_1"
@@ -94,7 +96,8 @@ class StudioFolder:
         folder = self._checked_inside(self.root.joinpath(*parts))
         if len(parts) > 2 or not is_result(folder):
             raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
-        self._checked_inside(self._recording_of(people_folders(folder)[0]))
+        for person in people_folders(folder):
+            self._checked_inside(self._recording_of(person))
         return folder
 
     def out(self, name: str, overwrite: bool) -> Path:
@@ -129,7 +132,7 @@ class StudioFolder:
 
     def holds(self, path: Path) -> bool:
         """Whether a path, its links followed, lies within."""
-        return path.resolve().is_relative_to(self.root)
+        return Path(os.path.realpath(path)).is_relative_to(self.root)
 
     def file_inside(self, project: Path, text: str) -> Path:
         """A file or result that a setting names, relative to its project or to the root.
@@ -143,11 +146,16 @@ class StudioFolder:
         raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
 
     def _checked_inside(self, path: Path) -> Path:
-        if not self.holds(path):
-            raise InputError(
-                f"{path.name[:80]!r} lies outside of {self.root}: start the studio in a folder that"
-                " holds it"
-            )
+        """A path, of which neither it nor a link in it leads out of the folder. InputError where
+        one does.
+        """
+        for each in (path, *_links_in(path)):
+            if not self.holds(each):
+                name = os.path.relpath(each, self.root)
+                raise InputError(
+                    f"{name[-80:]!r} lies outside of {self.root}: start the studio in a folder that"
+                    " holds it, or put the file itself in the place of the link"
+                )
         return path
 
     def _result_folders(self) -> Iterator[Path]:
@@ -169,7 +177,7 @@ class StudioFolder:
             "sheet": (folder / "contact_sheet.png").exists(),
         }
         try:
-            people = people_folders(folder)
+            people = people_folders(self._checked_inside(folder))
             recording = self._recording_of(people[0])
             if recording.parent == self.root:
                 known["project"] = recording.name
@@ -191,6 +199,16 @@ class StudioFolder:
     def _recording_of(self, folder: Path) -> Path:
         settings = load_settings(folder / SETTINGS)
         return (folder / settings.get("recording", "")).resolve()
+
+
+def _links_in(folder: Path) -> Iterator[Path]:
+    """All links in a folder; none where it is no folder."""
+    with suppress(NotADirectoryError, FileNotFoundError), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_symlink():
+                yield Path(entry.path)
+            elif entry.is_dir():
+                yield from _links_in(Path(entry.path))
 
 
 def _camera_count(folder: Path) -> int:

@@ -101,8 +101,6 @@ class RecordStep:
                 f"{', '.join(recorded)} {'is' if len(recorded) == 1 else 'are'} there already: make"
                 " a new project for another take, or replace what is there"
             )
-        if not self._folder.holds(target):
-            raise InputError(f"{target.name} leads out of {self._folder.root}: remove that link")
         target.mkdir(exist_ok=True)
         is_take = asked.what == "take"
         plan = RecordingPlan(
@@ -178,13 +176,12 @@ class RecordStep:
     def _videos(self) -> Iterator[str]:
         """Videos of the studio's folder and of the folders in it."""
         count = 0
-        for folder in (self._folder.root, *visible_entries(self._folder.root)):
-            if not folder.is_dir() or not self._folder.holds(folder):
-                continue
-            for path in visible_entries(folder):
+        root, holds = self._folder.root, self._folder.holds
+        for folder in filter(holds, (root, *visible_entries(root))):
+            for path in filter(holds, visible_entries(folder)):
                 if path.suffix.lower() in VIDEOS and path.is_file() and count < _MOST_VIDEOS:
                     count += 1
-                    yield path.relative_to(self._folder.root).as_posix()
+                    yield path.relative_to(root).as_posix()
 
 
 def _calibrated(project: Path) -> tuple[Camera, ...]:

@@ -105,7 +105,7 @@ class StudioServer(GatedServer):
         except msgspec.ValidationError as error:
             raise not_understood(error) from None
         target = await asyncio.to_thread(self._session.target, asked)
-        await receive(self._session.folder, request.reader, asked.bytes, target, asked.name)
+        await receive(request.reader, asked.bytes, target, asked.name)
         return page_reply({"written": target.name})
 
     async def _view(self, request: GateRequest, parts: int) -> Reply:

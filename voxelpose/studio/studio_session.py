@@ -157,7 +157,7 @@ class StudioSession:
         """Removes a file of a project. InputError where that cannot be."""
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
-        remove_file(self.folder, project, asked.name)
+        remove_file(project, asked.name)
 
     def take_calibration(self, project: Name, of: Name) -> None:
         """Copies the calibration of another project, whose cameras have not been moved since.

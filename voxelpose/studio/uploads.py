@@ -23,7 +23,7 @@ from voxelpose.recording.camera_files import (
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.frame_reader import STILLS, VIDEOS, FrameReader, read_still
 from voxelpose.recording.subject import read_subject
-from voxelpose.studio.projects import SINGLE_FILES, StudioFolder, check_plain_name
+from voxelpose.studio.projects import SINGLE_FILES, check_plain_name
 
 Place = Literal[
     "video",
@@ -103,14 +103,10 @@ def _calibration(project: Path, name: str, suffix: str) -> Path:
     return target
 
 
-async def receive(
-    folder: StudioFolder, reader: StreamReader, size: int, target: Path, name: str
-) -> None:
+async def receive(reader: StreamReader, size: int, target: Path, name: str) -> None:
     """Writes what is sent, whole or not at all. InputError where it is not what its place needs, or
     the system refuses; asyncio.IncompleteReadError or TimeoutError where not all of it comes.
     """
-    if not folder.holds(target.parent):
-        raise InputError(f"{target.parent.name} leads out of {folder.root}: remove that link")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -193,13 +189,13 @@ def _stills(folder: Path) -> list[Path]:
     return [path for path in visible_entries(folder) if path.suffix.lower() in STILLS]
 
 
-def remove_file(folder: StudioFolder, project: Path, name: str) -> None:
+def remove_file(project: Path, name: str) -> None:
     """Removes one of the files that `project_files` names, or the pictures of a folder. InputError
     where it is none.
     """
     known = {file["name"]: file["bytes"] for file in project_files(project)}
     path = project / name
-    if known.get(name) is None or not folder.holds(path if path.is_dir() else path.parent):
+    if known.get(name) is None:
         raise InputError(f"there is no file {name[:80]!r} that can be removed here")
     try:
         if not path.is_dir():

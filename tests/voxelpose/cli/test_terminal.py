@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from calib.errors import visible
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.cli.terminal import Progress, VisibleStream, message, plain, visible
+from voxelpose.cli.terminal import Progress, VisibleStream, message, plain
 from voxelpose.demo.room import make_recording
 
 
@@ -31,6 +32,7 @@ HOSTILE = "\x1b[31mred\x07\x9b2J\u202e[bold]"
 def test_control_characters_are_visible():
     assert visible(HOSTILE) == r"\x1b[31mred\x07\x9b2J\u202e[bold]"
     assert visible("ä\t\n") == "ä\t\n"
+    assert visible("a\u061cb\u200d\ufeff\xad") == r"a\u061cb\u200d\ufeff\xad"
     assert visible("a\udcff") == r"a\udcff"
     assert plain("[bold]") == r"\[bold]"
 

@@ -78,6 +78,7 @@ def test_files_come_to_their_places_and_the_reader_speaks(studio, walk, made):
         ("video", "a/b.mp4", b"\0", "cannot be a name"),
         ("video", ".hidden.mp4", b"\0", "cannot be a name"),
         ("video", "con.mp4", b"\0", "cannot be a name"),
+        ("video", "cam\u202e4pm.mp4", b"\0", r"'cam\u202e4pm.mp4' cannot be a name"),
         ("background", "..", b"\0", "cannot be a name"),
         ("calibration", "rig.mp4", b"\0", "convert it first"),
         ("subject.toml", "x.toml", b"body = '../../../etc/passwd'\n", "names a body's file"),
@@ -219,20 +220,34 @@ def test_foreign_and_endless_files_are_refused_before_they_are_read(
 
 
 def test_links_that_lead_out_are_not_followed(studio, walk, made, tmp_path):
-    away = tmp_path / "away"
+    """Neither folders nor files, by any answer; those within are."""
+    away, secret = tmp_path / "away", tmp_path / "secret"
     away.mkdir()
-    (walk / "background").symlink_to(away)
+    secret.write_text("root:")
     (tmp_path / "root" / "linked").symlink_to(made)
+    (walk / "loop").symlink_to("loop")
+    (walk / "cam_1.mp4").symlink_to(walk.parent / "cam_1.mp4")
     content = (made / "cam_1.mp4").read_bytes()
-    status, answer = send(studio, "background", "cam_1.mp4", content)
-    assert status == 400 and "leads out of" in answer["error"] and not names(away)
-    for path in (
-        "/api/project?project=linked",
-        "/api/form?project=linked&command=fit",
-        "/check/linked/",
-    ):
-        status, answer = ask(studio, path)
-        assert status == 400 and "lies outside of" in answer["error"]
+    (walk.parent / "cam_1.mp4").write_bytes(content)
+    assert ask(studio, "/api/project?project=walk")[0] == 200
+    for link, target in (("background", away), ("board.pdf", secret), ("boards/a.png", secret)):
+        (walk / link).parent.mkdir(exist_ok=True)
+        (walk / link).symlink_to(target)
+        status, answer = send(studio, "background", "cam_1.mp4", content)
+        assert status == 400 and f"'walk/{link}' lies outside of" in answer["error"]
+        for path in (
+            *("/api/project?project=walk", "/sheet/board?project=walk", "/rig?project=walk"),
+            *(
+                "/still?project=walk&place=boards&camera=a",
+                "/check/walk/",
+                "/api/live?project=walk",
+            ),
+            "/api/form?project=linked&command=fit",
+        ):
+            status, answer = ask(studio, path)
+            assert status == 400 and "lies outside of" in answer["error"], path
+        (walk / link).unlink()
+    assert not names(away)
     assert [one["name"] for one in ask(studio, "/api/state")[1]["projects"]] == ["walk"]
 
 

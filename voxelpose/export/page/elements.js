@@ -2,27 +2,30 @@
 
 export const by = (id) => document.getElementById(id);
 
-// An element with properties, listeners (onclick ...) and children. Texts are never markup; what
-// stands in backticks is code.
+// Text in which marks that are not seen, and may reorder it, are written as \u202e, for example.
+export const visible = (text) => text.replace(/(?![\t\n])[\p{Cc}\p{Cf}\p{Zl}\p{Zp}]/gu, (mark) => `\\u${mark.codePointAt(0).toString(16).padStart(4, "0")}`);
+
+// An element with properties, listeners (onclick ...) and children. Texts are never markup, and
+// visible; what stands in backticks is code.
 export function make(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
     else if (name === "class") element.className = value;
-    else if (name in element) element[name] = value;
+    else if (name in element) element[name] = name === "title" ? visible(String(value)) : value;
     else element.setAttribute(name, value);
   }
   element.append(...children.filter((child) => child !== null && child !== undefined && child !== false).flatMap(
-    (child) => (tag !== "code" && typeof child === "string" ? withCode(child) : [child])));
+    (child) => (typeof child !== "string" ? [child] : tag === "code" ? [visible(child)] : withCode(child))));
   return element;
 }
 
-const withCode = (text) => text.split("`").map((piece, index) => (index % 2 ? make("code", {}, piece) : piece));
+const withCode = (text) => visible(text).split("`").map((piece, index) => (index % 2 ? make("code", {}, piece) : piece));
 
 // Tells the user on top of the page; "": nothing any more.
 export function notice(text) {
   by("banner").hidden = !text;
-  by("banner").textContent = text;
+  by("banner").textContent = visible(text);
 }
 
 // What was changed by the mouse gives the keys back to the player.

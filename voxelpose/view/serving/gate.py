@@ -21,7 +21,7 @@ from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
-from calib.errors import InputError
+from calib.errors import InputError, visible
 
 UNFRAMED = "frame-ancestors 'none'"
 """Policy of every page: none is shown within another's, whose visitors would press its buttons."""
@@ -58,7 +58,7 @@ class Reply:
     @classmethod
     def error(cls, status: str, line: str) -> Reply:
         """A page's answer that says in a line why there is no other."""
-        content = json.dumps({"error": " ".join(line.split())}).encode()
+        content = json.dumps({"error": visible(" ".join(line.split()))}).encode()
         return cls(status, content, "application/json", PAGE_HEADERS)
 
     async def send(self, writer: StreamWriter) -> None:
