@@ -19,6 +19,7 @@ from silhouette_core.motion.joint_files import (
     FARTHEST_M,
     JOINTS,
     POSE2SIM_AXES,
+    column_names,
     list_joints,
     read_joints,
 )
@@ -67,6 +68,7 @@ class Score:
     """Mean error of the joint angles, degrees; NaN unless both are known as motions of one body."""
     each_joint_angle_deg: Mapping[str, float] = field(default_factory=dict)
     """Mean error of every joint angle that is estimated, by its name."""
+    corrections: tuple[str, ...] = ()  #: what of the estimate was corrected by hand.
 
 
 def evaluate(
@@ -93,13 +95,19 @@ def evaluate(
     path = result.folder if isinstance(result, Result) else Path(result)
     truth_file = _truth_of(path) if truth is None else Path(truth)
     known = load_truth(truth_file, markers, axes)
-    joints = path / JOINTS if path.is_dir() else path
-    _check_names(joints, list_joints(joints)[0], truth_file, known)
-    estimate_m = read_joints(joints, len(known.joints_m), offset, known.names)
+    count = len(known.joints_m)
+    if not is_result(path):
+        joints = path / JOINTS if path.is_dir() else path
+        _check_names(joints, list_joints(joints)[0], truth_file, known)
+        estimate_m = read_joints(joints, count, offset, known.names)
+        return score_motion(known.joints_m, estimate_m, known.names, _bones(known))
+    motion = Result.open(path).motion
+    names = column_names(motion.model.tree.landmark_names)
+    _check_names(path, names, truth_file, known)
+    estimate_m = _joints_m(motion, count, offset)[:, [names.index(name) for name in known.names]]
     score = score_motion(known.joints_m, estimate_m, known.names, _bones(known))
-    if known.motion is None or not is_result(path):
-        return score
-    return replace(score, **_angle_errors(known.motion, Result.open(path).motion, offset))
+    errors = {} if known.motion is None else _angle_errors(known.motion, motion, offset)
+    return replace(score, corrections=motion.corrections, **errors)
 
 
 def evaluate_people(
@@ -125,12 +133,13 @@ def evaluate_people(
     known_m = read_people_truth(_truth_of(results[0].folder) if truth is None else Path(truth))
     if len(results) > len(known_m):
         raise InputError(f"{folder} holds {len(results)} people, and the truth {len(known_m)}")
-    files = [result.folder / JOINTS for result in results]
-    joints_m = [read_joints(file, len(known_m[0]), offset) for file in files]
+    joints_m = [_joints_m(result.motion, len(known_m[0]), offset) for result in results]
     cost = np.array([[_distance_m(true, joints) for true in known_m] for joints in joints_m])
     pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(cost)), strict=True))
     scores = {
-        results[k].folder.name: score_motion(known_m[person], joints_m[k])
+        results[k].folder.name: replace(
+            score_motion(known_m[person], joints_m[k]), corrections=results[k].motion.corrections
+        )
         for k, person in pairs.items()
     }
     missed = sorted({*range(len(known_m))} - {*pairs.values()})
@@ -138,6 +147,15 @@ def evaluate_people(
         f"nobody_{n}": score_motion(known_m[k], np.full_like(known_m[k], np.nan))
         for n, k in enumerate(missed, 1)
     }
+
+
+def _joints_m(motion: Motion, count: int, offset: int) -> NDArray[np.float64]:
+    """Joints (count, L, 3) of the first frames, world, m; NaN without a pose."""
+    joints_m = np.full((count, len(motion.model.landmarks_m), 3), np.nan)
+    frames = motion.frames + offset
+    there = (frames >= 0) & (frames < count)
+    joints_m[frames[there]] = motion.landmarks()[there]
+    return joints_m
 
 
 def _distance_m(true_m: NDArray[np.float64], estimate_m: NDArray[np.float64]) -> float:

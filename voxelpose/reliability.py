@@ -79,13 +79,16 @@ def verdict_of_people(verdicts: Mapping[str, Verdict]) -> Verdict:
 
 def findings_of(summary: Mapping[str, Any], motion: Motion | None = None) -> list[Finding]:
     """What is found in a result, worst first: what its summary.json holds, or, of results before
-    2026-12, by its `frames`, `quality` and `facts`, and by the motion where that is given.
+    2026-12, by its `frames`, `quality` and `facts`, and by the motion where that is given; and what
+    was corrected by hand.
     """
     if "findings" in summary:
-        return msgspec.convert(summary["findings"], list[Finding])
+        stated = msgspec.convert(summary["findings"], list[Finding])
+        return worst_first([*_of_corrections(summary), *stated])
     frames, quality, facts = summary["frames"], summary["quality"], summary.get("facts", {})
     return worst_first(
         [
+            *_of_corrections(summary),
             *_of_frames(frames, facts, motion),
             *_of_outlines(quality, facts, motion),
             *_of_one_camera(quality),
@@ -98,6 +101,20 @@ def findings_of(summary: Mapping[str, Any], motion: Motion | None = None) -> lis
 
 def _bad(about: str, words: str, remedy: str, where: str = "") -> Finding:
     return Finding(about, "bad", words, where, remedy)
+
+
+def _of_corrections(summary: _Table) -> Iterator[Finding]:
+    """What was corrected by hand: bad where it is much of what nothing measures."""
+    if (made := summary.get("corrections")) is None:
+        return
+    unmeasured, count = made["unmeasured"], summary["frames"]["with_pose"]
+    yield Finding(
+        "Corrections",
+        "bad" if unmeasured > RELIABILITY.lost * count else "look",
+        f"corrected by hand: {', '.join(made['words'])}",
+        "all other numbers are those of the estimate",
+        f"look at these {unmeasured} frames, which nothing measures" if unmeasured else "",
+    )
 
 
 def _of_frames(frames: _Table, facts: _Table, motion: Motion | None) -> Iterator[Finding]:

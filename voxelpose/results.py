@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -22,6 +22,15 @@ from silhouette_core.estimator import Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
 from silhouette_core.setting_types import BackgroundKind, Chest, Sex, Stature, Tolerance, VoxelSize
+from voxelpose.corrections import (
+    CORRECTIONS,
+    Correction,
+    corrected_motions,
+    corrected_settings,
+    corrected_summary,
+    read_corrections,
+    write_corrections,
+)
 from voxelpose.findings import Finding
 from voxelpose.people_marks import person_names
 from voxelpose.reliability import Verdict
@@ -51,6 +60,7 @@ FILES = {
     "summary.json": "quality and timings, for programs",
     "settings.toml": "settings of the fit",
     "calibration.toml": "the cameras that were used",
+    CORRECTIONS: "corrections by hand, which all but the files above have",
 }
 """What is in a result, by names, with * for a camera's."""
 _MARK = "voxelpose"  # key of summary.json that marks a folder as a result
@@ -158,7 +168,7 @@ class _Recorded(Settings):
 
 
 def load_summary(path: Path) -> dict[str, Any]:
-    """Contents of summary.json, with `facts` in any case.
+    """Contents of summary.json, with `facts` in any case, and as corrected by hand.
 
     Raises:
         InputError: it is no JSON, or lacks an entry, or one is impossible; the message names it.
@@ -179,7 +189,8 @@ def load_summary(path: Path) -> dict[str, Any]:
     # A fact that could not be measured is null in the file, and for its readers not there.
     facts = content.get("facts", {})
     content["facts"] = {name: value for name, value in facts.items() if value is not None}
-    return content
+    home, person = corrections_home(path.parent)
+    return corrected_summary(content, read_corrections(home), person)
 
 
 def load_settings(path: Path) -> dict[str, Any]:
@@ -213,7 +224,7 @@ def _checked(content: Any, schema: type[_Schema], path: Path) -> _Schema:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Result of a fit, read from its folder."""
+    """Result of a fit, read from its folder, as corrected by hand."""
 
     folder: Path  #: the result folder.
     motion: Motion  #: the poses, with their body.
@@ -239,9 +250,16 @@ class Result:
                 f"{folder} holds the results of {len(names)} people: give one of them, as"
                 f" {folder / names[0]}"
             )
-        summary, settings = load_summary(folder / SUMMARY), load_settings(folder / SETTINGS)
+        home, person = corrections_home(folder)
+        corrections = read_corrections(home)
+        together = people_folders(home) if corrections else [folder]  # they may be exchanged
+        motions = corrected_motions([read_motion(one / MOTION) for one in together], corrections)
         return cls(
-            folder, read_motion(folder / MOTION), read_rig(folder / CALIBRATION), summary, settings
+            folder,
+            motions[person - 1 if corrections else 0],
+            read_rig(folder / CALIBRATION),
+            load_summary(folder / SUMMARY),
+            corrected_settings(load_settings(folder / SETTINGS), corrections),
         )
 
 
@@ -252,6 +270,23 @@ def open_people(folder: Path | str) -> list[Result]:
         InputError: as `Result.open`.
     """
     return [Result.open(one) for one in people_folders(Path(folder))]
+
+
+def corrections_home(folder: Path) -> tuple[Path, int]:
+    """The folder beside whose results the corrections of one are kept, since several people share
+    them, and the person's number.
+    """
+    place = folder.resolve()
+    names = _people_of(place.parent)
+    return (place.parent, 1 + names.index(place.name)) if place.name in names else (folder, 1)
+
+
+def correct(folder: Path, corrections: Sequence[Correction]) -> None:
+    """Replaces the corrections of a result, of one person or of several. InputError where it is
+    none, a correction does not fit, or the file cannot be written.
+    """
+    corrected_motions([read_motion(one / MOTION) for one in people_folders(folder)], corrections)
+    write_corrections(folder, corrections)
 
 
 def people_folders(folder: Path) -> list[Path]:

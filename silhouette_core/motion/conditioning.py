@@ -71,7 +71,7 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
         motion: as estimated, or conditioned otherwise before: that is undone.
     """
     conditioning = conditioning.chosen()
-    source = _as_estimated(motion)
+    source = as_estimated(motion)
     missing = frames_in_gaps(source.frames, conditioning.longest_gap(source.fps))
     result = _with_frames(source, missing, conditioning.gap_method) if len(missing) else source
     root_m, quaternion = result.root_m.copy(), result.root_quaternion.copy()
@@ -88,13 +88,13 @@ def conditioned(motion: Motion, conditioning: Conditioning) -> Motion:
     return replace(result, unfiltered=replace(source, quality={})) if changed else result
 
 
-def _as_estimated(motion: Motion) -> Motion:
+def as_estimated(motion: Motion) -> Motion:
     """The motion before its conditioning, with its quality."""
     if motion.conditioning is None or motion.unfiltered is None:
         return replace(motion, conditioning=None)
     estimated = ~motion.filled
     quality = {name: array[estimated] for name, array in motion.quality.items()}
-    return replace(motion.unfiltered, quality=quality)
+    return replace(motion.unfiltered, quality=quality, corrections=motion.corrections)
 
 
 def _with_frames(motion: Motion, missing: np.ndarray, method: str) -> Motion:
@@ -199,11 +199,11 @@ def filter_warning(motion: Motion) -> str:
 
 def conditioning_words(motion: Motion) -> str:
     """What was done to a motion, in one line."""
-    done = motion.conditioning
+    done, missing = motion.conditioning, int((np.diff(motion.frames) - 1).sum())
+    words = [f"corrected by hand: {', '.join(motion.corrections)}"] if motion.corrections else []
     if done is None:
-        return "filter not recorded"
-    missing = int((np.diff(motion.frames) - 1).sum())
-    words = [_filter_words(done), filter_warning(motion)]
+        return "; ".join([*words, "filter not recorded"])
+    words += [_filter_words(done), filter_warning(motion)]
     if motion.filled.any():
         words.append(
             f"{motion.filled.sum()} missing frames filled ({done.gap_method}, gaps up to"

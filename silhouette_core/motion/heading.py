@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.checks import FloatArray
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES, exchanged_sides
 from silhouette_core.motion import kinematics
+from silhouette_core.motion.conditioning import quality_with_filled
 from silhouette_core.motion.motion import Motion
 
 
@@ -74,3 +75,27 @@ def mirrored(motion: Motion) -> Motion:
             for name, array in motion.quality.items()
         },
     )
+
+
+def turned_half_round(motion: Motion, rows: BoolArray) -> Motion:
+    """A person's motion as estimated whose body is, in some rows (T,) bool, turned half round about
+    its long axis, every limb where that of the other side was, as far as its joints allow: left and
+    right exchanged. The quality of these rows is unknown: NaN, False or 0.
+    """
+    tree, count = motion.model.tree, motion.model.dof_count
+    other = exchanged_sides(tree.dof_names)
+    # The half turn of the other side's axis is this side's, or its opposite.
+    sign = np.rint((tree.dof_axis[other] * (-1, -1, 1) * tree.dof_axis).sum(axis=1))
+    angles = np.clip(motion.angles_rad[:, other] * sign, *tree.dof_limits_rad.T)
+    w, x, y, z = motion.root_quaternion.T
+    half_round = np.column_stack([-z, y, -x, w])  # q k
+    each = rows[:, None]
+    turned = replace(
+        motion,
+        root_quaternion=np.where(each, half_round, motion.root_quaternion),
+        angles_rad=np.where(np.broadcast_to(each, (len(rows), count)), angles, motion.angles_rad),
+        quality=quality_with_filled(
+            rows, {name: array[~rows] for name, array in motion.quality.items()}
+        ),
+    )
+    return turned.standing_at(motion.landmarks())

@@ -50,6 +50,7 @@ class Motion:
     conditioning: Conditioning | None = None
     """Filter and filling of gaps that made these poses; None: not recorded."""
     unfiltered: Motion | None = None  #: The poses before that, without quality; None: no others.
+    corrections: tuple[str, ...] = ()  #: What was corrected by hand, in words.
 
     def __post_init__(self) -> None:
         """Completes frames, times and what is filled if not given, and checks the arrays.
@@ -108,6 +109,12 @@ class Motion:
 
         return kinematics.landmarks(self.model, *self.parts())
 
+    def standing_at(self, landmarks_m: FloatArray) -> Motion:
+        """The same poses, moved to where the landmarks are on average nearest to given ones
+        (T, L, 3).
+        """
+        return replace(self, root_m=self.root_m + (landmarks_m - self.landmarks()).mean(axis=1))
+
     @property
     def upright_frame(self) -> UprightFrame:
         """The frame with z up and the floor at z = 0."""
@@ -150,9 +157,9 @@ class Motion:
         """Confidence (T, 15) of the landmarks, from 0 to 1.
 
         As stated by the estimator, else the overlap of the landmark's part, else the confidence of
-        the frame; 0 in frames that were filled.
+        the frame; 0 in frames that were filled, and where it is unknown.
         """
-        return np.where(self.filled[:, None], 0.0, self._stated_confidence())
+        return np.where(self.filled[:, None], 0.0, np.nan_to_num(self._stated_confidence()))
 
     def _stated_confidence(self) -> FloatArray:
         if "landmark_confidence" in self.quality:
@@ -161,7 +168,7 @@ class Motion:
             overlap = np.asarray(self.quality["part_overlap"], float)[
                 :, self.model.tree.landmark_part
             ]
-            return np.clip(np.nan_to_num(overlap), 0.0, 1.0)
+            return np.clip(overlap, 0.0, 1.0)
         frame = np.asarray(self.quality.get("outline_agreement", np.ones(len(self))), float)
         return np.repeat(frame[:, None], len(self.model.tree.landmark_part), axis=1)
 

@@ -187,6 +187,7 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         fps=float(about["fps"]),
         model=_model(about, arrays),
         unfiltered=None,
+        corrections=(),
         **{name: arrays[name] for name in (*_POSES, "frames", "time_s")},
         quality={
             name.removeprefix(_QUALITY): array

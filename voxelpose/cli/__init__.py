@@ -33,6 +33,7 @@ COMMANDS = {
     "network": "install a pose network that helps where silhouettes are poor",
     "library": "build or describe a pose library for track",
     "view": "show a result in the browser, in a window, as image or video",
+    "correct": "correct a result by hand: trim, exchange sides or people",
     "export": "write a result as BVH, glTF, TRC, MOT, C3D, CSV or NPZ",
     "report": "write a page about a result: joint angles, quality, advice",
     "evaluate": "score a result against known joint positions",

@@ -199,9 +199,9 @@ def unusual(command: Any, named: Mapping[str, str]) -> dict[str, bool | int | fl
     }
 
 
-def two_numbers(text: str, option: str, meaning: str) -> tuple[int, int]:
+def two_numbers(text: str, option: str, meaning: str, between: str = "x") -> tuple[int, int]:
     """Reads 8x5; InputError, with the `meaning` and an example, where there are not two numbers."""
-    first, _, second = text.lower().partition("x")
+    first, _, second = text.lower().partition(between)
     try:
         return int(first), int(second)
     except ValueError:

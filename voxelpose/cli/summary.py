@@ -117,6 +117,8 @@ def print_score(score: Score) -> None:
         if np.isfinite(value)
     )
     console = rich_console()
+    if score.corrections:
+        console.print(f"corrected by hand: {plain(', '.join(score.corrections))}", soft_wrap=True)
     errors = list(zip(score.joint_root_mm, score.joints, strict=False))
     if errors and score.joints == LANDMARK_NAMES:
         worst = sorted(((mm, name) for mm, name in errors if np.isfinite(mm)), reverse=True)[:3]

@@ -41,8 +41,8 @@ def read_export_record(folder: Path) -> dict[str, object]:
 def write_export_record(
     motions: Sequence[Motion], names: Iterable[str], earlier: dict[str, object], path: Path
 ) -> None:
-    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter; of
-    files of several people an entry of each under their names.
+    """Writes how files were made now, and the entries of earlier ones: rate, frames, filter, what
+    was corrected; of files of several people an entry of each under their names.
     """
     entries = [
         {
@@ -53,6 +53,7 @@ def write_export_record(
                 "with_pose": int((~motion.filled).sum()),
             },
             "conditioning": describe_conditioning(motion),
+            "corrections": list(motion.corrections),
         }
         for motion in motions
     ]
