@@ -153,8 +153,8 @@ def _joints_m(motion: Motion, count: int, offset: int) -> NDArray[np.float64]:
     """Joints (count, L, 3) of the first frames, world, m; NaN without a pose."""
     joints_m = np.full((count, len(motion.model.landmarks_m), 3), np.nan)
     frames = motion.frames + offset
-    there = (frames >= 0) & (frames < count)
-    joints_m[frames[there]] = motion.landmarks()[there]
+    within = (frames >= 0) & (frames < count)
+    joints_m[frames[within]] = motion.landmarks()[within]
     return joints_m
 
 

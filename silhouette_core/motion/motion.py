@@ -159,7 +159,7 @@ class Motion:
         As stated by the estimator, else the overlap of the landmark's part, else the confidence of
         the frame; 0 in frames that were filled, and where it is unknown.
         """
-        return np.where(self.filled[:, None], 0.0, np.nan_to_num(self._stated_confidence()))
+        return np.nan_to_num(np.where(self.filled[:, None], 0.0, self._stated_confidence()))
 
     def _stated_confidence(self) -> FloatArray:
         if "landmark_confidence" in self.quality:
