@@ -6,10 +6,14 @@ import threading
 from collections.abc import Sequence
 from typing import Any, Literal
 
+import msgspec
+
 from calib.camera import Rig
 from calib.errors import InputError
+from voxelpose.corrections import Correction
 from voxelpose.export.html_player import player_page
 from voxelpose.export.player_scene import Stage, player_scene
+from voxelpose.results import correct
 from voxelpose.view.serving.gate import Address, GatedServer, GateRequest, Reply
 from voxelpose.view.serving.page_answers import Moment, PageAnswers, check_camera_names
 from voxelpose.view.viewer.frame_answer import area_answer, frame_answer, outlined_picture
@@ -39,10 +43,9 @@ class Browser(GatedServer):
         closed with it. Without an address it is a part of other pages, which pass requests on to
         `answer`. InputError where the address cannot be used.
         """
-        self._others = others
-        self.scenes, self._frame = scenes, frame
+        self._others, self._frame = others, frame
         self._working = threading.Lock()
-        self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
+        self._show(scenes)
         self._answers = PageAnswers(
             "voxelpose.view.viewer",
             {
@@ -52,9 +55,13 @@ class Browser(GatedServer):
                 "api/area": self._area,
                 "picture/{camera}": self._picture,
             },
+            {"api/corrections": self._correct},
         )
-        body = 0 if self._silhouettes is None else _LARGEST_BODY
-        super().__init__(address, self._answer, self._close_scenes, body)
+        super().__init__(address, self._answer, self._close_scenes, _LARGEST_BODY)
+
+    def _show(self, scenes: ResultScenes) -> None:
+        self.scenes = scenes
+        self._silhouettes = None if scenes.recording is None else SilhouettePage(scenes)
 
     def _close_scenes(self) -> None:
         with self._working:
@@ -75,7 +82,11 @@ class Browser(GatedServer):
         motions = [motion for _, people in results for motion in people]
         scene = player_scene(motions, scenes.fps, Stage(scenes.name, rig, frames, several))
         return scene | {
-            "shown": self._frame,
+            "shown": min(max(self._frame, frames[0]), frames[1] - 1),
+            "corrections": [
+                {"words": str(one), "made": msgspec.to_builtins(one)} for one in scenes.corrections
+            ],
+            "people": scenes.people,
             "folder": scenes.title,
             "limbs": list(scenes.limb_names),
             "far_mm": 10 * OUTLYING_CM,
@@ -84,6 +95,13 @@ class Browser(GatedServer):
             "filmed": scenes.recording is not None,
             "silhouettes": "" if self._silhouettes is None else _SILHOUETTES,
         }
+
+    def _correct(self, corrections: list[Correction]) -> None:
+        """Replaces the corrections of the first result, and shows it as it then is."""
+        with self._working:
+            correct(self.scenes.home, corrections)
+            self.scenes.close()
+            self._show(self.scenes.reopened())
 
     def _frame_answer(
         self, frame: Moment, pictures: Pictures | Literal["none"] = "none"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from silhouette_core.motion.motion import Motion, posed_times
 from silhouette_core.motion.pose import Pose
 from silhouette_core.network_files import installed_network
 from silhouette_core.refinement.observation import PinholeViews
+from voxelpose.corrections import Correction, read_corrections
 from voxelpose.export.tables import HYPOTHESES, Hypothesis, read_hypotheses
 from voxelpose.multiview.carving.bounds import place_grid
 from voxelpose.multiview.carving.grid import VoxelGrid
@@ -31,7 +32,7 @@ from voxelpose.multiview.tuning import CARVING
 from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording, open_readers
 from voxelpose.recording.input_digests import changes_since
-from voxelpose.results import Result, is_result, open_people
+from voxelpose.results import Result, corrections_home, is_result, open_people
 from voxelpose.view.images.figure import PartPoses, skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.outer_voxels import OuterVoxels
@@ -119,6 +120,10 @@ class ResultScenes:
         given. InputError where it is neither, or damaged.
         """
         folder = Path(folder)
+        self.reopened = partial(ResultScenes, folder, recording, voxel_size_m, unit)
+        self.home, person = corrections_home(folder)  # where corrections are kept, and whose
+        self.corrections: tuple[Correction, ...] = ()
+        self.people: list[int] = []  # numbers of those who are shown, where there are several
         self.title, self.name = str(folder), folder.resolve().name
         self.recording: Recording | None = None
         self.missing = self.changed = ""  # why the recording is, and what did since the fit
@@ -129,6 +134,9 @@ class ResultScenes:
         if is_result(folder):
             results = open_people(folder)  # who have the cameras and the frames in common
             result = results[0]
+            self.corrections = read_corrections(self.home)
+            if self.home != folder or len(results) > 1:
+                self.people = [*range(person, person + len(results))]
             settings, self.facts = result.settings, result.summary["facts"]  # type: ignore[assignment]
             frame = result.motion.upright_frame
             self.motions = tuple(one.motion.upright() for one in results)

@@ -2,6 +2,7 @@
 
 import { getJson } from "./api.js";
 import { unpacked } from "./body.js";
+import { Corrections } from "./corrections.js";
 import { checkbox, choice, make, notice, swatch } from "./elements.js";
 import { FrameStore } from "./frame_store.js";
 import { Hull, hullLegend } from "./hull.js";
@@ -46,6 +47,7 @@ class Viewer {
       this.area();
     }));
     this.player = new Player(document.body, state, this);
+    if (state.corrections) part("reach").after(new Corrections(state, this.player.timeline).section);
     this.player.timeline.loaded = (index) => this.store.has(state.first + index);
     this.changed();
     this.area();
