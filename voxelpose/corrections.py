@@ -15,14 +15,15 @@ from calib.checks import BoolArray
 from calib.errors import InputError
 from calib.storage.atomic import write_whole
 from calib.storage.documents import load_text, parse_json
-from silhouette_core.motion.conditioning import as_estimated, conditioned
+from silhouette_core.motion.conditioning import as_estimated, conditioned, quality_with_filled
 from silhouette_core.motion.dynamics import is_person_tree
 from silhouette_core.motion.heading import turned_half_round
 from silhouette_core.motion.motion import Motion
+from silhouette_core.motion.motion_file import read_motion
 
 CORRECTIONS = "corrections.json"
-_LARGEST_BYTES = 10_000_000
-_Frame = Annotated[int, Meta(ge=0, le=10_000_000)]
+_LARGEST_BYTES = _LAST = 10_000_000
+_Frame = Annotated[int, Meta(ge=0, le=_LAST)]
 _Person = Annotated[int, Meta(ge=1, le=100)]
 _Range = tuple[_Frame, _Frame]  # the first frame, and one past the last
 
@@ -39,7 +40,7 @@ class Trim(msgspec.Struct, tag="trim", frozen=True, forbid_unknown_fields=True):
         """Whether it changes the motion of one of some people."""
         return True
 
-    def of(self, people: list[Motion]) -> list[Motion]:
+    def of(self, people: list[Motion], home: Path) -> list[Motion]:
         """Corrected poses of everybody. What is left is cut out last, when the filter has acted."""
         return people
 
@@ -58,7 +59,7 @@ class ExchangeSides(msgspec.Struct, tag="sides", frozen=True, forbid_unknown_fie
         """Whether it changes the motion of one of some people."""
         return (self.person or 1) in people
 
-    def of(self, people: list[Motion]) -> list[Motion]:
+    def of(self, people: list[Motion], home: Path) -> list[Motion]:
         """Corrected poses of everybody. InputError where there are none, or without sides."""
         motion = _person_of(people, self.person or 1)
         rows = _rows(motion, self.frames)
@@ -84,20 +85,38 @@ class ExchangePeople(msgspec.Struct, tag="people", frozen=True, forbid_unknown_f
         """Whether it changes the motion of one of some people."""
         return not people.isdisjoint(self.people)
 
-    def of(self, people: list[Motion]) -> list[Motion]:
+    def of(self, people: list[Motion], home: Path) -> list[Motion]:
         """Corrected poses of everybody. InputError where there are no two to exchange."""
         one, other = (_person_of(people, number) for number in self.people)
         if one is other:
             raise InputError(f"person {self.people[0]} cannot be exchanged with the same: name two")
-        changed = {id(one): other, id(other): one}
-        frame = self.first_frame
+        changed, rest = {id(one): other, id(other): one}, (self.first_frame, _LAST)
         return [
-            _continued(motion, changed[id(motion)], frame) if id(motion) in changed else motion
+            _replaced(motion, changed[id(motion)], rest) if id(motion) in changed else motion
             for motion in people
         ]
 
 
-Correction = Trim | ExchangeSides | ExchangePeople
+class FitAgain(msgspec.Struct, tag="fit again", frozen=True, forbid_unknown_fields=True):
+    """A range of frames fitted again without a camera; the poses are in a file beside."""
+
+    camera: Annotated[str, Meta(min_length=1, max_length=200)]
+    frames: _Range
+    poses: Annotated[str, Meta(pattern=r"^fitted_again_\d{1,6}\.safetensors$")]
+
+    def __str__(self) -> str:
+        return f"{_range_text(self.frames)} fitted again without {self.camera}"
+
+    def is_of(self, people: set[int]) -> bool:
+        """Whether it changes the motion of one of some people."""
+        return 1 in people
+
+    def of(self, people: list[Motion], home: Path) -> list[Motion]:
+        """Corrected poses of everybody. InputError where the file is missing or damaged."""
+        return [_replaced(people[0], read_motion(home / self.poses), self.frames), *people[1:]]
+
+
+Correction = Trim | ExchangeSides | ExchangePeople | FitAgain
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -128,16 +147,22 @@ def write_corrections(folder: Path, corrections: Sequence[Correction]) -> None:
         write_whole(path, text + b"\n")
     else:
         path.unlink(missing_ok=True)
+    used = {one.poses for one in corrections if isinstance(one, FitAgain)}
+    for file in folder.glob("fitted_again_*.safetensors"):
+        if file.name not in used:
+            file.unlink()
 
 
-def corrected_motions(motions: Sequence[Motion], corrections: Sequence[Correction]) -> list[Motion]:
+def corrected_motions(
+    motions: Sequence[Motion], corrections: Sequence[Correction], home: Path
+) -> list[Motion]:
     """Motions of everybody as corrected: the poses before filter and gaps, which are then applied
     again, so that no filter mixes what was right with what was wrong. InputError where a correction
     does not fit, or leaves somebody without a pose.
     """
     estimated = people = [as_estimated(motion) for motion in motions]
     for correction in corrections:
-        people = correction.of(people)
+        people = correction.of(people, home)
     corrected, left = [], _left(corrections)
     for number, (motion, before, poses) in enumerate(
         zip(motions, estimated, people, strict=True), 1
@@ -229,19 +254,24 @@ def _rows(motion: Motion, frames: _Range) -> BoolArray:
     return (motion.frames >= frames[0]) & (motion.frames < frames[1])
 
 
-def _continued(motion: Motion, other: Motion, frame: int) -> Motion:
-    """A motion that goes on as another from a frame on, with its own body, where the other's joints
+def _replaced(motion: Motion, other: Motion, frames: _Range) -> Motion:
+    """A motion that is another in a range of frames, with its own body, where the other's joints
     are nearest to it.
     """
-    before, after = motion.frames < frame, other.frames >= frame
-    same = replace(other.select(after), model=motion.model, unfiltered=None)
-    same, rest = same.standing_at(other.select(after).landmarks()), motion.select(before)
+    inside = other.select(np.flatnonzero(_rows(other, frames)))
+    same = replace(inside, model=motion.model, unfiltered=None).standing_at(inside.landmarks())
+    rest = motion.select(np.flatnonzero(~_rows(motion, frames)))
+    order = np.argsort(np.concatenate([rest.frames, same.frames]))
     names = ("root_m", "root_quaternion", "angles_rad", "frames", "time_s", "filled")
-    joined = {name: np.concatenate([getattr(rest, name), getattr(same, name)]) for name in names}
-    quality = {
-        name: np.concatenate([rest.quality[name], same.quality[name]])
-        for name in rest.quality.keys() & same.quality.keys()
+    joined = {
+        name: np.concatenate([getattr(rest, name), getattr(same, name)])[order] for name in names
     }
+    new = np.concatenate([np.zeros(len(rest), bool), np.ones(len(same), bool)])[order]
+    quality = quality_with_filled(new, rest.quality)  # unknown, unless the other states it, too
+    for name, array in quality.items():
+        stated = same.quality.get(name)
+        if stated is not None and stated.shape[1:] == array.shape[1:]:
+            array[new] = stated
     return replace(motion, **joined, quality=quality, unfiltered=None)
 
 

@@ -253,7 +253,9 @@ class Result:
         home, person = corrections_home(folder)
         corrections = read_corrections(home)
         together = people_folders(home) if corrections else [folder]  # they may be exchanged
-        motions = corrected_motions([read_motion(one / MOTION) for one in together], corrections)
+        motions = corrected_motions(
+            [read_motion(one / MOTION) for one in together], corrections, home
+        )
         return cls(
             folder,
             motions[person - 1 if corrections else 0],
@@ -285,7 +287,8 @@ def correct(folder: Path, corrections: Sequence[Correction]) -> None:
     """Replaces the corrections of a result, of one person or of several. InputError where it is
     none, a correction does not fit, or the file cannot be written.
     """
-    corrected_motions([read_motion(one / MOTION) for one in people_folders(folder)], corrections)
+    motions = [read_motion(one / MOTION) for one in people_folders(folder)]
+    corrected_motions(motions, corrections, folder)
     write_corrections(folder, corrections)
 
 

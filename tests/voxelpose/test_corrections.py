@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -12,10 +14,14 @@ from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.heading import turned_half_round
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.clips import walking, waving, waving_couple
+from tests.sources import ring, write_staged
 from voxelpose.cli import run
 from voxelpose.corrections import ExchangePeople, ExchangeSides, Trim, corrected_motions
 from voxelpose.reliability import findings_of, verdict_of
 from voxelpose.results import Result, correct, open_people
+from voxelpose.view.serving.gate import Address
+from voxelpose.view.viewer.browser import Browser
+from voxelpose.view.viewer.result_scenes import ResultScenes
 
 
 def test_half_a_turn_puts_every_joint_where_that_of_the_other_side_was():
@@ -39,7 +45,7 @@ def test_what_was_wrong_is_not_filtered_into_what_was_right():
     right = walking(60)
     wrong = conditioned(turned_half_round(right, np.arange(60) >= 30), Conditioning())
     made = [ExchangeSides((30, 60))]
-    (found,) = corrected_motions([wrong], made)
+    (found,) = corrected_motions([wrong], made, Path())
     error_m = np.linalg.norm(found.landmarks() - right.landmarks(), axis=2)
     assert error_m.max() < 0.09 and error_m[:30].max() < 0.02
     assert found.corrections == ("left and right exchanged in frames 30–59",)
@@ -48,7 +54,7 @@ def test_what_was_wrong_is_not_filtered_into_what_was_right():
 
 def test_people_exchange_their_poses_and_keep_their_bodies():
     motions = waving_couple(8)
-    found = corrected_motions(motions, [ExchangePeople(4)])
+    found = corrected_motions(motions, [ExchangePeople(4)], Path())
     for number, motion in enumerate(found):
         mine, other = motions[number], motions[1 - number]
         assert motion.model is mine.model
@@ -57,11 +63,11 @@ def test_people_exchange_their_poses_and_keep_their_bodies():
         wanted_m = other.landmarks()[other.frames >= 4].mean(axis=1)
         assert np.abs(motion.landmarks()[late].mean(axis=1) - wanted_m).max() < 1e-9
         assert np.array_equal(motion.angles_rad[late], other.angles_rad[other.frames >= 4])
-    undone = corrected_motions(motions, [ExchangePeople(4), ExchangePeople(4)])
+    undone = corrected_motions(motions, [ExchangePeople(4), ExchangePeople(4)], Path())
     for motion, before in zip(undone, motions, strict=True):
         assert np.abs(motion.landmarks() - before.landmarks()).max() < 1e-9
     with pytest.raises(InputError, match="there is no person 3: this result has 2"):
-        corrected_motions(motions, [ExchangePeople(4, (1, 3))])
+        corrected_motions(motions, [ExchangePeople(4, (1, 3))], Path())
 
 
 def test_a_result_is_corrected_wherever_it_is_read_and_the_estimate_stays(fitted, capsys):
@@ -146,3 +152,42 @@ def test_a_damaged_file_is_refused_and_all_can_be_taken_back(fitted, capsys):
     assert not (fitted / "corrections.json").exists()
     correct(fitted, [Trim((1, 2))])
     assert len(read_motion(fitted / "motion.safetensors")) > 1 == len(Result.open(fitted).motion)
+
+
+def test_a_range_is_fitted_again_without_a_camera(desk, capsys):
+    """Its poses are in a file beside, which goes with the correction."""
+    write_staged(desk / "walk", waving(4), ring(3, (320, 240)))
+    words = "fit walk --out out --estimator standing --stature 1.8 --no-pictures"
+    assert run(words.split()) == 0
+    before = Result.open("out").motion
+    assert run("correct out --fit-again 2:4 --without cam_2".split()) == 0
+    assert "1  frames 2–3 fitted again without cam_2" in capsys.readouterr().out
+    after = Result.open("out").motion
+    assert after.frames.tolist() == before.frames.tolist() == [1, 2, 3]
+    # The estimator of these tests sees a body of 1.7 m then; the result keeps its own.
+    assert (
+        np.array_equal(after.angles_rad, before.angles_rad) and after.model.person.stature_m == 1.8
+    )
+    assert np.array_equal(after.root_m[0], before.root_m[0])
+    moved_m = after.landmarks()[1:].mean(axis=1) - waving(4).landmarks()[2:].mean(axis=1)
+    assert np.abs(moved_m).max() < 1e-6
+    assert run("correct out --undo all".split()) == 0
+    assert not [*(desk / "out").glob("fitted_again*")]
+    assert run("correct out --fit-again 2:4 --without cam_9".split()) == 2
+    assert "there is no camera 'cam_9'" in capsys.readouterr().err
+
+
+def test_the_viewer_corrects_and_shows_what_is_corrected(fitted):
+    browser = Browser(ResultScenes(fitted, voxel_size_m=0.06), Address(port=8397), 1)
+    made = {"type": "trim", "frames": [2, 4]}
+    for corrections, frames in (([made], [2, 2]), ([], [0, 6])):
+        body = json.dumps({"corrections": corrections}).encode()
+        url, kind = f"{browser.url}/api/corrections", {"Content-Type": "application/json"}
+        with urlopen(Request(url, body, kind), timeout=60) as answer:
+            assert answer.status == 200
+        with urlopen(f"{browser.url}/api/scene", timeout=60) as answer:
+            scene = json.load(answer)
+        assert [one["made"] for one in scene["corrections"]] == corrections
+        assert [scene["first"], scene["count"]] == frames
+        assert scene["first"] <= scene["shown"] < scene["first"] + scene["count"]
+    browser.close()

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from calib.storage.atomic import replacing
 from voxelpose.cli import arguments
+from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
     from voxelpose.corrections import Correction
+    from voxelpose.results import Result
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,7 @@ class Correct:
       voxelpose correct walk_fit --exchange-sides 40:60
       voxelpose correct dance_fit --exchange-sides 40:60 --person 2
       voxelpose correct dance_fit --exchange-people 1,2 --start 120
+      voxelpose correct walk_fit --fit-again 60:90 --without cam_2
       voxelpose correct walk_fit --undo last
 
     Whatever reads the result then has the corrected motion and names the corrections: view, export,
@@ -45,6 +51,10 @@ class Correct:
     """Exchange two people from the frame --start on."""
     start: Annotated[int | None, arguments.optional("N")] = None
     """First frame of --exchange-people."""
+    fit_again: Annotated[str | None, arguments.optional("A:B")] = None
+    """Fit these frames again, of one person and with the same body, without a camera."""
+    without: arguments.OptionalName = None
+    """Name of the camera that --fit-again leaves out."""
     undo: Annotated[str | None, arguments.optional("N|last|all")] = None
     """Take back a correction, by its number in the list, the last one, or all."""
 
@@ -70,6 +80,9 @@ class Correct:
             raise InputError("whose left and right? Give the number of a --person")
         added = self._added(limits, (self.person or number) if several else self.person)
         made += added
+        if self.fit_again is not None:
+            made.append(self._fitted_again(results, home, limits))
+            added.append(made[-1])
         if added or self.undo not in (None, "all"):
             correct(home, made)
         lines = [f"{k}  {correction}" for k, correction in enumerate(made, 1)]
@@ -86,18 +99,12 @@ class Correct:
     def _added(self, limits: tuple[int, int], person: int | None) -> list[Correction]:
         """The corrections that are asked for, of a result whose poses are within limits."""
         from voxelpose.corrections import ExchangePeople, ExchangeSides, Trim
-        from voxelpose.recording.folder import frame_range
-
-        def frames(text: str, setting: str) -> tuple[int, int]:
-            asked = frame_range(text, setting) or limits
-            first, stop = (limits[k] if given is None else given for k, given in enumerate(asked))
-            return max(first, limits[0]), min(stop, limits[1])
 
         added: list[Correction] = []
         if self.trim is not None:
-            added.append(Trim(frames(self.trim, "--trim {}")))
+            added.append(Trim(_frames(self.trim, "--trim {}", limits)))
         if self.exchange_sides is not None:
-            sides = frames(self.exchange_sides, "--exchange-sides {}")
+            sides = _frames(self.exchange_sides, "--exchange-sides {}", limits)
             added.append(ExchangeSides(sides, person))
         if self.exchange_people is not None:
             if self.start is None:
@@ -107,3 +114,33 @@ class Correct:
             )
             added.append(ExchangePeople(max(self.start, 0), (one, other)))
         return added
+
+    def _fitted_again(
+        self, results: Sequence[Result], home: Path, limits: tuple[int, int]
+    ) -> Correction:
+        """Fits a range again, and writes its poses beside the estimate."""
+        from silhouette_core.motion.motion_file import write_motion
+        from voxelpose.corrections import FitAgain
+        from voxelpose.range_fit import fit_range_again
+
+        if self.without is None:
+            raise InputError("--fit-again needs the name of the camera that it is --without")
+        if home != self.result or len(results) > 1:
+            raise InputError("of several people no range can be fitted again: fit all frames again")
+        frames = _frames(self.fit_again, "--fit-again {}", limits)
+        with Progress() as progress:
+            motion = fit_range_again(results[0], self.without, frames, progress)
+        names = (f"fitted_again_{number}.safetensors" for number in count(1))
+        poses = next(name for name in names if not (home / name).exists())
+        with replacing(home / poses) as partial:
+            write_motion(motion, partial)
+        return FitAgain(self.without, frames, poses)
+
+
+def _frames(text: str | None, setting: str, limits: tuple[int, int]) -> tuple[int, int]:
+    """A range within limits, whose ends may be left out."""
+    from voxelpose.recording.folder import frame_range
+
+    asked = frame_range(text, setting) or limits
+    first, stop = (limits[k] if given is None else given for k, given in enumerate(asked))
+    return max(first, limits[0]), min(stop, limits[1])

@@ -150,7 +150,7 @@ class ResultScenes:
         else:
             readers, *_ = open_readers(folder)
             lone = list(readers) if len(readers) == 1 else None  # which needs no calibration
-            self.recording = _open_recording(folder, None, lone, unit, None)
+            self.recording = open_fitted_recording(folder, None, lone, unit, None)
             self.rig = self.recording.upright_frame().rig(self.recording.rig)
             self.fps = self.recording.fps
             self.frames = np.arange(self.recording.numbers[-1] + 1)  # their numbers, (T,) int64
@@ -234,7 +234,7 @@ class ResultScenes:
         try:
             names = list(result.rig.names)
             label = result.settings.get("label")
-            recording = _open_recording(
+            recording = open_fitted_recording(
                 folder, (first, stop), names, unit, result.motion.fps, str(label) if label else None
             )
             noted: Any = result.summary.get("inputs", {})
@@ -333,7 +333,7 @@ def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]
     return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance, outer)
 
 
-def _open_recording(
+def open_fitted_recording(
     folder: Path,
     frames: tuple[int, int] | None,
     cameras: list[str] | None,
