@@ -9,7 +9,12 @@ class InputError(Exception):
     """A mistake in user input; the message is one line that names the object and the remedy.
 
     The command line prints it without a traceback and ends with exit code 2.
+
+    Attributes:
+        field: Option at fault, where the line does not name it; "": it does, or there is none.
     """
+
+    field = ""
 
 
 def check_name(name: object) -> None:

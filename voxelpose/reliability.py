@@ -246,7 +246,7 @@ def _of_silhouettes(quality: _Table, facts: _Table) -> Iterator[Finding]:
             "Colours",
             "cameras without colour: how much of the person is as dark as a shadow was not looked"
             " at beforehand",
-            "leave --no-smooth out, or look at the contact sheet",
+            "filter it over time (--smooth), or look at the contact sheet",
         )
     share = sum(share or 0.0 for share in shares) / max(len(shares), 1)
     if share > 0.25:  # walk4 turned grey had 0.31, and 1.9 times the error of its colours

@@ -43,7 +43,7 @@ def summary(lost=0, agreement=0.92, right=None, turn=3.0, error=None, **facts):
         ({"right": 0.9, "objects_share": {}, "objects_apart": False}, "reliable", ""),
         ({"right": 0.9, "by_texture": {"cam_1": 0.4, "cam_2": 0.2}}, "doubtful", DARK),
         ({"right": 0.9, "by_texture": {"cam_1": 0.4, "cam_2": 0.05}}, "reliable", ""),
-        ({"error": 40.0, "by_texture": {"cam_1": None}}, "doubtful", "leave --no-smooth out"),
+        ({"error": 40.0, "by_texture": {"cam_1": None}}, "doubtful", "filter it over time"),
         (
             {"right": 0.9, "moving_cameras": ["cam_1"], "by_texture": {"cam_1": 0.9}},
             "doubtful",

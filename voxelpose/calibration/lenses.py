@@ -41,11 +41,12 @@ def calibrate_lenses(
     max_views: int,
     reporter: Reporter,
     earlier: Rig | None = None,
-) -> tuple[list[Lens], dict[str, str]]:
-    """Calibrates each camera separately; returns also the reasons of failure by camera. Lenses of
-    an earlier calibration are compared.
+) -> list[Lens]:
+    """Calibrates each camera separately, and notes which have no lens and why. Lenses of an earlier
+    calibration are compared. InputError where no camera has a lens.
     """
-    lenses, failures = [], {}
+    lenses: list[Lens] = []
+    failures: list[str] = []
     for name, pictures in cameras.items():
         count = pictures.frame_count
         reporter.stage(f"pictures of {name}", -(-count // stride(count)))
@@ -57,8 +58,12 @@ def calibrate_lenses(
             lenses.append(replace(lens, before_px=_before_px(board, lens, earlier)))
         except InputError as error:
             message = str(error)
-            failures[name] = message if name in message else f"camera {name}: {message}"
-    return lenses, failures
+            failures.append(message if name in message else f"camera {name}: {message}")
+    if not lenses:
+        raise InputError("; ".join(failures))
+    for line in failures:
+        reporter.note(f"{line} (this camera has no lens yet, the others have)")
+    return lenses
 
 
 def _before_px(board: Board, lens: Lens, earlier: Rig | None) -> float | None:

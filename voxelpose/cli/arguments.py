@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 _MAX_SQUARE_M = 2
 GROUPS = {
-    "basic": "recording folder out overwrite stature people frames camera source method library"
-    " record",
+    "basic": "recording folder out overwrite stature people frames camera source record",
     "person": "chest body sex start outline_only",
     "camera": "cameras unit fps label up background network loop",
     "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"

@@ -49,17 +49,19 @@ class CalibrateIntrinsics(arguments.BoardArguments):
         """Calibrates the lenses."""
         arguments.refuse_existing(self._written(), self.overwrite)
         with Progress() as progress:
-            calibrated = self.calibrate(progress)
-        print_lenses(calibrated[0])
-        self.write(calibrated)
+            lenses = self.calibrate(progress)
+        print_lenses(lenses)
+        self.write(lenses)
         print(
-            f"{self.out}: lenses of {len(calibrated[0])} cameras, without their positions (next:"
+            f"{self.out}: lenses of {len(lenses)} cameras, without their positions (next:"
             " voxelpose calibrate extrinsics)"
         )
         print(f"{self._written()[1]}: where boards were seen")
 
-    def calibrate(self, reporter: Reporter) -> tuple[list[Lens], dict[str, str]]:
-        """Lenses, and the reasons of failure by camera. InputError where there are no pictures."""
+    def calibrate(self, reporter: Reporter) -> list[Lens]:
+        """Lenses of the cameras that have one, and notes on the others. InputError where none has,
+        or there are no pictures.
+        """
         reporter.stage("opening")
         from voxelpose.calibration.board_views import cameras_in
         from voxelpose.calibration.lenses import calibrate_lenses
@@ -75,17 +77,11 @@ class CalibrateIntrinsics(arguments.BoardArguments):
         earlier = earlier_rig(self.out)
         return calibrate_lenses(board, cameras, self.model, self.frames, reporter, earlier)
 
-    def write(self, calibrated: tuple[list[Lens], dict[str, str]]) -> None:
-        """Writes what `calibrate` found: the lenses, where boards were seen, and a report.
-        InputError where a camera has failed.
-        """
+    def write(self, lenses: list[Lens]) -> None:
+        """Writes what `calibrate` found: the lenses, where boards were seen, and a report."""
         from voxelpose.calibration.lenses import lens_notes, lens_report, lens_rig
         from voxelpose.calibration.pictures import coverage_picture, write_calibration
 
-        lenses, failures = calibrated
-        if failures:
-            advice = f" (the {len(lenses)} others are good: leave it out with --cameras)"
-            raise InputError("; ".join(failures.values()) + advice * bool(lenses))
         out, picture, report = self._written()
         notes, image = {"intrinsics": lens_notes(lenses)}, coverage_picture(lenses)
         text = lens_report(lenses)

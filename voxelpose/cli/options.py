@@ -46,7 +46,8 @@ class Option:
             check_name(text)
             return folder / os.path.expanduser(text)  # noqa: PTH111, pathlib's raises
 
-        value = checked(given, self.kind, f"{where}: {self.name}", path_from)
+        named = f"{where}: {self.name}" if where else f"--{self.name}"
+        value = checked(given, self.kind, named, path_from)
         check_name(value)
         if self.name not in _LOCATED:
             return value
@@ -158,14 +159,15 @@ def checked_values(
     options: Mapping[str, Option], given: Mapping[str, Any], folder: Path, where: str
 ) -> dict[str, Any]:
     """Values of options by their names, of those that are given, in which - may be _, and paths are
-    relative to a folder. InputError, which begins with `where`, where one is not understood.
+    relative to a folder. InputError, which begins with `where`, where one is not understood; "": of
+    a page.
     """
     values = {}
     for key, value in given.items():
         name = key.replace("_", "-")
         if name not in options:
             suggestion = nearest(name, options) or f": there are {', '.join(options)}"
-            raise InputError(f"{where} has no setting {key[:40]!r}{suggestion}")
+            raise InputError(f"{where or 'the page'} has no setting {key[:40]!r}{suggestion}")
         values[name] = options[name].value_from(value, folder, where)
     return values
 

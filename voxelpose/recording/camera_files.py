@@ -24,7 +24,8 @@ CALIBRATION_SUFFIXES = (
 REPLACED = "before_repair"
 """Folder of a recording that keeps what a repair has replaced."""
 SUBFOLDERS = frozenset(
-    {"background", "masks", "regions", "unknown", "calibration", "boards", "board_walk", REPLACED}
+    {"background", "masks", "regions", "unknown", "boards", "board_walk", REPLACED}
+    | {"calibration", "intrinsics", "extrinsics"}
 )
 """Folders of a recording that are no camera's."""
 _RESULT = "summary.json"  # a folder that has it is a result

@@ -454,7 +454,7 @@ def _frame_range(
     if not 0 <= first < last <= shortest:
         short = min(counts, key=lambda name: counts[name])
         raise InputError(
-            f"frames {first}:{last} are not in the recording: {readers[short].path} has {shortest}"
-            f" frames (0:{shortest})"
+            f"--frames {first}:{last} are not in the recording: {readers[short].path} has"
+            f" {shortest} frames (0:{shortest})"
         )
     return first, last

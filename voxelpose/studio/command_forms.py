@@ -24,6 +24,7 @@ from voxelpose.cli.options import (
     options_of,
 )
 from voxelpose.studio.projects import StudioFolder
+from voxelpose.view.serving.page_words import field_title
 
 # What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
 _NOT_IN_FORMS = set(
@@ -31,12 +32,14 @@ _NOT_IN_FORMS = set(
     " port token browser".split()
 )
 _FILES = {"body", "library"}  # options whose value may name a file
+_METRES = {"stature", "chest"}  # which many type in centimetres
 _INPUTS = {bool: "checkbox", int: "number", float: "number"}
 
 
 def form_of(command: str, project: Path) -> list[dict[str, Any]]:
-    """Settings: `name`, `group`, `input` (checkbox, number, text, or choice with `choices`), the
-    `least` and `most` of a number, `usual` value and the `value` by the files of a project, `help`.
+    """Settings: `name`, `title`, `group`, `input` (checkbox, number, text, or choice with
+    `choices`), the `least` and `most` of a number, whether it is in `metres`, `usual` value and the
+    `value` by the files of a project, `help`.
     """
     kind = load_command(command)
     values, order = folder_settings(command, project), [*kind.groups, "expert"]
@@ -47,10 +50,12 @@ def form_of(command: str, project: Path) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": option.name,
+                "title": field_title(option.name),
                 "group": option.group,
                 "input": "choice" if choices else _input_of(option),
                 "least": range_of(option.kind)[0],
                 "most": range_of(option.kind)[1],
+                "metres": option.field in _METRES,
                 "whole": types_if_given(option.kind) == (int,),
                 "choices": choices,
                 "usual": None if option.default is MISSING else option.default,
@@ -82,7 +87,7 @@ def filled_in(
     values = {name: setting.value for name, setting in in_files.items() if name not in given}
     in_form = options_of(kind, _NOT_IN_FORMS)
     typed = {key: value for key, value in given.items() if value is not None or key not in in_form}
-    values |= checked_values(in_form, typed, project, "the page")
+    values |= checked_values(in_form, typed, project, "")
     values = {options[name].field: value for name, value in values.items()}
     for field in _FILES & values.keys():
         value = str(values[field])
@@ -99,7 +104,7 @@ def filled_in(
         if option.default is MISSING and option.field not in values
     ]
     if missing:
-        raise InputError(f"{' and '.join(missing)} must be known: fill in the field")
+        raise InputError(f"--{' and --'.join(missing)} must be known: fill that in")
     return made_of(kind, values)
 
 

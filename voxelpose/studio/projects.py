@@ -34,18 +34,27 @@ _FORBIDDEN = re.compile(r'[\t\n/\\:*?"<>|]|^[.\s-]|[.\s]$')
 _OF_WINDOWS = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
-def check_plain_name(name: str) -> None:
-    """Checks that a name can be a file's or folder's, and nothing else, on every system.
+def check_plain_name(name: str, field: str = "") -> None:
+    """Checks that a name, as typed into a field, can be a file's or folder's, and nothing else, on
+    every system.
 
     Raises:
         InputError: it cannot.
     """
     unfit = visible(name) != name or _FORBIDDEN.search(name) or _OF_WINDOWS.fullmatch(name)
     if unfit or not 0 < len(name) <= _LONGEST:
-        raise InputError(
+        raise error_at(
+            field,
             f"{name[:40]!r} cannot be a name: take letters, digits, - and _, up to {_LONGEST}, as"
-            " in anna_walk_1"
+            " in anna_walk_1",
         )
+
+
+def error_at(field: str, line: str) -> InputError:
+    """An error in what was typed into a field."""
+    error = InputError(line)
+    error.field = field
+    return error
 
 
 class StudioFolder:
@@ -77,12 +86,12 @@ class StudioFolder:
 
     def new_project(self, name: str) -> None:
         """Makes a folder. InputError where the name cannot be one, or is taken."""
-        check_plain_name(name)
+        check_plain_name(name, "name")
         folder = self.root / name
         try:
             folder.mkdir()
         except FileExistsError:
-            raise InputError(f"there is a {name!r} already: choose another name") from None
+            raise error_at("name", f"there is a {name!r} already: choose another name") from None
         except OSError as error:
             raise unwritable(folder, error) from error
 
@@ -95,18 +104,20 @@ class StudioFolder:
             check_plain_name(part)
         folder = self._checked_inside(self.root.joinpath(*parts))
         if len(parts) > 2 or not is_result(folder):
-            raise InputError(f"there is no result {name[:80]!r}: fit first, or choose another")
+            raise InputError(f"there is no result {name[:80]!r}: estimate first, or choose another")
         for person in people_folders(folder):
             self._checked_inside(self._recording_of(person))
         return folder
 
     def out(self, name: str, overwrite: bool) -> Path:
         """Where a result of this name is to be written. InputError where it must not."""
-        check_plain_name(name)
+        check_plain_name(name, "out")
         out = self.root / name
         self._checked_inside(out)
         if out.exists() and not overwrite:
-            raise InputError(f"there is a {name!r} already: choose another name, or replace it")
+            raise error_at(
+                "out", f"there is a {name!r} already: choose another name, or replace it"
+            )
         return out
 
     def projects(self) -> list[dict[str, Any]]:

@@ -94,7 +94,9 @@ def export(
     if pictures:
         paths += sorted(path for pattern in _PICTURES for path in folder.glob(pattern))
     if not paths:
-        raise InputError("this result has no pictures: fit again with `pictures`, or choose more")
+        raise InputError(
+            "this result has no pictures: estimate again with `pictures`, or choose more"
+        )
     reporter.stage("archive", len(paths))
     with (
         replacing(folder / EXPORTED) as partial,

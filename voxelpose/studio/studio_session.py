@@ -196,6 +196,8 @@ class StudioSession:
         fixed = {"recording": project, "out": out}
         command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
         command.check()
+        command.settings()
+        command.open()  # what is wrong with files or settings is told before the work
         shares, root = SHARES.get(command.chosen_estimator), self.folder.root
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
@@ -218,7 +220,7 @@ class StudioSession:
         """The contact sheet of a result as JPEG. InputError where there is none."""
         image = sheet_image(self.folder.result(result))
         if image is None:
-            raise InputError("this result has no pictures: fit again with `pictures`")
+            raise InputError("this result has no pictures: estimate again with `pictures`")
         return encoded(np.ascontiguousarray(image), ".jpg", 85)
 
     def setup(self, name: str, reopen: bool) -> SetupSession:

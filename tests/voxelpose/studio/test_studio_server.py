@@ -106,22 +106,27 @@ def test_no_name_leads_out_of_the_folder(studio, desk, name):
 
 
 @pytest.mark.parametrize(
-    ("settings", "line"),
+    ("settings", "line", "field"),
     [
-        ({"body": "/etc/passwd"}, "lies outside of"),
-        ({"body": "../../away.toml"}, "lies outside of"),
-        ({"network": "on"}, "must be one of auto, off"),
-        ({"out": "elsewhere"}, "the page has no setting 'out'"),
-        ({"overwrite": True}, "the page has no setting 'overwrite'"),
-        ({"stature": "tall"}, "stature = 'tall' must be a number"),
-        ({"sex": "x"}, "must be one of male, female, unknown"),
+        ({"body": "/etc/passwd"}, "lies outside of", ""),
+        ({"body": "../../away.toml"}, "lies outside of", ""),
+        ({"network": "on"}, "must be one of auto, off", "network"),
+        ({"out": "elsewhere"}, "the page has no setting 'out'", ""),
+        ({"overwrite": True}, "the page has no setting 'overwrite'", ""),
+        ({"stature": "tall"}, "`stature` = 'tall' must be a number", "stature"),
+        ({"sex": "x"}, "must be one of male, female, unknown", "sex"),
+        ({"frames": "first"}, "`frames` first is not understood", "frames"),
+        ({"frames": "3:9"}, "`frames` 3:9 are not in the recording", "frames"),
+        ({"cameras": "cam_9"}, "choose with `cameras`", "cameras"),
+        ({"gap-limit": "long"}, "`gap limit` long", "gap-limit"),
+        ({"up": "away"}, "`up` away", "up"),
     ],
 )
-def test_settings_are_checked_before_the_work(studio, desk, settings, line):
+def test_settings_are_checked_before_the_work(studio, desk, settings, line, field):
     (desk / "away.toml").write_text("")
     asked = {"project": "walk", "command": "fit", "out": "x", "settings": settings}
     status, answer = ask(studio, "/api/fit", asked)
-    assert status == 400 and line in answer["error"]
+    assert status == 400 and line in answer["error"] and answer["field"] == field
     assert not (desk / "root" / "walk" / "voxelpose.toml").exists()
 
 

@@ -25,7 +25,7 @@ const withCode = (text) => visible(text).split("`").map((piece, index) => (index
 // Tells the user on top of the page; "": nothing any more.
 export function notice(text) {
   by("banner").hidden = !text;
-  by("banner").textContent = visible(text);
+  by("banner").replaceChildren(...withCode(text));
 }
 
 // What was changed by the mouse gives the keys back to the player.

@@ -10,14 +10,14 @@ export function silhouettesPanel(app) {
   const { state } = app.store;
   const names = state.masks_only ? ["picture", "silhouette"] : stageNames({ paper: app.overlays.method === "paper" });
   const body = [
-    make("p", {}, "Silhouettes of the shown frame, as `fit` makes them with what is drawn and chosen"
+    make("p", {}, "Silhouettes of the shown frame, as they are made with what is drawn and chosen"
       + " here. A result is as good as its silhouettes: whole, without shadows, nothing beside the person."),
     stageButtons(names, app.stage, (stage) => app.set({ stage })),
     make("p", {}, STAGES[app.stage][1]),
   ];
   if (app.stage !== "picture") body.push(make("p", { class: "note", id: "silhouette_state" }, app.silhouetteNote));
-  body.push(make("p", {}, make("b", {}, "Settings of fit")), settingsGrid(app, state));
-  body.push(make("p", { class: "note" }, "Saved as [fit] in voxelpose.toml of this folder."));
+  body.push(make("p", {}, make("b", {}, "Settings of Estimate")), settingsGrid(app, state));
+  body.push(make("p", { class: "note" }, "Kept in voxelpose.toml of this folder."));
   return body;
 }
 
@@ -140,7 +140,7 @@ export function floorPanel(app) {
   body.push(make("div", { class: "grid" }, make("label", { htmlFor: "up" }, "Up is"), element,
     make("span"), free));
   body.push(make("p", { class: "note" }, `${found} is found from ${source}. The share tells how well a direction explains how the`
-    + " cameras stand. What is chosen is saved as up under [fit] in voxelpose.toml; the calibration is not changed."));
+    + " cameras stand. What is chosen is kept in voxelpose.toml; the calibration is not changed."));
   const height = make("input", { type: "range", min: -2, max: 2, step: 0.01, value: app.height, id: "height" });
   const text = make("output", {}, `${rounded(app.height, 2)} m`);
   height.addEventListener("input", () => {
@@ -148,7 +148,7 @@ export function floorPanel(app) {
     app.set({ height: +height.value });
   });
   body.push(make("div", { class: "row" }, make("label", { htmlFor: "height" }, "Height"), height, text));
-  body.push(make("p", { class: "note" }, "Height of the grid in the calibration's world, to look at only: `fit`"
+  body.push(make("p", { class: "note" }, "Height of the grid in the calibration's world, to look at only: the program"
     + " finds the floor from the feet."));
   return body;
 }

@@ -53,9 +53,9 @@ class SetupPage extends CamerasPage {
     if (state.studio) {
       addRail("check", state.studio, state.name);
       document.querySelector("h1 span").textContent = "studio";
-      document.querySelector("header").append(make("a", { id: "next", class: "button", href: addressOf("fit", state.studio, state.name) }, "Next: Fit"));
+      document.querySelector("header").append(make("a", { id: "next", class: "button", href: addressOf("fit", state.studio, state.name) }, "Next: Estimate"));
     }
-    if (state.fault) by("banner").after(make("div", { id: "fault", role: "note" }, `\`fit\` would refuse this folder: ${state.fault}`));
+    if (state.fault) by("banner").after(make("div", { id: "fault", role: "note" }, `This folder is not ready yet: ${state.fault}`));
     const empty = checkbox("Empty view", false, () => this.seek(this.moment), { id: "empty" });
     by("moment_text").after(Object.assign(empty, { hidden: !state.cameras.some((camera) => camera.empty), title: "The pictures in background/" }));
     document.body.append(

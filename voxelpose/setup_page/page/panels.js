@@ -74,7 +74,7 @@ export function pointsPanel(app) {
   const { doc, state } = app.store;
   const body = [make("p", {},
     "Corners of tiles, tape marks, posts: places that several cameras see and of which you know where"
-    + " they are. `calibrate extrinsics --points` finds the cameras from four or more.")];
+    + " they are. Calibrate, part 3, finds the cameras from four or more.")];
   body.push(make("div", { class: "row" },
     button("New point", () => app.addPoint(), { class: "main", id: "new_point" })));
   const list = make("ul", { class: "things" });

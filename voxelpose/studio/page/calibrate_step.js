@@ -2,7 +2,7 @@
 
 import { getJson, postJson } from "./api.js";
 import { lensCards, offsetTable, rigFindings } from "./calibration_findings.js";
-import { field, grouped, isWrong, labelled } from "./form_fields.js";
+import { errorAtField, field, grouped, isWrong, labelled } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
 import { button, freeName, make, notice, refusal } from "./elements.js";
 import { addressOf } from "./rail.js";
@@ -70,7 +70,7 @@ function sheetPart(step) {
   const said = make("div", { "aria-live": "polite" });
   step.sheet = make("a", { class: "button quiet", id: "sheet", href: `sheet/board?project=${encodeURIComponent(step.project)}`, download: "" }, "Download board.pdf");
   const produce = async () => {
-    if (isWrong(holder)) return notice("a setting makes no sense: correct the field with the red frame");
+    if (isWrong(holder)) return;
     try {
       const board = await postJson("api/board", { project: step.project, settings: step.typed.board });
       notice("");
@@ -81,7 +81,7 @@ function sheetPart(step) {
         ...(board.symmetric ? [make("p", { class: "note" }, "This board looks the same after half a turn: take one even and one odd number.")] : []));
       await renew(step);
     } catch (error) {
-      notice(error.message);
+      if (!errorAtField(holder, error)) notice(error.message);
     }
   };
   holder.append(...grouped(step.known.forms.board, (row) => field(row, step.typed.board, "sheet")));

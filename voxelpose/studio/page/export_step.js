@@ -14,7 +14,7 @@ export async function exportStep(studio, state, project, chosen) {
   const formats = Object.entries(state.formats).map(([name, words]) => box(name, name, words, USUAL.includes(name)));
   const more = [
     box("report", "report", "report.html: angles, quality and advice in one page for every browser", true),
-    box("pictures", "pictures", "contact sheet and overlay videos, as the fit drew them", false),
+    box("pictures", "pictures", "contact sheet and overlay videos, as they were drawn with the result", false),
   ];
   const panel = make("div", { "aria-live": "polite" });
   const isOn = (name) => document.querySelector(`[data-format=${name}]`).checked;

@@ -1,7 +1,7 @@
-// Fit: settings in their groups, the estimation as it goes, and the verdict.
+// Estimate: settings in their groups, the estimation as it goes, and the verdict.
 
 import { getJson } from "./api.js";
-import { field, grouped, labelled } from "./form_fields.js";
+import { errorAtField, field, grouped, labelled } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
 import { button, freeName, make, refusal } from "./elements.js";
 import { resultLink, verdictTag } from "./projects_step.js";
@@ -19,9 +19,10 @@ export async function fitStep(studio, state, project) {
     if (ended) step.state = await getJson("api/state").catch(() => step.state);
     showJob(step, job);
     if (ended) draw(step);
+    if (ended && job.state === "failed") errorAtField(step.holder, { field: job.field, message: job.error });
   });
   return [
-    make("h2", {}, "Fit"),
+    make("h2", {}, "Estimate"),
     make("p", { class: "lead" }, "The program finds the person's pose in every frame. The usual settings do in most cases; the height of the person helps most."),
     step.panel, step.holder,
   ];
@@ -50,7 +51,7 @@ function draw(step) {
   const { known, form } = step;
   const taken = step.state.results.map((result) => result.name.split("/")[0]);
   const stem = `${step.project}_${step.command}`;
-  const out = make("input", { type: "text", id: "out", value: taken.includes(stem) ? freeName(`${stem}_`, taken, 2) : stem, maxLength: 80 });
+  const out = make("input", { type: "text", id: "out", "data-setting": "out", value: taken.includes(stem) ? freeName(`${stem}_`, taken, 2) : stem, maxLength: 80 });
   const replace = make("input", { type: "checkbox", id: "replace" });
   const names = known.cameras.map((camera) => camera.name);
   const rows = (row) => field(row.name === "camera" ? { ...row, input: "choice", choices: names, none: names.length > 1 && "choose" } : row, step.typed);
@@ -62,7 +63,7 @@ function draw(step) {
   step.holder.replaceChildren(
     ...(fault ? [refusal(known.fault), make("p", {}, make("a", { class: "button main", href: addressOf("import", "./", step.project) }, "Mend it: Import"))] : []),
     ...groups,
-    make("div", { class: "row end" }, button(step.command === "fit" ? "Start the fit" : "Start tracking", start, { class: "main", id: "start", disabled: step.studio.job.state === "running" || !known.cameras.length })));
+    make("div", { class: "row end" }, button("Start", start, { class: "main", id: "start", disabled: step.studio.job.state === "running" || !known.cameras.length })));
 }
 
 // Several cameras, or one of them.

@@ -1,6 +1,6 @@
 // Fields of a command's settings, in their groups.
 
-import { checkbox, make } from "./elements.js";
+import { by, checkbox, make } from "./elements.js";
 
 const GROUPS = { basic: "", person: "The person", camera: "Cameras", output: "Filter and output", expert: "Expert" };
 
@@ -20,7 +20,7 @@ export function field(row, typed, prefix = "set") {
   const set = (value) => (typed[row.name] = value);
   const help = make("p", { class: "note" }, row.help);
   const value = typed[row.name] === undefined ? row.value : typed[row.name];
-  if (row.input === "checkbox") return make("div", { class: "field" }, checkbox(row.name, value ?? row.usual, set, { id }), help);
+  if (row.input === "checkbox") return make("div", { class: "field" }, checkbox(row.title, value ?? row.usual, set, { id, "data-setting": row.name }), help);
   let input;
   if (row.input === "choice") {
     const none = row.none ?? (row.usual === null && "as found");
@@ -30,11 +30,15 @@ export function field(row, typed, prefix = "set") {
     const numeric = row.input === "number" ? { step: row.whole ? "1" : "any", min: row.least ?? "", max: row.most ?? "" } : {};
     input = make("input", { type: row.input, id, value: value ?? "", placeholder: row.usual ?? "", ...numeric });
   }
+  input.dataset.setting = row.name;
   input.addEventListener("change", () => {
+    // Nobody is 178 m tall: what no metres can be is read as centimetres, and shown so.
+    const metres = Number(input.value) / 100;
+    if (row.metres && input.value > row.most && metres >= row.least && metres <= row.most) input.value = metres;
     const text = input.value.trim();
     set(text === "" ? null : row.input === "number" ? Number(text) : text);
   });
-  return labelled(row.name, input, help);
+  return labelled(row.title, input, help);
 }
 
 // A field with its name above it; what else there is stands below.
@@ -44,5 +48,22 @@ export const labelled = (name, input, ...more) => make("div", { class: "field" }
 export const loopField = (id, set) => make("div", { class: "field" }, checkbox("loop", true, set, { id }),
   make("p", { class: "note" }, "Videos that stand for cameras begin again at their end."));
 
-// Whether a field of a form holds what it cannot.
-export const isWrong = (holder) => Boolean(holder.querySelector("input:invalid, input.wrong"));
+// Puts an error at its field, in a part of the page or else anywhere in the step; says whether there is one.
+export function errorAtField(holder, { field, message }) {
+  for (const old of document.querySelectorAll(".fault")) old.remove();
+  const named = field && `[data-setting="${CSS.escape(field)}"]`;
+  const input = named && (holder?.querySelector(named) ?? [...by("step").querySelectorAll(named)].at(-1));
+  if (!input) return false;
+  input.closest("details")?.setAttribute("open", "");
+  const line = make("p", { class: "fault refused", role: "alert" }, message);
+  input.after(line);
+  input.addEventListener("input", () => line.remove(), { once: true });
+  input.focus();
+  return true;
+}
+
+// Whether a field of a form holds what it cannot; it says what.
+export function isWrong(holder) {
+  const wrong = holder.querySelector("input:invalid, input.wrong");
+  return Boolean(wrong) && errorAtField(holder, { field: wrong.dataset.setting, message: wrong.validationMessage });
+}

@@ -22,7 +22,7 @@ export async function liveStep(studio, state, project) {
   studio.watch((job) => show(step, job));
   return [
     make("h2", {}, "Live"),
-    make("p", { class: "lead" }, "Follows the person while the cameras run, and sends the motion to other programs. Nothing later is known, so a fit of the same take is more accurate."),
+    make("p", { class: "lead" }, "Follows the person while the cameras run, and sends the motion to other programs. Nothing later is known, so a recorded take is estimated more accurately."),
     step.panel, step.holder,
     make("section", { class: "job" }, make("h3", {}, "Receivers"), make("p", {}, "Programs that take the motion, such as Blender or Unity: vmc://HOST:PORT or ws://HOST:PORT/PATH. They may be changed while the session runs."), step.receivers.element),
     make("div", { class: "row end" }, step.start),

@@ -12,10 +12,10 @@ const resultLine = (result) => make("li", {},
   make("span", { title: result.name }, make("a", { href: resultLink("view", result) }, result.name)), verdictTag(result));
 
 export async function projectsStep(studio, state) {
-  const name = make("input", { type: "text", id: "new_name", class: "grow", placeholder: "anna_walk_1", "aria-label": "Name of the new project", maxLength: 80 });
+  const name = make("input", { type: "text", id: "new_name", "data-setting": "name", class: "grow", placeholder: "anna_walk_1", "aria-label": "Name of the new project", maxLength: 80 });
   const make_new = async (event) => {
     event.preventDefault();
-    if (await studio.send("api/new", { name: name.value.trim() })) location.hash = `import/${encodeURIComponent(name.value.trim())}`;
+    if (await studio.send("api/new", { name: name.value.trim() }, event.target)) location.hash = `import/${encodeURIComponent(name.value.trim())}`;
   };
   const cards = state.projects.map((project) => {
     const results = state.results.filter((result) => result.project === project.name);

@@ -9,7 +9,7 @@ import { labelled, loopField } from "./form_fields.js";
 import { addressOf } from "./rail.js";
 
 const WHAT = {
-  take: ["the take", "First the empty view, then the person: into this project, for Check and Fit."],
+  take: ["the take", "First the empty view, then the person: into this project, for Check and Estimate."],
   boards: ["the board before each camera", "A picture every 0.7 seconds, for the lenses in Calibrate: near and far, in all parts of the picture, tilted."],
   board_walk: ["the carried board", "First on the floor, then slowly through the room, for the positions in Calibrate."],
 };

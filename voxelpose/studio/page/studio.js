@@ -5,7 +5,7 @@ import { calibrateStep } from "./calibrate_step.js";
 import { by, notice } from "./elements.js";
 import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
-import { isWrong } from "./form_fields.js";
+import { errorAtField, isWrong } from "./form_fields.js";
 import { importStep } from "./import_step.js";
 import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
@@ -75,13 +75,15 @@ class Studio {
     }
   }
 
-  // Sends something; what is refused is told on top. Returns whether it was taken.
-  async send(path, content) {
+  // Sends something; what is refused is told at its field in a part of the page, else on top. Returns
+  // whether it was taken.
+  async send(path, content, holder) {
     try {
       await postJson(path, content);
       notice("");
       return true;
     } catch (error) {
+      if (errorAtField(holder, error)) return false;
       notice(error.message);
       by("banner").scrollIntoView({ block: "nearest" });
       return false;
@@ -90,8 +92,8 @@ class Studio {
 
   // Sends a form, unless a field of it holds what it cannot; then shows the panel of the job.
   async begin(path, content, panel, holder) {
-    if (isWrong(holder)) return notice("a setting makes no sense: correct the field with the red frame");
-    if (await this.send(path, content)) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
+    if (isWrong(holder)) return;
+    if (await this.send(path, content, holder)) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
 }
 

@@ -8,7 +8,7 @@ export const viewerPath = (name) => `view/${name.split("/").map(encodeURICompone
 
 export const none = (project) => [
   make("p", {}, "There is no result yet."),
-  make("p", {}, make("a", { class: "button main", href: addressOf("fit", "./", project) }, "Go to Fit")),
+  make("p", {}, make("a", { class: "button main", href: addressOf("fit", "./", project) }, "Go to Estimate")),
 ];
 
 // Results of a project, or the one that was asked for of a recording elsewhere; that first.

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from calib.errors import InputError, visible
+from voxelpose.view.serving.page_words import field_at_fault, page_words
 
 UNFRAMED = "frame-ancestors 'none'"
 """Policy of every page: none is shown within another's, whose visitors would press its buttons."""
@@ -56,9 +57,11 @@ class Reply:
     headers: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def error(cls, status: str, line: str) -> Reply:
-        """A page's answer that says in a line why there is no other."""
-        content = json.dumps({"error": visible(" ".join(line.split()))}).encode()
+    def error(cls, status: str, line: str, field: str = "") -> Reply:
+        """A page's answer that says in a line why there is no other, and the field at fault."""
+        line = visible(" ".join(line.split()))
+        known = {"error": page_words(line), "field": field or field_at_fault(line)}
+        content = json.dumps(known).encode()
         return cls(status, content, "application/json", PAGE_HEADERS)
 
     async def send(self, writer: StreamWriter) -> None:
@@ -385,7 +388,7 @@ class GatedServer:
         except (EOFError, TimeoutError):
             raise  # who asked is gone
         except (InputError, OSError) as error:
-            return Reply.error("400 Bad Request", str(error))
+            return Reply.error("400 Bad Request", str(error), getattr(error, "field", ""))
         except Exception:
             traceback.print_exc()
             words = "a bug: the terminal shows its traceback; the page goes on"

@@ -15,6 +15,7 @@ from msgspec import Meta
 
 from calib.errors import InputError
 from voxelpose.view.serving.gate import PAGE_HEADERS, GateRequest, Reply
+from voxelpose.view.serving.page_words import in_page_words
 
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Moment = Annotated[int, Meta(ge=0, le=10_000_000)]
@@ -121,7 +122,7 @@ def page_reply(content: Any) -> Reply:
             kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
         case _:
             kind = "application/json"
-            content = msgspec.json.encode({} if content is None else content)
+            content = msgspec.json.encode({} if content is None else in_page_words(content))
     return Reply("200 OK", content, kind, PAGE_HEADERS)
 
 
@@ -161,7 +162,7 @@ def event_stream(events: Iterator[Any], every_ms: int) -> Reply:
         silent_ms = 0
         for event in events:
             if event is not None:
-                yield b"data: " + msgspec.json.encode(event) + b"\n\n"
+                yield b"data: " + msgspec.json.encode(in_page_words(event)) + b"\n\n"
             elif silent_ms >= _BEAT_MS:
                 yield b":\n\n"
             silent_ms = silent_ms + every_ms if event is None and silent_ms < _BEAT_MS else 0

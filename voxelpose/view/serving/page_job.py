@@ -14,6 +14,7 @@ from typing import Any
 from calib.errors import InputError
 from silhouette_core.progress import OverallProgress
 from silhouette_core.workers import Child
+from voxelpose.view.serving.page_words import field_at_fault
 
 _STOP_S = 8  # after which a process that does not end is killed
 _TELL_EVERY_MS = 100
@@ -90,8 +91,8 @@ class PageJob:
 
     def status(self, kind: str | None = None, of: str | None = None) -> dict[str, Any]:
         """State: idle, running (stage, done, total, part, left_s, notes, and what the job tells),
-        failed (error, and the step that mends it), stopped, or done (with what the work returned).
-        Idle, too, where the latest job is of another kind, or of something else.
+        failed (error, the field at fault, the step that mends it), stopped, or done (with what the
+        work returned). Idle, too, where the latest job is of another kind, or of something else.
         """
         with self._lock:
             state = dict(self._state)
@@ -171,7 +172,8 @@ class PageJob:
             self._update(state="stopped")
         else:
             error, step = content
-            self._update(state="failed", error=error, step=self._step if step is None else step)
+            step, field = self._step if step is None else step, field_at_fault(error)
+            self._update(state="failed", error=error, step=step, field=field)
 
 
 class JobReporter:

@@ -27,7 +27,7 @@ async function ask(path, options) {
   } catch {
     content = { error: text.trim() };
   }
-  if (!answer.ok) throw new Error(content.error || `the program answered ${answer.status}`);
+  if (!answer.ok) throw Object.assign(new Error(content.error || `the program answered ${answer.status}`), { field: content.field });
   return content;
 }
 

@@ -3,7 +3,7 @@
 import { make } from "./elements.js";
 
 export const STEPS = [
-  ["projects", "Projects"], ["record", "Record"], ["import", "Import"], ["calibrate", "Calibrate"], ["check", "Check"], ["fit", "Fit"], ["view", "View"], ["export", "Export"], ["live", "Live"],
+  ["projects", "Projects"], ["record", "Record"], ["import", "Import"], ["calibrate", "Calibrate"], ["check", "Check"], ["fit", "Estimate"], ["view", "View"], ["export", "Export"], ["live", "Live"],
 ];
 
 // Address of a step of a project; `studio` is that of the studio's page.

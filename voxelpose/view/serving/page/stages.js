@@ -11,8 +11,8 @@ export const STAGES = {
   odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither."
     + " They decide, with edges and neighbours."],
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
-  silhouette: ["Silhouette", "As `fit` begins with it."],
-  body: ["Body", "The silhouette as the fit used it, made again with the body that it found. Green: added to that of"
+  silhouette: ["Silhouette", "As the estimation begins with it."],
+  body: ["Body", "The silhouette as it was used, made again with the body that it found. Green: added to that of"
     + " the picture alone; pink: taken out;"
     + " yellow: outline of the fitted body."],
 };
