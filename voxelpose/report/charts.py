@@ -17,6 +17,7 @@ from voxelpose.view.viewer.legend import overlap_colours
 
 # Placeholder for the page's own text colour.
 _INK = "#123456"
+# Curves of the right side are dashed, too: not everybody sees the colours, nor does every printer.
 LEFT, RIGHT, MIDDLE, BAD = "#2f86d6", "#e8701a", "#8a8f98", "#d53e14"
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -72,8 +73,8 @@ def cycle_chart(chart: CycleChart, name: str) -> str:
             share = np.linspace(0, 100, len(curve.mean))
             low, high = curve.mean - curve.deviation, curve.mean + curve.deviation
             axes.fill_between(share, low, high, color=curve.colour, alpha=0.22, lw=0)
-            axes.plot(share, curve.mean, color=curve.colour, label=label)
-            axes.axvline(curve.off, color=curve.colour, lw=1, ls=(0, (3, 3)))
+            axes.plot(share, curve.mean, color=curve.colour, label=label, ls=_dashes(curve.colour))
+            axes.axvline(curve.off, color=curve.colour, lw=1, ls=(0, (1, 2)))
         axes.set_title(chart.title, fontsize=10, loc="left")
         axes.set_ylabel(chart.unit)
         axes.set_xlim(0, 100)
@@ -98,7 +99,7 @@ def time_chart(chart: TimeChart, time_s: NDArray[np.float64], name: str) -> str:
         times, gaps = _with_gaps(time_s)
         for label, (values, colour) in chart.curves.items():
             drawn = np.insert(np.asarray(values, float), gaps, np.nan)
-            axes.plot(times, drawn, color=colour, label=label)
+            axes.plot(times, drawn, color=colour, label=label, ls=_dashes(colour))
         axes.set_title(chart.title, fontsize=10, loc="left")
         axes.set_ylabel(chart.unit)
         if chart.limits:
@@ -140,6 +141,10 @@ def part_chart(
 def _curve_style(name: str) -> dict[Any, Any]:
     style = {"axes.grid": True, "grid.alpha": 0.15, "lines.linewidth": 1.6, "svg.hashsalt": name}
     return {**_STYLE, **style}
+
+
+def _dashes(colour: str) -> tuple[int, tuple[int, ...]]:
+    return (0, (4, 1)) if colour == RIGHT else (0, ())
 
 
 def _time_axis(axes: Axes, time_s: NDArray[np.float64]) -> None:

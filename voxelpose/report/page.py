@@ -39,6 +39,7 @@ from voxelpose.results import FILES, Result, open_people, people_seconds
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
+from voxelpose.view.serving.page_words import page_words
 from voxelpose.view.viewer.legend import css_colour, display_name, person_colour
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
@@ -113,6 +114,7 @@ def render_page(package: str, template: str, contents: Mapping[str, object]) -> 
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
+    environment.filters["told"] = lambda words: page_words(words).replace("`", "")
     text = resources.files(package).joinpath(template).read_text("utf-8")
     return environment.from_string(text).render(contents)
 

@@ -140,14 +140,14 @@ def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
     """As `findings`, without those of a result: of what several people have in common."""
     findings, apart = [], [line.camera for line in cameras.lines if line.apart]
     if changed:
-        advice = "fit again; until then, this page shows cameras and silhouettes as they are now"
+        advice = "estimate again; until then, this page shows cameras and silhouettes as they are now"
         findings.append(Finding("Recording", "look", changed, remedy=advice))
     if apart:
         words = "the body agrees less with these than with the others, or their outlines do"
         advice = (
-            "it may have been moved, be out of synchrony, or have bad silhouettes: voxelpose"
-            " calibrate check RECORDING reports which, and how to repair it; or fit again without"
-            " it (--cameras lists those to use)"
+            "it may have been moved, be out of synchrony, or have bad silhouettes:"
+            " `voxelpose calibrate check RECORDING` reports which, and how to repair it; or"
+            " estimate again without it (--cameras lists those to use)"
         )
         findings.append(Finding("Cameras", "look", words, ", ".join(apart), advice))
     elif len(cameras.lines) > 1:

@@ -23,6 +23,7 @@ from voxelpose.cli.options import (
     made_of,
     options_of,
 )
+from voxelpose.results import SETTINGS, load_settings, people_folders
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.view.serving.page_words import field_title
 
@@ -33,20 +34,30 @@ _NOT_IN_FORMS = set(
 )
 _FILES = {"body", "library"}  # options whose value may name a file
 _METRES = {"stature", "chest"}  # which many type in centimetres
+# Options by what results call them.
+_OPTIONS = {
+    "stature_m": "stature",
+    "chest_m": "chest",
+    "cutoff_hz": "cutoff",
+    "voxel_size_m": "voxel",
+}
 _INPUTS = {bool: "checkbox", int: "number", float: "number"}
 
 
-def form_of(command: str, project: Path) -> list[dict[str, Any]]:
+def form_of(command: str, project: Path, result: Path | None = None) -> list[dict[str, Any]]:
     """Settings: `name`, `title`, `group`, `input` (checkbox, number, text, or choice with
     `choices`), the `least` and `most` of a number, whether it is in `metres`, `usual` value and the
-    `value` by the files of a project, `help`.
+    `value` by the files of a project, or that a result was made with, `help`.
     """
     kind = load_command(command)
-    values, order = folder_settings(command, project), [*kind.groups, "expert"]
+    order = [*kind.groups, "expert"]
+    values = {name: given for name, (given, _) in folder_settings(command, project).items()}
+    if result is not None:
+        values = _settings_of(result)
     rows = []
     for option in options_of(kind, _NOT_IN_FORMS).values():
         choices = choices_of(option.kind)
-        value = values[option.name].value if option.name in values else None
+        value = values.get(option.name)
         rows.append(
             {
                 "name": option.name,
@@ -64,6 +75,18 @@ def form_of(command: str, project: Path) -> list[dict[str, Any]]:
             }
         )
     return sorted(rows, key=lambda row: order.index(row["group"]))
+
+
+def _settings_of(result: Path) -> dict[str, Any]:
+    """What a result was made with, by the options' names."""
+    settings = load_settings(people_folders(result)[0] / SETTINGS)
+    tables = [settings.pop(name, {}) for name in ("conditioning", "options")]
+    given = {name: value for table in (settings, *tables) for name, value in table.items()}
+    for name, between in (("frames", ":"), ("cameras", ","), ("up", ",")):
+        if name in given:
+            given[name] = between.join(map(str, given[name]))
+    given["camera"] = given.get("cameras")
+    return {_OPTIONS.get(name, name).replace("_", "-"): value for name, value in given.items()}
 
 
 def _input_of(option: Option) -> str:

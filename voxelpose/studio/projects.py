@@ -79,7 +79,7 @@ class StudioFolder:
     def project(self, name: str) -> Path:
         """Folder of a project; InputError where there is none of this name."""
         check_plain_name(name)
-        folder = self._checked_inside(self.root / name)
+        folder = self.checked_inside(self.root / name)
         if not folder.is_dir() or is_result(folder):
             raise InputError(f"there is no project {name!r}: choose another, or make it")
         return folder
@@ -99,21 +99,39 @@ class StudioFolder:
         """Folder of a result by its name in `results`. InputError where there is none, or its
         recording lies elsewhere.
         """
+        folder = self.entry(name)
+        if not is_result(folder):
+            raise InputError(f"there is no result {name[:80]!r}: estimate first, or choose another")
+        for person in people_folders(folder):
+            self.checked_inside(self._recording_of(person))
+        return folder
+
+    def entry(self, name: str) -> Path:
+        """Folder of a project, or of a result, also of one in a batch's folder. InputError where
+        there is none.
+        """
         parts = name.split("/")
         for part in parts:
             check_plain_name(part)
-        folder = self._checked_inside(self.root.joinpath(*parts))
-        if len(parts) > 2 or not is_result(folder):
-            raise InputError(f"there is no result {name[:80]!r}: estimate first, or choose another")
-        for person in people_folders(folder):
-            self._checked_inside(self._recording_of(person))
+        folder = self.checked_inside(self.root.joinpath(*parts))
+        if not folder.is_dir() or len(parts) > 1 + is_result(folder):
+            raise InputError(f"there is no {name[:80]!r} any more: load this page again")
         return folder
+
+    def results_of(self, project: Path) -> list[Path]:
+        """Folders of the results of a project."""
+        results = []
+        for folder in self._result_folders():
+            with suppress(InputError):  # it is damaged
+                if self._recording_of(people_folders(folder)[0]) == project.resolve():
+                    results.append(folder)
+        return results
 
     def out(self, name: str, overwrite: bool) -> Path:
         """Where a result of this name is to be written. InputError where it must not."""
         check_plain_name(name, "out")
         out = self.root / name
-        self._checked_inside(out)
+        self.checked_inside(out)
         if out.exists() and not overwrite:
             raise error_at(
                 "out", f"there is a {name!r} already: choose another name, or replace it"
@@ -135,8 +153,8 @@ class StudioFolder:
 
     def results(self) -> list[dict[str, Any]]:
         """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
-        here), `level` and `words` of its verdict, `frames`, time it was `made`, whether it has a
-        contact `sheet`.
+        here), `level` and `words` of its verdict, its `command`, `frames`, time it was `made`,
+        whether it has a contact `sheet`.
         """
         results = [self._describe_result(folder) for folder in self._result_folders()]
         return sorted(results, key=lambda result: -result["made"])
@@ -153,10 +171,11 @@ class StudioFolder:
         if "\0" not in text:
             for path in (project / text, self.root / text):
                 if path.exists():
-                    return self._checked_inside(path)
+                    return self.checked_inside(path)
         raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
 
-    def _checked_inside(self, path: Path) -> Path:
+    def checked_inside(self, path: Path) -> Path:
+        """A path within; InputError where it leads out."""
         """A path, of which neither it nor a link in it leads out of the folder. InputError where
         one does.
         """
@@ -188,7 +207,7 @@ class StudioFolder:
             "sheet": (folder / "contact_sheet.png").exists(),
         }
         try:
-            people = people_folders(self._checked_inside(folder))
+            people = people_folders(self.checked_inside(folder))
             recording = self._recording_of(people[0])
             if recording.parent == self.root:
                 known["project"] = recording.name
@@ -204,6 +223,7 @@ class StudioFolder:
         return known | {
             "level": verdict.level,
             "words": str(verdict),
+            "command": "fit" if len(next(iter(summaries.values()))["cameras"]) > 1 else "track",
             "frames": f"{whom}{frames} frames",
         }
 

@@ -66,6 +66,11 @@ class StudioServer(GatedServer):
             },
             {
                 "api/new": session.folder.new_project,
+                "api/rename": session.rename,
+                "api/duplicate": session.changes.duplicate,
+                "api/delete": session.delete,
+                "api/put_back": session.changes.put_back,
+                "api/empty": session.changes.empty,
                 "api/accepts": session.check_file,
                 "api/remove": session.remove,
                 "api/calibration": session.take_calibration,
@@ -112,12 +117,10 @@ class StudioServer(GatedServer):
         """Passes a request on to the viewer of a result, whose name has so many parts; it is opened
         for its page alone: what an older page asks for does not close a newer one's.
         """
-        viewer, name = self._session.viewer, "/".join(request.path[1 : 1 + parts])
+        name = "/".join(request.path[1 : 1 + parts])
         if len(request.path) == parts + 2:
             await asyncio.to_thread(self._session.open_viewer, name)
-        if viewer.browser is None or viewer.name != name:
-            raise InputError("another result is open in the viewer: load this page again")
-        return await viewer.browser.answer(request.below(parts + 2))
+        return await self._session.viewers.browser(name).answer(request.below(parts + 2))
 
     def _statuses(self) -> Iterator[dict[str, Any] | None]:
         """The job's state whenever it has changed, else None."""

@@ -22,6 +22,7 @@ from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.command_forms import export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
+from voxelpose.studio.project_changes import ProjectChanges
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import JobWord, RecordStep
 from voxelpose.studio.studio_jobs import estimate, export
@@ -33,6 +34,7 @@ from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
+_MOST_VIEWERS = 4
 
 
 class FileAsked(Struct, forbid_unknown_fields=True):
@@ -55,42 +57,49 @@ class FitAsked(Struct, forbid_unknown_fields=True):
     settings: Typed = {}
 
 
-class OpenedViewer:
-    """The viewer of one result at a time."""
+class OpenedViewers:
+    """The viewers of the results that were asked for last."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
-        self.name: str = ""
-        self.browser: Browser | None = None
+        self._browsers: dict[str, Browser] = {}  # by name, the latest last
 
     def open(self, name: str, folder: Path) -> None:
-        """Opens a result, if it is not open already, and closes the one before."""
+        """Opens a result, if it is not open already, and closes the oldest of many."""
         with self._lock:
-            if name == self.name:
+            if name in self._browsers:
+                self._browsers[name] = self._browsers.pop(name)
                 return
-            self.close()
+            if len(self._browsers) == _MOST_VIEWERS:
+                self._browsers.pop(next(iter(self._browsers))).close()
             scenes = ResultScenes(folder)
             frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
-                self.browser = Browser(scenes, None, frames[len(frames) // 2])
+                self._browsers[name] = Browser(scenes, None, frames[len(frames) // 2])
             except BaseException:
                 scenes.close()
                 raise
-            self.name = name
+
+    def browser(self, name: str) -> Browser:
+        """The viewer of a result. InputError where it is not open any more."""
+        browser = self._browsers.get(name)
+        if browser is None:
+            raise InputError("this viewer was closed: load this page again")
+        return browser
 
     def close(self) -> None:
         """Closes what is open."""
         with self._lock:
-            if self.browser is not None:
-                self.browser.close()
-            self.name, self.browser = "", None
+            while self._browsers:
+                self._browsers.popitem()[1].close()
 
 
 class StudioSession:
-    """The studio's folder, its one job, its one viewer, and the set-up of one project."""
+    """The studio's folder, its one job, its viewers, and the set-up of one project."""
 
     def __init__(self, folder: StudioFolder) -> None:
-        self.folder, self.job, self.viewer = folder, PageJob(), OpenedViewer()
+        self.folder, self.job, self.viewers = folder, PageJob(), OpenedViewers()
+        self.changes = ProjectChanges(folder)
         self.calibration = CalibrationStep(folder, self.job)
         self.recording = RecordStep(folder, self.job)
         self.live = LiveStep(folder, self.job, self.recording)
@@ -100,16 +109,17 @@ class StudioSession:
     def close(self) -> None:
         """Ends what is running."""
         self.job.close()
-        self.viewer.close()
+        self.viewers.close()
         if self._setup is not None:
             self._setup[1].close()
 
     def state(self) -> dict[str, Any]:
-        """Projects and results."""
+        """Projects, results, and what was deleted."""
         return {
             "folder": str(self.folder.root),
             "projects": self.folder.projects(),
             "results": self.folder.results(),
+            "bin": self.changes.bin(),
             "formats": export_formats(),
         }
 
@@ -183,9 +193,29 @@ class StudioSession:
         """Asks something of the job that is running."""
         self.job.ask(word)
 
-    def form(self, project: str, command: Command) -> list[dict[str, Any]]:
-        """Settings of an estimation of a project."""
-        return form_of(command, self.folder.project(project))
+    def rename(self, name: Name, to: Name) -> None:
+        """Gives a project or a result another name. InputError where that cannot be."""
+        self._let_go(name)
+        self.changes.rename(name, to)
+
+    def delete(self, name: Name) -> None:
+        """Moves a project or a result into the bin. InputError where that cannot be."""
+        self._let_go(name)
+        self.changes.delete(name)
+
+    def _let_go(self, name: str) -> None:
+        """Closes what reads a project or result. InputError where a job does."""
+        self._check_idle(name)
+        self.viewers.close()
+        with self._lock:
+            if self._setup is not None and self._setup[0] == name:
+                self._setup[1].close()
+                self._setup = None
+
+    def form(self, project: str, command: Command, like: str = "") -> list[dict[str, Any]]:
+        """Settings of an estimation of a project, or those that an earlier result was made with."""
+        folder = self.folder.project(project)
+        return form_of(command, folder, self.folder.result(like) if like else None)
 
     def start_fit(self, asked: FitAsked) -> None:
         """Begins an estimation, and keeps its settings in the project. InputError where another job
@@ -236,7 +266,7 @@ class StudioSession:
 
     def open_viewer(self, name: str) -> None:
         """Opens the viewer of a result. InputError where it cannot be read."""
-        self.viewer.open(name, self.folder.result(name))
+        self.viewers.open(name, self.folder.result(name))
 
 
 def _unstated(values: Mapping[str, FolderSetting]) -> dict[str, Any]:

@@ -264,4 +264,4 @@ def test_the_filter_is_stated_and_that_it_could_not_act(fitted, capsys):
     text = (fitted / "out" / "report.html").read_text(encoding="utf-8")
     assert "Butterworth low-pass, 7 Hz, order 2, forward and backward; not filtered: 12.5" in text
     assert "2 missing frames filled (linear, gaps up to 2 frames)" in text
-    assert "choose a lower <code>--cutoff</code>" in text
+    assert "choose a lower cut-off" in text

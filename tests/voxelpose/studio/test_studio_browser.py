@@ -23,6 +23,11 @@ from voxelpose.recording.folder import Recording
 from voxelpose.results import is_result
 
 SIZE = (480, 360)
+WIDTH = 390
+MOUSE_ALONE = """[...document.querySelectorAll("body *")].filter((each) =>
+    getComputedStyle(each).cursor === "pointer" && each.offsetParent
+    && !each.closest("button, a, input, select, summary, label, [tabindex]")
+).map((each) => each.outerHTML)"""
 REFUSED = "Failed to load resource: the server responded with a status of 400 (Bad Request)"
 
 
@@ -30,7 +35,7 @@ REFUSED = "Failed to load resource: the server responded with a status of 400 (B
 def test_from_an_empty_folder_to_exported_motion(desk):
     files, root = write_staged(desk / "files", waving(4), ring(3, (320, 240))), desk / "root"
     root.mkdir()
-    with opened_studio(root) as server, new_page(420, 800) as (page, faults):
+    with opened_studio(root) as server, new_page(WIDTH, 844) as (page, faults):
         page.goto(server.url)
         page.locator("#new_name").fill("anna walk")
         page.keyboard.press("Enter")
@@ -51,14 +56,16 @@ def test_from_an_empty_folder_to_exported_motion(desk):
         archive(download.value)
         page.get_by_role("link", name="Projects").click()
         page.get_by_role("link", name="anna walk_fit", exact=True).wait_for()
+        change_projects(page)
         # A page that is left gives up following the job.
         assert [fault for fault in faults if not fault.endswith("/events")] == []
     assert is_result(root / "anna walk_fit")
 
 
 def fits(page) -> None:
-    """Nothing reaches beyond the page's width."""
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= 420
+    """Nothing reaches beyond the page's width, and whatever can be clicked has the keys, too."""
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= WIDTH
+    assert page.evaluate(MOUSE_ALONE) == []
 
 
 def bring_files(page, files) -> None:
@@ -80,12 +87,12 @@ def bring_files(page, files) -> None:
 def fit(page) -> None:
     page.get_by_text("Expert").click()
     page.locator("#set_estimator").fill("standing")
-    page.locator("#set_stature").fill("1.75")
+    page.locator("#set_stature").fill("175")
     page.locator("#set_frames").fill("9:12")  # there are four
+    assert page.locator("#set_stature").input_value() == "1.75"
     page.locator("#start").click()
-    page.locator(".refused").get_by_text("frames 9:12 are not in the recording").wait_for(
-        timeout=120_000
-    )
+    at_field = page.locator(".field", has=page.locator("#set_frames"))
+    at_field.get_by_text("9:12 are not in the recording").wait_for(timeout=120_000)
     fits(page)
     page.locator("#set_frames").fill("")
     page.locator("#start").click()
@@ -107,6 +114,21 @@ def view(page) -> None:
     assert viewer.title().startswith("anna walk_fit")
     viewer.get_by_role("link", name="Why is a pixel").wait_for()
     viewer.close()
+
+
+def change_projects(page) -> None:
+    page.get_by_role("button", name="Duplicate anna walk").click()
+    page.get_by_label("New name of anna walk").fill("anna walk_fit")
+    page.keyboard.press("Enter")
+    page.locator(".fault").get_by_text("already: choose another name").wait_for()
+    page.get_by_label("New name of anna walk").fill("a copy")
+    page.keyboard.press("Enter")
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Delete a copy").click()
+    page.locator("#bin summary").click()
+    page.get_by_role("button", name="Put back a copy").click()
+    page.get_by_role("link", name="Open a copy").wait_for()
+    fits(page)
 
 
 def archive(download) -> None:
@@ -131,7 +153,7 @@ def test_from_cameras_and_a_board_to_exported_motion(desk):
         file.unlink()
     (desk / "made").mkdir()
     made = film_boards(desk / "made", rig, Board(8, 5, 0.15), np.array([-0.4, -0.3, 0]), (2.2, 3))
-    with opened_studio(root) as server, new_page(420, 800) as (page, faults):
+    with opened_studio(root) as server, new_page(WIDTH, 844) as (page, faults):
         page.goto(server.url)
         page.locator("#new_name").fill("room")
         page.keyboard.press("Enter")

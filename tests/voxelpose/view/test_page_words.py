@@ -41,14 +41,14 @@ def sentences(path: Path) -> Iterator[str]:
 
 
 def test_no_error_names_an_option_or_a_document_to_a_page():
-    found = [
+    foreign = [
         f"{path.name}: {page_words(text)}"
         for path in MODULES
         if not UNSEEN & {*path.parts}
         for text in sentences(path)
         if " " in text and FOREIGN.search(page_words(text))
     ]
-    assert found == []
+    assert foreign == []
 
 
 def test_no_page_names_an_option_or_a_document():
@@ -91,10 +91,10 @@ def test_sentences_are_changed_and_names_are_not():
         "found": [{"words": "--up z"}, {"n": 1}],
         "x": [1.5],
     }
-    told = {
+    changed = {
         "name": "a --b",
         "notes": ["give `fps`"],
         "found": [{"words": "`up` z"}, {"n": 1}],
         "x": [1.5],
     }
-    assert in_page_words(sent) == told
+    assert in_page_words(sent) == changed

@@ -7,10 +7,13 @@ import { button, freeName, make, refusal } from "./elements.js";
 import { resultLink, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
 
-export async function fitStep(studio, state, project) {
+// `like` is a result whose settings are begun with.
+export async function fitStep(studio, state, project, like) {
   const known = await getJson(`api/project?project=${encodeURIComponent(project)}`);
   const step = { studio, state, project, known, command: known.command ?? "fit", typed: {}, holder: make("div"), panel: make("div", { "aria-live": "polite" }) };
-  step.form = await getJson(formPath(step));
+  if (like) step.command = state.results.find((result) => result.name === like)?.command ?? step.command;
+  step.form = await getJson(`${formPath(step)}&like=${encodeURIComponent(like ?? "")}`);
+  if (like) step.typed = Object.fromEntries(step.form.map(({ name, value, usual }) => [name, value === usual ? null : value]));
   draw(step);
   let before = null;
   studio.watch(async (job) => {

@@ -1,6 +1,7 @@
 // Projects: what is in the folder, and a new one.
 
 import { button, make } from "./elements.js";
+import { bin, date, entryActions } from "./entry_actions.js";
 import { addressOf } from "./rail.js";
 
 export const verdictTag = (result) => make("b", { class: `tag ${result.level}`, title: result.words }, result.level);
@@ -9,7 +10,10 @@ export const resultLink = (step, result) =>
   `#${step}/${encodeURIComponent(result.project ?? "")}/${encodeURIComponent(result.name)}`;
 
 const resultLine = (result) => make("li", {},
-  make("span", { title: result.name }, make("a", { href: resultLink("view", result) }, result.name)), verdictTag(result));
+  make("span", { title: result.name }, make("a", { href: resultLink("view", result) }, result.name)), make("small", {}, date(result.made)), verdictTag(result));
+
+// The contact sheet of a result.
+export const sheet = (result) => result?.sheet && make("img", { src: `sheet?result=${encodeURIComponent(result.name)}`, alt: `Contact sheet of ${result.name}`, loading: "lazy" });
 
 export async function projectsStep(studio, state) {
   const name = make("input", { type: "text", id: "new_name", "data-setting": "name", class: "grow", placeholder: "anna_walk_1", "aria-label": "Name of the new project", maxLength: 80 });
@@ -21,10 +25,12 @@ export async function projectsStep(studio, state) {
     const results = state.results.filter((result) => result.project === project.name);
     const cameras = `${project.cameras || "no"} camera${project.cameras === 1 ? "" : "s"}`;
     return make("section", { class: "card" },
+      sheet(results.find((result) => result.sheet)),
       make("h3", {}, project.name),
       make("p", {}, `${cameras}, ${project.calibrated ? "calibrated" : "no calibration"}`),
       results.length > 0 && make("ul", {}, ...results.map(resultLine)),
-      make("a", { class: "button quiet", href: addressOf("import", "", project.name), "aria-label": `Open ${project.name}` }, "Open"));
+      make("a", { class: "button quiet", href: addressOf("import", "", project.name), "aria-label": `Open ${project.name}` }, "Open"),
+      entryActions(studio, project.name));
   });
   const others = state.results.filter((result) => !result.project);
   return [
@@ -36,5 +42,6 @@ export async function projectsStep(studio, state) {
     make("form", { class: "job", onsubmit: make_new },
       make("h3", {}, "New project"),
       make("div", { class: "row wrap" }, name, button("Make it", () => {}, { class: "main", id: "make_new" }))),
+    bin(studio, state.bin),
   ].filter(Boolean);
 }

@@ -1,7 +1,9 @@
 // View: the results of a project, each with its pictures and its viewer.
 
 import { make } from "./elements.js";
-import { resultLink, verdictTag } from "./projects_step.js";
+import { comparison } from "./comparison.js";
+import { date, entryActions } from "./entry_actions.js";
+import { resultLink, sheet, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
 
 export const viewerPath = (name) => `view/${name.split("/").map(encodeURIComponent).join("/")}/-/`;
@@ -19,15 +21,16 @@ export const resultsOf = (state, project, chosen) => state.results
 export async function viewStep(studio, state, project, chosen) {
   const results = resultsOf(state, project, chosen);
   const cards = results.map((result) => make("section", { class: "card" },
-    result.sheet && make("img", { src: `sheet?result=${encodeURIComponent(result.name)}`, alt: `Contact sheet of ${result.name}`, loading: "lazy" }),
-    make("div", { class: "row wrap" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, result.frames ?? "")),
+    sheet(result),
+    make("div", { class: "row wrap" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, [result.frames, date(result.made)].filter(Boolean).join(", "))),
     result.words !== result.level && make("p", {}, result.words),
     make("div", { class: "row wrap" },
       make("a", { class: "button main", href: viewerPath(result.name), target: "viewer", "aria-label": `Open the viewer of ${result.name}` }, "Open the viewer"),
-      make("a", { class: "button quiet", href: resultLink("export", result) }, "Next: Export"))));
+      make("a", { class: "button quiet", href: resultLink("export", result) }, "Next: Export")),
+    entryActions(studio, result.name, !result.project ? "" : make("a", { class: "button quiet small", href: resultLink("fit", result), title: "Begin with the settings of this result" }, "Again with other settings"))));
   return [
     make("h2", {}, "View"),
     make("p", { class: "lead" }, "The viewer opens beside this page: cameras, hull, body and skeleton over time. Look before you trust a number."),
-    ...(results.length ? [make("div", { class: "cards" }, ...cards)] : none(project)),
+    ...(results.length ? [make("div", { class: "cards" }, ...cards), results.length > 1 && comparison(results, viewerPath)].filter(Boolean) : none(project)),
   ];
 }

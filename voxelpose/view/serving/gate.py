@@ -25,11 +25,13 @@ from calib.errors import InputError, visible
 from voxelpose.view.serving.page_words import field_at_fault, page_words
 
 UNFRAMED = "frame-ancestors 'none'"
-"""Policy of every page: none is shown within another's, whose visitors would press its buttons."""
+"""Policy of what is answered: it is not shown within another page, whose visitors would press its
+buttons; the program's own pages are shown within each other."""
 PAGE_HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
-        f" img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; {UNFRAMED}"
+        " img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-src 'self';"
+        " frame-ancestors 'self'"
     ),
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",

@@ -7,7 +7,7 @@ from typing import Any
 
 _COMMAND = re.compile(r"`voxelpose ((?:(?:calibrate|body|library|network) )?[a-z]+)[^`]*`")
 _CODE = re.compile(r"`([^`]+?) --[^`]*`")
-_OPTION = re.compile(r"(?<![\w-])--(no-)?([a-z][a-z-]*[a-z])(=(?=\S))?")
+_OPTION = re.compile(r"(?<![\w-])--(no-)?([a-z][a-z0-9-]*[a-z0-9])(=(?=\S))?")
 _ELSEWHERE = re.compile(r"\s*\((?:see )?(?:docs/\S+|its\s--help)\)")
 _STEPS = {
     "fit": "Estimate",
@@ -23,7 +23,9 @@ _STEPS = {
     "calibrate check": "Check",
 }
 # Keys of what a page is sent under which there are sentences.
-_TOLD = set("error fault formats help lines note notes refused said text verdict words".split())
+_SENTENCES = set(
+    "error fault formats help lines note notes refused said text verdict words".split()
+)
 
 
 def page_words(line: str) -> str:
@@ -45,7 +47,7 @@ def field_title(option: str) -> str:
 
 def field_at_fault(line: str) -> str:
     """The option that an error's line names first, whose field is to be corrected; "": none."""
-    match = _OPTION.search(_COMMAND.sub("", line))
+    match = _OPTION.search(_CODE.sub("", _COMMAND.sub("", line)))
     return match[2] if match else ""
 
 
@@ -54,7 +56,7 @@ def in_page_words(content: Any) -> Any:
     match content:
         case dict():
             return {
-                name: _told(value) if name in _TOLD else in_page_words(value)
+                name: _sentence(value) if name in _SENTENCES else in_page_words(value)
                 for name, value in content.items()
             }
         case [dict(), *_]:
@@ -62,12 +64,12 @@ def in_page_words(content: Any) -> Any:
     return content
 
 
-def _told(value: Any) -> Any:
+def _sentence(value: Any) -> Any:
     match value:
         case str():
             return page_words(value)
         case [str(), *_]:
-            return [_told(each) for each in value]
+            return [_sentence(each) for each in value]
         case dict():
-            return {name: _told(each) for name, each in value.items()}
+            return {name: _sentence(each) for name, each in value.items()}
     return in_page_words(value)
