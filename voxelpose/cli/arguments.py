@@ -53,7 +53,9 @@ BodyName = Annotated[
         " earlier result of the same person, or a rig. Default: found in the pictures.",
     ),
 ]
-Frames = Annotated[str | None, optional("A:B", "First frame and one past the last. Default: all.")]
+Frames = Annotated[
+    str | None, optional("A:B", "First frame and one past the last, as in 0:100. Default: all.")
+]
 Cameras = Annotated[str | None, optional("NAME,NAME", "Names of the cameras to use. Default: all.")]
 Unit = Annotated[
     Literal["m", "cm", "mm"] | None,

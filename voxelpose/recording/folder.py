@@ -366,7 +366,8 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         paths = {name: path for name, path in paths.items() if name in cameras}
         if not paths:
             raise InputError(
-                f"there is no video of {' or '.join(cameras)} in {folder}: its cameras are {filmed}"
+                f"there is no video of {' or '.join(cameras)} in {folder}: its cameras, for --cameras,"
+                f" are {filmed}"
             )
     return paths, silhouettes_given
 
@@ -418,7 +419,9 @@ def _select_cameras(
         )
     for name in requested:
         if name not in rig:
-            raise InputError(f"there is no camera {name}: {calibration} knows {calibrated}")
+            raise InputError(
+                f"there is no camera {name}, of --cameras: {calibration} knows {calibrated}"
+            )
         if name not in readers:
             raise InputError(
                 f"camera {name} of {calibration} has no video (found: {filmed}): add it, or choose"

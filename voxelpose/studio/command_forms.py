@@ -4,7 +4,8 @@ typed into it. They are named by their sections in a voxelpose.toml: fit, calibr
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,19 @@ def filled_in(
     if missing:
         raise InputError(f"--{' and --'.join(missing)} must be known: fill that in")
     return made_of(kind, values)
+
+
+@contextmanager
+def errors_at_fields(command: str) -> Iterator[None]:
+    """Errors that begin with a setting in words, as "a cut-off of", stand at its field."""
+    try:
+        yield
+    except InputError as error:
+        line = str(error).removeprefix("a ").replace("-", "")
+        names = options_of(load_command(command))
+        named = (name for name in names if line.startswith(f"{field_title(name)} "))
+        error.field = error.field or next(named, "")
+        raise
 
 
 def board_in(project: Path) -> Board | None:

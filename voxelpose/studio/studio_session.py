@@ -20,7 +20,7 @@ from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import Typed
 from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
-from voxelpose.studio.command_forms import export_formats, filled_in, form_of
+from voxelpose.studio.command_forms import errors_at_fields, export_formats, filled_in, form_of
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.project_changes import ProjectChanges
 from voxelpose.studio.projects import StudioFolder
@@ -225,9 +225,10 @@ class StudioSession:
         out = self.folder.out(asked.out, asked.overwrite)
         fixed = {"recording": project, "out": out}
         command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
-        command.check()
-        command.settings()
-        command.open()  # what is wrong with files or settings is told before the work
+        with errors_at_fields(asked.command):  # before the work, not in it
+            command.check()
+            command.settings()
+            command.open()
         shares, root = SHARES.get(command.chosen_estimator), self.folder.root
         self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)

@@ -118,8 +118,9 @@ def test_no_name_leads_out_of_the_folder(studio, desk, name):
         ({"sex": "x"}, "must be one of male, female, unknown", "sex"),
         ({"frames": "first"}, "`frames` first is not understood", "frames"),
         ({"frames": "3:9"}, "`frames` 3:9 are not in the recording", "frames"),
-        ({"cameras": "cam_9"}, "choose with `cameras`", "cameras"),
-        ({"gap-limit": "long"}, "`gap limit` long", "gap-limit"),
+        ({"cameras": "cam_9"}, "for `cameras`, are cam_1, cam_2", "cameras"),
+        ({"gap-limit": "long"}, "gap limit 'long'", "gap-limit"),
+        ({"cutoff": 0}, "a cut-off of 0 Hz cannot be used", "cutoff"),
         ({"up": "away"}, "`up` away", "up"),
     ],
 )
