@@ -158,12 +158,14 @@ def test_shared_pictures_of_boards(shared, tmp_path, capsys, name, kind, asked, 
 def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     stills = sorted((studio / "stills" / "cam_0").glob("*.png"))
     pictures = [cv2.imread(str(still)) for still in stills]
-    write_video(tmp_path / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
+    boards = tmp_path / "boards"
+    boards.mkdir()
+    write_video(boards / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
     # A camera that saw no board does not cost the others their lenses; nor is this folder one.
     for name in ("blank", "extrinsics"):
-        (tmp_path / name).mkdir()
-        cv2.imwrite(str(tmp_path / name / "0.png"), np.full((120, 160), 128, np.uint8))
-    words = ["intrinsics", tmp_path, *LIKE_THIS, "--frames", "8"]
+        (boards / name).mkdir()
+        cv2.imwrite(str(boards / name / "0.png"), np.full((120, 160), 128, np.uint8))
+    words = ["intrinsics", boards, *LIKE_THIS, "--frames", "8"]
     words += ["--out", tmp_path / "lens.toml"]
     assert calibrate(*words) == 0
     out, err = capsys.readouterr()
@@ -171,7 +173,7 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     assert "blank: the board was found in none of 1 pictures" in err and "extrinsics" not in err
     report = json.loads((tmp_path / "lens_lenses.json").read_text())["cam_0"]
     assert sum(line["left_out"] is None for line in report["pictures"]) <= 8
-    assert "there are cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
+    assert "there are blank, cam_0" in failure(capsys, *words, "--cameras", "cam_9", "--overwrite")
     assert "exists: give --out another name, or add --overwrite" in failure(capsys, *words)
 
 
