@@ -366,8 +366,8 @@ def _paths(folder: Path, cameras: Sequence[str] | None) -> tuple[dict[str, Path]
         paths = {name: path for name, path in paths.items() if name in cameras}
         if not paths:
             raise InputError(
-                f"there is no video of {' or '.join(cameras)} in {folder}: its cameras, for --cameras,"
-                f" are {filmed}"
+                f"there is no video of {' or '.join(cameras)} in {folder}: its cameras, for"
+                f" --cameras, are {filmed}"
             )
     return paths, silhouettes_given
 

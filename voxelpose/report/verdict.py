@@ -140,7 +140,7 @@ def recording_findings(cameras: CameraCheck, changed: str) -> list[Finding]:
     """As `findings`, without those of a result: of what several people have in common."""
     findings, apart = [], [line.camera for line in cameras.lines if line.apart]
     if changed:
-        advice = "estimate again; until then, this page shows cameras and silhouettes as they are now"
+        advice = "estimate again; until then, this page shows the cameras as they are now"
         findings.append(Finding("Recording", "look", changed, remedy=advice))
     if apart:
         words = "the body agrees less with these than with the others, or their outlines do"
