@@ -65,6 +65,9 @@ def player_scene(motions: Sequence[Motion], fps: float, stage: Stage) -> dict[st
         start_s = float(motions[0].time_s[0] + (first - motions[0].frames[0]) / fps)
     return {
         "name": stage.name,
+        "corrected": ", ".join(
+            dict.fromkeys(words for one in motions for words in one.corrections)
+        ),
         "fps": fps,
         "first": first,
         "count": len(rows),

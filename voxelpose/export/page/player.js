@@ -44,6 +44,7 @@ export class Player {
     Object.assign(this, { scene, extras, part, canvas: part("space"), labels: part("labels") });
     root.querySelector("h1").textContent = scene.name;
     if (scene.count > 1) root.querySelector("header small").textContent = `${scene.count} frames, ${(scene.count / scene.fps).toFixed(1)} s`;
+    if (scene.corrected) root.querySelector("header small").append(make("span", { title: scene.corrected }, " · corrected by hand"));
     this.bodies = scene.bodies.map((sent) => new Body(sent));
     this.cameras = scene.cameras.map((sent) => new Pinhole(sent));
     this.renderer = new Renderer(this.canvas);
