@@ -57,13 +57,8 @@ def mirrored(motion: Motion) -> Motion:
     # middle, turns about y and z change theirs.
     middle = np.array([not name.startswith(("left_", "right_")) for name in model.tree.dof_names])
     sign = np.where(middle & (np.abs(model.tree.dof_axis[:, 0]) < 0.5), -1.0, 1.0)
-    columns = {
-        "part_overlap": exchanged_sides(model.names),
-        "part_unsupported": exchanged_sides(model.names),
-    }
-    columns |= dict.fromkeys(
-        ("landmark_confidence", "joint_error_mm"), exchanged_sides(LANDMARK_NAMES)
-    )
+    joints = exchanged_sides(LANDMARK_NAMES)
+    columns = {"part": exchanged_sides(model.names), "landmark": joints, "joint": joints}
     return replace(
         motion,
         root_m=motion.root_m * (-1, 1, 1),
@@ -71,7 +66,7 @@ def mirrored(motion: Motion) -> Motion:
         angles_rad=motion.angles_rad[:, other] * sign,
         unfiltered=None if motion.unfiltered is None else mirrored(motion.unfiltered),
         quality={
-            name: array[:, columns[name]] if name in columns else array
+            name: array[:, columns[kind]] if (kind := name.partition("_")[0]) in columns else array
             for name, array in motion.quality.items()
         },
     )
