@@ -7,9 +7,13 @@ of the world (y up), metres, as in Pose2Sim: files of both programs made with on
 coincide. A person who faces the world's +y faces OpenSim's +x, as OpenSim's models do.
 """
 
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -116,71 +120,27 @@ class OpenSimMarker:
     fixed: bool
 
 
-# Bodies, {} being r or l, with the axes that a distance of two markers scales; of those in the
-# middle, the mean of both sides.
-_SCALES = (
-    ("pelvis_and_trunk_length", (("hip", "shoulder"),), ("pelvis", "torso"), "X Y"),
-    ("pelvis_width", (("right_hip", "left_hip"),), ("pelvis",), "Z"),
-    ("shoulder_width", (("right_shoulder", "left_shoulder"),), ("torso",), "Z"),
-    ("thigh", (("hip", "knee"),), ("femur_{}", "patella_{}"), "X Y Z"),
-    ("shank", (("knee", "ankle"),), ("tibia_{}",), "X Y Z"),
-    ("foot", (("heel", "toes"),), ("talus_{}", "calcn_{}", "toes_{}"), "X Y Z"),
-    ("upper_arm", (("shoulder", "elbow"),), ("humerus_{}",), "X Y Z"),
-    ("forearm", (("elbow", "wrist"),), ("ulna_{}", "radius_{}"), "X Y Z"),
-    ("hand", (("wrist", "finger_tip"),), ("hand_{}",), "X Y Z"),
-)
 _SIDES = {"right": "r", "left": "l"}
 
-# Coordinates that the static pose holds at zero, since the points of the rest pose leave them open.
-_HELD = (
-    *("pelvis_tilt", "pelvis_list", "pelvis_rotation"),
-    *("lumbar_bending", "lumbar_rotation"),
-    *(
-        f"{name}_{side}"
-        for name in ("hip_rotation", "subtalar_angle", "mtp_angle", "arm_rot", "pro_sup")
-        for side in "rl"
-    ),
-    *(f"wrist_{name}_{side}" for name in ("flex", "dev") for side in "rl"),
-)
+
+@cache
+def _model() -> dict[str, Any]:
+    """Markers, measurements and held coordinates of the model."""
+    text = files("voxelpose.export").joinpath("opensim.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
 
 
 def opensim_markers() -> tuple[OpenSimMarker, ...]:
     """The markers of both sides, with the names that `write_trc` gives them."""
-    centre = (0.0, 0.0, 0.0)
-    middle = (
-        OpenSimMarker("pelvis", "pelvis", (-0.046, -0.072, 0.0), 20.0, False),
-        OpenSimMarker("lumbar", "pelvis", (-0.070, 0.007, 0.0), 20.0, False),
-        OpenSimMarker("upper_thorax", "torso", (-0.051, 0.277, 0.0), 3.0, False),
-        OpenSimMarker("neck", "torso", (-0.002, 0.474, 0.0), 3.0, False),
-    )
-    right = (
-        OpenSimMarker("clavicle", "torso", (0.010, 0.391, 0.024), 3.0, False),
-        OpenSimMarker("hip", "femur", centre, 5.0, True),
-        OpenSimMarker("knee", "tibia", centre, 5.0, True),
-        OpenSimMarker("ankle", "talus", centre, 5.0, True),
-        OpenSimMarker("heel", "calcn", (-0.006, 0.006, -0.016), 3.0, False),
-        OpenSimMarker("toes", "calcn", (0.185, -0.007, 0.002), 3.0, False),
-        OpenSimMarker("toe_tip", "toes", (0.070, -0.008, -0.011), 1.0, False),
-        # The model's shoulder does not move against its torso, the fitted body's does.
-        OpenSimMarker("shoulder", "humerus", centre, 1.0, True),
-        OpenSimMarker("elbow", "ulna", centre, 3.0, True),
-        OpenSimMarker("wrist", "hand", centre, 3.0, True),
-        OpenSimMarker("fingers", "hand", (0.0, -0.092, 0.0), 1.0, False),
-        OpenSimMarker("finger_tip", "hand", (0.0, -0.176, 0.0), 1.0, False),
-        OpenSimMarker("thumb", "hand", (0.007, -0.024, 0.020), 0.5, False),
-    )
-    sided = [
-        replace(
-            marker,
-            name=f"{side}_{marker.name}",
-            body=marker.body if marker.body == "torso" else f"{marker.body}_{letter}",
+    markers = []
+    for name, (body, place_m, weight) in _model()["markers"].items():
+        for side, letter in _SIDES.items() if "{side}" in name else [("right", "")]:
+            x, y, z = place_m or (0.0, 0.0, 0.0)
             # The left side is the right one's mirror image.
-            place_m=(*marker.place_m[:2], marker.place_m[2] * (1 if side == "right" else -1) + 0.0),
-        )
-        for side, letter in _SIDES.items()
-        for marker in right
-    ]
-    return (*middle, *sided)
+            place = x, y, z * (1 if side == "right" else -1) + 0.0
+            words = name.format(side=side), body.format(letter)
+            markers.append(OpenSimMarker(*words, place, weight, not place_m))
+    return tuple(markers)
 
 
 def write_marker_set(motion: Motion, path: Path) -> None:
@@ -240,7 +200,7 @@ def write_scale_setup(motion: Motion, path: Path) -> None:
         _node(
             "MarkerPlacer",
             {"apply": "true"},
-            _tasks(True, *map(_coordinate_task, _HELD)),
+            _tasks(True, *map(_coordinate_task, _model()["held"])),
             statics | scaled,
             {"output_marker_file": _PLACED_MARKERS, "max_marker_movement": "-1"},
         ),
@@ -272,16 +232,16 @@ def write_ik_setup(motion: Motion, path: Path) -> None:
 
 def _measurements() -> Iterator[tuple[str, list[tuple[str, str]], list[str], str]]:
     """Name, pairs of markers, bodies and axes of every measurement."""
-    for name, pairs, bodies, axes in _SCALES:
+    for name, (pairs, bodies, axes) in _model()["scales"].items():
         if any("{}" in body for body in bodies):
             for side, letter in _SIDES.items():
                 sided = [(f"{side}_{a}", f"{side}_{b}") for a, b in pairs]
                 yield f"{side}_{name}", sided, [body.format(letter) for body in bodies], axes
         elif pairs[0][0].startswith("right"):
-            yield name, list(pairs), list(bodies), axes
+            yield name, [(a, b) for a, b in pairs], bodies, axes
         else:
             both = [(f"{side}_{a}", f"{side}_{b}") for a, b in pairs for side in _SIDES]
-            yield name, both, list(bodies), axes
+            yield name, both, bodies, axes
 
 
 def _measurement(
