@@ -33,6 +33,8 @@ BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
 """What the background of a camera without an empty view is taken from: a uniform backdrop where one
 is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
 is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
+SkeletonName = Literal["voxelpose", "mixamo", "rigify", "unreal", "unity", "vrm"]
+"""Skeletons of exported files: our own, and those of other programs."""
 Start = Literal["facing", "any"]
 """Of the first frame before one camera: the person mostly faces it, or may be turned any way."""
 _WORDS = {

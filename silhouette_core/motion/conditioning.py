@@ -147,8 +147,9 @@ def describe_conditioning(motion: Motion) -> dict[str, object]:
         The filter with its cut-off, order and, where it has them, frames of its window or its
         standard deviation; how many frames it left unfiltered and why; the longest gap that was
         filled, the method, the numbers of the filled frames, and how many are left; and all of it
-        in `words`.
+        in `words`. Of a motion at another rate, of the one that it was sampled from.
     """
+    motion = motion.sampled_from or motion
     done = motion.conditioning
     if done is None:
         return {}
@@ -199,6 +200,7 @@ def filter_warning(motion: Motion) -> str:
 
 def conditioning_words(motion: Motion) -> str:
     """What was done to a motion, in one line."""
+    motion = motion.sampled_from or motion
     done, missing = motion.conditioning, int((np.diff(motion.frames) - 1).sum())
     words = [f"corrected by hand: {', '.join(motion.corrections)}"] if motion.corrections else []
     if done is None:

@@ -51,6 +51,8 @@ class Motion:
     """Filter and filling of gaps that made these poses; None: not recorded."""
     unfiltered: Motion | None = None  #: The poses before that, without quality; None: no others.
     corrections: tuple[str, ...] = ()  #: What was corrected by hand, in words.
+    sampled_from: Motion | None = None
+    """The motion at the rate at which it was filtered, if that is another; kept in no file."""
 
     def __post_init__(self) -> None:
         """Completes frames, times and what is filled if not given, and checks the arrays.

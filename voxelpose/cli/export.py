@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+from msgspec import Meta
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
+from silhouette_core import setting_types
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import message
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from silhouette_core.motion.motion import Motion
 
 _FORMATS = "bvh,glb,trc,c3d,csv,npz"
+_APART = "export"  # folder in a result of files that do not hold it as it is
 
 
 @dataclass(frozen=True)
@@ -31,27 +34,37 @@ class Export:
       csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
       npz  motion.npz: all data as NumPy arrays
       html  motion.html: a page that plays bodies and cameras, without a server
+      fbx  to_fbx.py: makes FBX of motion.glb in Blender; run where Blender is on the path
 
       voxelpose export walk_fit
       voxelpose export walk_fit --to glb,csv --out for_the_lab
       voxelpose export walk_fit --to html
       voxelpose export walk_fit --to opensim --out for_opensim
       voxelpose export walk_fit --to trc --out at_12_hz --filter butterworth --cutoff 12
+      voxelpose export walk_fit --to bvh,glb --skeleton mixamo --frames 10:90 --rate 30
 
     Filter and gaps are those of the result; any of --filter, --cutoff, --filter-order, --gap-limit
     and --gap-method makes the files, not the result, from its unfiltered poses. export.json says
     how. Of several people person_1 and so on receive a file each; motion.glb and motion.html hold
-    all of them.
+    all of them. RESULT/person_1 is that person alone.
     """
 
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
     """Folder of a result."""
     to: Annotated[str, arg(metavar="NAME,NAME")] = _FORMATS
-    """Formats to write: of those above; by default all but html and opensim."""
+    """Formats to write: of those above; by default all but html, opensim and fbx."""
     out: Annotated[Path | None, arguments.optional("FOLDER")] = None
-    """Folder to write to. Default: RESULT, where an earlier export is replaced."""
+    """Folder to write to. Default: RESULT, or RESULT/export for some frames, another rate, place or
+    skeleton; an earlier export there is replaced."""
     overwrite: bool = False
     """Replace files of the same names in FOLDER."""
+    frames: arguments.Frames = None
+    rate: Annotated[Annotated[float, Meta(ge=1, le=1000)] | None, arguments.optional("HZ")] = None
+    """Another frame rate than the recording's."""
+    in_place: bool = False
+    """Keep the body above the origin, as if it moved on the spot."""
+    skeleton: setting_types.SkeletonName = "voxelpose"
+    """Names, axes and rest pose of BVH, GLB and FBX: as ours, or as another program expects."""
     filter: Annotated[
         Literal["butterworth", "savgol", "gaussian", "none"] | None, arg(help_behavior_hint="")
     ] = None
@@ -67,23 +80,39 @@ class Export:
     )
     """Another method of filling gaps."""
 
+    groups: ClassVar[dict[str, str]] = {
+        "basic": "result to out overwrite frames rate in_place skeleton",
+        "output": "filter cutoff filter_order gap_limit gap_method",
+    }
+
     def run(self) -> None:
         """Writes the files and prints their names."""
+        paths, notes = self.write()
+        for path in paths:
+            print(path)
+        for note in notes:
+            print(f"note: {message(note)}", file=sys.stderr)
+
+    def write(self) -> tuple[list[Path], list[str]]:
+        """Writes the files; returns their paths, and notes. InputError where that cannot be."""
+        from voxelpose.export.excerpt import Excerpt
         from voxelpose.export.formats import export_motion
         from voxelpose.export.player_scene import Stage
+        from voxelpose.recording.folder import frame_range
         from voxelpose.results import open_people
 
         formats = [name.strip().lower() for name in self.to.split(",") if name.strip()]
         if not formats:
             raise InputError(f"--to names no format: give some of {_FORMATS}")
-        results = open_people(self.result)
-        motions = [self._conditioned(one.motion) for one in results]
+        results, notes = open_people(self.result), list[str]()
+        motions = [self._conditioned(one.motion, notes) for one in results]
+        excerpt = Excerpt(frame_range(self.frames), self.rate, self.in_place, self.skeleton)
+        out = self.out or (self.result if excerpt == Excerpt() else self.result / _APART)
         overwrite, first = self.overwrite or self.out is None, results[0]
         stage = Stage.from_cameras(self.result.resolve().name, first.rig, first.motion)
-        for path in export_motion(motions, self.out or self.result, formats, overwrite, stage):
-            print(path)
+        return export_motion(motions, out, formats, overwrite, stage, excerpt, notes), notes
 
-    def _conditioned(self, motion: Motion) -> Motion:
+    def _conditioned(self, motion: Motion, notes: list[str]) -> Motion:
         """The motion with another filter, where one is asked for."""
         from silhouette_core.motion.conditioning import Conditioning, conditioned, filter_warning
 
@@ -108,5 +137,5 @@ class Export:
             usual["filter_order"] = None  # that of another filter
         motion = conditioned(motion, Conditioning(**usual | asked))
         if warning := filter_warning(motion):
-            print(f"note: {message(warning)}", file=sys.stderr)
+            notes.append(warning)
         return motion

@@ -6,14 +6,20 @@ import importlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from calib.errors import InputError
 from calib.storage.atomic import replacing, unwritable
 from calib.storage.documents import load_text, parse_json
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
+from silhouette_core.setting_types import SkeletonName, checked
+from voxelpose.export.excerpt import Excerpt
+from voxelpose.export.fbx import FBX, SCRIPT, make_fbx
 from voxelpose.export.player_scene import Stage
+from voxelpose.export.rigged import rigged
 from voxelpose.people_marks import person_names
 from voxelpose.version import __version__
 
@@ -39,10 +45,15 @@ def read_export_record(folder: Path) -> dict[str, object]:
 
 
 def write_export_record(
-    motions: Sequence[Motion], names: Iterable[str], earlier: dict[str, object], path: Path
+    motions: Sequence[Motion],
+    names: Iterable[str],
+    earlier: dict[str, object],
+    path: Path,
+    excerpt: Excerpt,
 ) -> None:
     """Writes how files were made now, and the entries of earlier ones: rate, frames, filter, what
-    was corrected; of files of several people an entry of each under their names.
+    was corrected and an excerpt changed; of files of several people an entry of each under their
+    names.
     """
     entries = [
         {
@@ -54,6 +65,7 @@ def write_export_record(
             },
             "conditioning": describe_conditioning(motion),
             "corrections": list(motion.corrections),
+            **excerpt.facts(motion),
         }
         for motion in motions
     ]
@@ -79,16 +91,19 @@ _WRITERS: dict[str, _Files] = {
 }
 # Of several people, what holds them all, instead of a file of each, and beside one.
 _PAGE = "motion.html"
-_SCENES = "motion.glb", _PAGE
+_SCENES = "motion.glb", SCRIPT, _PAGE
 _OF_ALL: _Files = {
     "motion.glb": ("gltf", "write_glb"),
+    SCRIPT: ("fbx", "write_script"),
     _PAGE: ("html_player", "write_html"),
     "joints.csv": ("tables", "write_people_joints"),
 }
 FORMATS = tuple(_WRITERS)
 """Formats that are written where none is named."""
 
+_RIGGED = "motion.bvh", "motion.glb"  # on the skeleton that is asked for
 _WRITERS["html"] = {_PAGE: _OF_ALL[_PAGE]}
+_WRITERS["fbx"] = {name: _OF_ALL[name] for name in ("motion.glb", SCRIPT)}
 _WRITERS["opensim"] = {
     "motion.mot": ("opensim", "write_mot"),
     "opensim_motion.trc": ("opensim", "write_seen"),
@@ -105,6 +120,8 @@ def export_motion(
     formats: Iterable[str] = FORMATS,
     overwrite: bool = False,
     stage: Stage | None = None,
+    excerpt: Excerpt | None = None,
+    notes: list[str] | None = None,
 ) -> list[Path]:
     """Writes a motion, or those of several people, in several formats; returns the files' paths,
     with export.json, which says how they were made.
@@ -117,22 +134,31 @@ def export_motion(
         motion: at least one pose, each.
         folder: folder of the files; it is created if it does not exist.
         formats: names out of `FORMATS`, or `html`, or `opensim`: TRC, MOT and the setup files of
-            OpenSim. Of a body that is no person's, `trc` writes no motion.mot.
+            OpenSim, or `fbx`: GLB and a script, which is run where Blender is. Of a body that is no
+            person's, `trc` writes no motion.mot.
         overwrite: whether files of the same names are replaced.
         stage: name and cameras for `html`; None: it shows neither.
+        excerpt: frames, rate and skeleton; None: all that there is, as it is.
+        notes: receives why Blender made no FBX.
 
     Raises:
         InputError: a format is unknown or does not fit the body, the motion has no pose, a file
             exists, or the folder cannot be written to.
     """
-    motions = [motion] if isinstance(motion, Motion) else list(motion)
+    excerpt = excerpt or Excerpt()
+    motions = [excerpt.of(one) for one in ([motion] if isinstance(motion, Motion) else motion)]
     folder, files = Path(folder), _files_of(formats, motions)
+    skeleton = checked(excerpt.skeleton, SkeletonName, "skeleton")
+    if skeleton == "vrm" and len(motions) > 1 and "motion.glb" in files:
+        raise InputError("a VRM holds one person: choose one of them")
+    if stage is not None and excerpt.in_place:
+        stage = replace(stage, rig=None)  # which sees the person elsewhere
     if not motions or not all(map(len, motions)):
         raise InputError("no frame of this result has a pose: there is nothing to export")
     plan = _planned(motions, folder, files)
     if not overwrite:
         for place, (_, writers) in plan.items():
-            for name in writers:
+            for name in (*writers, *([FBX] if SCRIPT in writers else [])):
                 if (place / name).exists():
                     raise InputError(
                         f"{place / name} exists: give --out another folder, or add --overwrite"
@@ -142,22 +168,32 @@ def export_motion(
     try:
         with ExitStack() as complete:
             for place, (people, writers) in plan.items():
-                whose = people if len(people) > 1 else people[0]
                 place.mkdir(parents=True, exist_ok=True)
                 for name, (module, function) in writers.items():
                     module = importlib.import_module(f"voxelpose.export.{module}")
                     path = complete.enter_context(replacing(place / name))
                     more = {"stage": stage} if name == _PAGE else {}
-                    getattr(module, function)(whose, path, **more)
+                    bodies = [rigged(one, skeleton) if name in _RIGGED else one for one in people]
+                    getattr(module, function)(_one_or_all(bodies), path, **more)
                 record = complete.enter_context(replacing(place / EXPORT_RECORD))
-                write_export_record(people, writers, earlier[place], record)
+                write_export_record(people, writers, earlier[place], record, excerpt)
     except OSError as error:
         raise unwritable(folder, error) from error
     finally:
         for place in reversed(made):
             with suppress(OSError):  # it holds something
                 place.rmdir()
-    return [place / name for place, (_, files) in plan.items() for name in (*files, EXPORT_RECORD)]
+    paths = [place / name for place, (_, files) in plan.items() for name in (*files, EXPORT_RECORD)]
+    for script in [path for path in paths if path.name == SCRIPT]:
+        if fault := make_fbx(script.parent):
+            (notes if notes is not None else []).append(f"no {FBX} is made: {fault}")
+        else:
+            paths.append(script.with_name(FBX))
+    return paths
+
+
+def _one_or_all(bodies: list[Any]) -> Any:
+    return bodies if len(bodies) > 1 else bodies[0]
 
 
 def _planned(
@@ -178,11 +214,6 @@ def _files_of(formats: Iterable[str], motions: Sequence[Motion]) -> _Files:
     """The files of formats that fit some bodies."""
     files, persons = _Files(), all(motion.model.person is not None for motion in motions)
     for name in formats:
-        if name == "fbx":
-            raise InputError(
-                "there is no format 'fbx': export glb and turn it into FBX in Blender"
-                " (docs/exports.md#fbx-through-blender)"
-            )
         if name not in _WRITERS:
             raise InputError(f"there is no format {name!r}: the formats are {', '.join(_WRITERS)}")
         if name == "opensim" and not persons:

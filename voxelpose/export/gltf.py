@@ -7,12 +7,12 @@ import numpy as np
 import pygltflib as gltf
 from numpy.typing import NDArray
 
-from silhouette_core.body.model import BodyModel
+from silhouette_core.body.shape import vertex_normals
 from silhouette_core.motion.conditioning import conditioning_words
 from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import continuous_quaternions
-from voxelpose.export.skeleton import Y_UP_FROM_WORLD, local_rotations
+from voxelpose.export.rigged import RiggedMotion, rigged
 from voxelpose.people_marks import COLOURS, person_names
 from voxelpose.version import __version__
 
@@ -26,15 +26,16 @@ _COMPONENTS = {
 _LARGEST_SHORT = 65535  # as an index it restarts a strip
 
 
-def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
+def write_glb(motion: Motion | RiggedMotion | Sequence[Motion | RiggedMotion], path: Path) -> None:
     """Writes a motion of at least one pose, or those of several people, as skinned, animated bodies
     in one file.
 
-    Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of a person
-    27, have the names of the body's parts; without animation they are in the rest pose (upright,
-    arms 45 degrees down, facing +z), to which the skin is bound. The only animation, `motion`,
-    rotates every node and translates the root (`pelvis`). Its time is zero at the first pose. The
-    document's extras state filter and filling of gaps.
+    Axis map: x = x, y = z, z = -y of the upright frame; metres. The skeleton's nodes, of ours 27 of
+    a person, have the names of the body's parts; without animation they are in the rest pose (ours:
+    upright, arms 45 degrees down, facing +z), to which the skin is bound. The only animation,
+    `motion`, rotates every node and translates the root, and nodes that move in the one above. Its
+    time is zero at the first pose. The document's extras state filter and filling of gaps. Of one
+    person with the bones of VRM, the extension VRMC_vrm names them.
 
     Of several people each has a skeleton and a body of another colour, as in the overlays, under a
     node `person_1` and so on, whose extras state its filter and gaps; the animation moves all.
@@ -42,27 +43,30 @@ def write_glb(motion: Motion | Sequence[Motion], path: Path) -> None:
     Frames without a pose have no key: players interpolate over them along the shortest rotation, as
     they do between frames.
     """
-    motions = [motion] if isinstance(motion, Motion) else motion
+    several = [motion] if isinstance(motion, Motion | RiggedMotion) else motion
+    bodies = [rigged(one) for one in several]
+    motions = [body.motion for body in bodies]
     document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator=f"voxelpose {__version__}"))
     first_frame = min(int(motion.frames[0]) for motion in motions)
     document.extras = {"fps": motions[0].fps, "first_frame": first_frame}
     packer, animation = _Packer(document), gltf.Animation(name="motion")
     alone, top = len(motions) == 1, list[int]()
-    for k, (name, motion) in enumerate(zip(person_names(len(motions)), motions, strict=True)):
-        upright, body = motion.upright(), len(document.nodes)
+    for k, (name, body) in enumerate(zip(person_names(len(bodies)), bodies, strict=True)):
+        first, source = len(document.nodes), body.motion
         extras = {
-            "conditioning": conditioning_words(motion),
-            "filled_frames": motion.frames[motion.filled].tolist(),
+            "conditioning": conditioning_words(source),
+            "filled_frames": source.frames[source.filled].tolist(),
         }
-        _add_skeleton(document, packer, upright.model)
-        _add_body(document, packer, upright.model, None if alone else COLOURS[k % len(COLOURS)])
-        _add_animation(animation, packer, upright, body + 1, first_frame)
+        _add_skeleton(document, packer, body)
+        _add_skin(document, packer, body, None if alone else COLOURS[k % len(COLOURS)])
+        _add_animation(animation, packer, body, first + 1, first_frame)
         if alone:
             document.extras |= extras
-            top = [body, body + 1]
+            top = [first, first + 1]
+            _add_humanoid(document, body, first + 1)
         else:
             top.append(len(document.nodes))
-            document.nodes.append(gltf.Node(name=name, children=[body, body + 1], extras=extras))
+            document.nodes.append(gltf.Node(name=name, children=[first, first + 1], extras=extras))
     document.animations = [animation]
     document.scenes = [gltf.Scene(nodes=top)]
     document.scene = 0
@@ -99,50 +103,60 @@ class _Packer:
         return len(self.document.accessors) - 1
 
 
-def _add_skeleton(document: gltf.GLTF2, packer: _Packer, model: BodyModel) -> None:
-    """Adds a node of the mesh, and nodes of the parts after it."""
-    joints = model.joints_m @ Y_UP_FROM_WORLD.T
-    number, root = len(document.skins), len(document.nodes) + 1
+def _add_skeleton(document: gltf.GLTF2, packer: _Packer, body: RiggedMotion) -> None:
+    """Adds a node of the mesh, and nodes of the bones after it."""
+    number, root, count = len(document.skins), len(document.nodes) + 1, len(body.names)
+    rotations, places = (values[0] for values in body.at_rest().local())
+    turned = quaternions(rotations)[:, [1, 2, 3, 0]]  # w comes last in glTF
     document.nodes.append(gltf.Node(name="body", mesh=number, skin=number))
-    for part, (name, parent) in enumerate(zip(model.names, model.tree.parents, strict=True)):
-        offset = joints[part] - (joints[parent] if parent >= 0 else 0)
-        children = (np.flatnonzero(model.tree.parents == part) + root).tolist()
-        document.nodes.append(
-            gltf.Node(name=name, translation=offset.tolist(), children=children or None)
-        )
-    bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
-    bind[:, 3, :3] = -joints  # glTF stores columns first: the translation is the last row here
+    for bone, name in enumerate(body.names):
+        children = (np.flatnonzero(body.parents == bone) + root).tolist()
+        rest = gltf.Node(name=name, translation=places[bone].tolist(), children=children or None)
+        if not np.allclose(rotations[bone], np.eye(3)):
+            rest.rotation = turned[bone].tolist()
+        document.nodes.append(rest)
+    bind = np.zeros((count, 4, 4), np.float32)  # glTF stores columns first
+    bind[:, :3, :3] = body.axes
+    bind[:, 3, :3] = -np.einsum("bji,bj->bi", body.axes, body.rest_m)
+    bind[:, 3, 3] = 1.0
     document.skins.append(
         gltf.Skin(
             name="skeleton",
-            joints=list(range(root, root + len(joints))),
+            joints=list(range(root, root + count)),
             skeleton=root,
             inverseBindMatrices=packer.add(bind),
         )
     )
 
 
-def _add_body(
-    document: gltf.GLTF2, packer: _Packer, model: BodyModel, colour: Sequence[int] | None
+def _add_humanoid(document: gltf.GLTF2, body: RiggedMotion, root: int) -> None:
+    """Adds what VRM 1.0 requires, where the bones are its own; the rest is as its defaults are: its
+    author alone may be this figure.
+    """
+    if body.humanoid:
+        bones = {name: {"node": root + bone} for bone, name in enumerate(body.names)}
+        meta = {"name": "voxelpose", "authors": ["voxelpose"]}
+        meta["licenseUrl"] = "https://vrm.dev/licenses/1.0/"
+        vrm = {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": bones}}
+        document.extensionsUsed, document.extensions = ["VRMC_vrm"], {"VRMC_vrm": vrm}
+
+
+def _add_skin(
+    document: gltf.GLTF2, packer: _Packer, body: RiggedMotion, colour: Sequence[int] | None
 ) -> None:
     """Adds a mesh and its material of a colour, RGB; None: of clay."""
-    weights = model.skin_weights.astype(np.float32)
+    vertices, faces = body.vertices_m, body.motion.model.faces
+    weights = body.skin_weights.astype(np.float32)
     weights /= weights.sum(axis=1, keepdims=True)
-    parts = np.where(weights > 0, model.skin_parts, 0).astype(np.uint8)
+    bones = np.where(weights > 0, body.skin_bones, 0).astype(np.uint8)
     shape = {
-        "POSITION": packer.add(
-            (model.vertices_m @ Y_UP_FROM_WORLD.T).astype(np.float32),
-            gltf.ARRAY_BUFFER,
-            bounds=True,
-        ),
-        "NORMAL": packer.add(
-            (model.vertex_normals @ Y_UP_FROM_WORLD.T).astype(np.float32), gltf.ARRAY_BUFFER
-        ),
-        "JOINTS_0": packer.add(parts, gltf.ARRAY_BUFFER),
+        "POSITION": packer.add(vertices.astype(np.float32), gltf.ARRAY_BUFFER, bounds=True),
+        "NORMAL": packer.add(vertex_normals(vertices, faces).astype(np.float32), gltf.ARRAY_BUFFER),
+        "JOINTS_0": packer.add(bones, gltf.ARRAY_BUFFER),
         "WEIGHTS_0": packer.add(weights, gltf.ARRAY_BUFFER),
     }
-    index = np.uint16 if len(model.vertices_m) < _LARGEST_SHORT else np.uint32
-    corners = packer.add(model.faces.astype(index).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
+    index = np.uint16 if len(vertices) < _LARGEST_SHORT else np.uint32
+    corners = packer.add(faces.astype(index).ravel(), gltf.ELEMENT_ARRAY_BUFFER)
     primitive = gltf.Primitive(
         attributes=gltf.Attributes(**shape), indices=corners, material=len(document.materials)
     )
@@ -159,20 +173,19 @@ def _add_body(
 
 
 def _add_animation(
-    animation: gltf.Animation, packer: _Packer, motion: Motion, root: int, first_frame: int
+    animation: gltf.Animation, packer: _Packer, body: RiggedMotion, root: int, first_frame: int
 ) -> None:
     """Adds the channels of a skeleton whose nodes begin with that of the root."""
-    rotations = continuous_quaternions(
-        quaternions(Y_UP_FROM_WORLD @ local_rotations(motion) @ Y_UP_FROM_WORLD.T)
-    )
-    places = motion.parts()[1][:, 0] @ Y_UP_FROM_WORLD.T
-    time = packer.add(((motion.frames - first_frame) / motion.fps).astype(np.float32), bounds=True)
-    for part in range(len(motion.model.names)):
-        values = packer.add(
-            rotations[:, part, [1, 2, 3, 0]].astype(np.float32)
-        )  # w comes last in glTF
-        _add_channel(animation, time, values, root + part, "rotation")
-    _add_channel(animation, time, packer.add(places.astype(np.float32)), root, "translation")
+    turns, places = body.local()
+    rotations, moving = continuous_quaternions(quaternions(turns)), body.moving(places)
+    time_s = (body.motion.frames - first_frame) / body.motion.fps
+    time = packer.add(time_s.astype(np.float32), bounds=True)
+    for bone in range(len(body.names)):
+        values = packer.add(rotations[:, bone, [1, 2, 3, 0]].astype(np.float32))
+        _add_channel(animation, time, values, root + bone, "rotation")
+    for bone in np.flatnonzero(moving).tolist():
+        values = packer.add(places[:, bone].astype(np.float32))
+        _add_channel(animation, time, values, root + bone, "translation")
 
 
 def _add_channel(animation: gltf.Animation, time: int, values: int, node: int, path: str) -> None:

@@ -1,4 +1,4 @@
-"""Quantities that several formats share: local rotations, named points, frames, y-up axes."""
+"""Quantities that several formats share: named points, frames, y-up axes."""
 
 from collections.abc import Sequence
 
@@ -7,18 +7,12 @@ from numpy.typing import NDArray
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
-from silhouette_core.motion.kinematics import relative_rotations
 from silhouette_core.motion.motion import Motion
 
 Y_UP_FROM_WORLD = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 """Axes of BVH and glTF: (x, y, z) becomes (x, z, -y). A body that faces -y in the world then faces
 +z, its left hand toward +x in both.
 """
-
-
-def local_rotations(motion: Motion) -> NDArray[np.float64]:
-    """Rotation (T, P, 3, 3) of every part to its parent, the root's to the world; rest is 1."""
-    return relative_rotations(motion.parts()[0], motion.model.tree.parents)
 
 
 def part_ends(model: BodyModel) -> NDArray[np.float64]:
@@ -82,7 +76,7 @@ def ascii_names(names: Sequence[str]) -> list[str]:
     """Names in formats that hold ASCII words alone; the second of one name gets a number."""
     words: dict[str, None] = {}
     for name in names:
-        plain = "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in name)
+        plain = "".join(c if c.isascii() and (c.isalnum() or c in "_-.:") else "_" for c in name)
         word, number = plain, 1
         while word in words:
             number += 1

@@ -25,6 +25,11 @@ _SIDE_WORD = re.compile(r"\{(Left|left|L|l)\}")
 _RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
 
 
+def of_side(side: str, name: str) -> str:
+    """A name of the left or right side: {Left}, {left}, {L} and {l} in it are those or Right, …."""
+    return _SIDE_WORD.sub(lambda mark: mark[1] if side == "left" else _RIGHT[mark[1]], name)
+
+
 @dataclass(frozen=True)
 class NameMap:
     """Joint-name map."""
@@ -72,12 +77,7 @@ class NameMap:
                 names[key] = tuple(spellings)
             elif key in _LIMBS:
                 for side in _SIDES:
-                    names[f"{side}_{key}"] = tuple(
-                        _SIDE_WORD.sub(
-                            lambda m, s=side: m[1] if s == "left" else _RIGHT[m[1]], spelling
-                        )
-                        for spelling in spellings
-                    )
+                    names[f"{side}_{key}"] = tuple(of_side(side, one) for one in spellings)
             else:
                 raise InputError(
                     f"joint-name map {title}: {key[:40]!r} is no joint of ours: use"

@@ -32,10 +32,21 @@ def test_elsewhere(fitted, desk, capsys):
     assert run(["export", "fitted", "--to", "glb", "--out", "lab", "--overwrite"]) == 0
 
 
+def test_what_is_not_as_in_the_result_is_apart_from_it(fitted, capsys):
+    before = (fitted / "motion.bvh").read_bytes()
+    words = ["export", "fitted", "--to", "bvh", "--skeleton", "unity", "--rate", "50"]
+    assert run([*words, "--in-place", "--frames", "0:4"]) == 0
+    assert "fitted/export/motion.bvh" in capsys.readouterr().out
+    assert (fitted / "motion.bvh").read_bytes() == before
+    assert "LeftUpperArm" in (fitted / "export" / "motion.bvh").read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["fitted", "--to", "fbx"], "there is no format 'fbx'"),
+        (["fitted", "--to", "obj"], "there is no format 'obj'"),
+        (["fitted", "--frames", "900:"], "none of these frames has a pose"),
+        (["fitted", "--rate", "0"], "--rate"),
         (["fitted", "--to", ","], "--to names no format"),
         (["walk"], "walk is not a result"),
         (["fitted", "--filter", "none"], "fitted does not record its filter"),
