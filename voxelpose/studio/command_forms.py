@@ -30,8 +30,8 @@ from voxelpose.view.serving.page_words import field_title
 
 # What the page decides by itself: where files lie, cameras, receivers, and the pages of `live`.
 _NOT_IN_FORMS = set(
-    "out overwrite verbose intrinsics points source send loop record record_now duration page host"
-    " port token browser".split()
+    "to out overwrite verbose intrinsics points source send loop record record_now duration page"
+    " host port token browser".split()
 )
 _FILES = {"body", "library"}  # options whose value may name a file
 _METRES = {"stature", "chest"}  # which many type in centimetres

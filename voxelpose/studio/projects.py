@@ -153,8 +153,8 @@ class StudioFolder:
 
     def results(self) -> list[dict[str, Any]]:
         """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
-        here), `level` and `words` of its verdict, its `command`, `frames`, time it was `made`,
-        whether it has a contact `sheet`.
+        here), `level` and `words` of its verdict, its `command`, `frames`, names of several `people`,
+        time it was `made`, whether it has a contact `sheet`.
         """
         results = [self._describe_result(folder) for folder in self._result_folders()]
         return sorted(results, key=lambda result: -result["made"])
@@ -225,6 +225,7 @@ class StudioFolder:
             "words": str(verdict),
             "command": "fit" if len(next(iter(summaries.values()))["cameras"]) > 1 else "track",
             "frames": f"{whom}{frames} frames",
+            "people": [*verdicts] if len(people) > 1 else [],
         }
 
     def _recording_of(self, folder: Path) -> Path:

@@ -2,7 +2,6 @@
 
 import math
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,11 @@ from voxelpose.calibration.sync import Sync
 from voxelpose.calibration.sync_verdict import sync_findings
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
+from voxelpose.cli.export import Export
 from voxelpose.cli.fit import EstimationArguments
 from voxelpose.compile_ahead import compiling_beside
-from voxelpose.export.formats import export_motion
-from voxelpose.export.player_scene import Stage
 from voxelpose.recording.folder import Recording
 from voxelpose.report.page import REPORT, write_report
-from voxelpose.results import open_people
 from voxelpose.view.serving.page_job import StepError
 
 EXPORTED = "export.zip"
@@ -78,17 +75,16 @@ def calibrate(
 
 
 def export(
-    reporter: Reporter, folder: Path, formats: Sequence[str], report: bool, pictures: bool
+    reporter: Reporter, folder: Path, command: Export, report: bool, pictures: bool
 ) -> dict[str, Any]:
-    """Writes the files of formats, the report and what the fit drew into one archive in the
-    result's folder; returns the `files` in it and their `bytes`. InputError where a format does not
-    fit, or files cannot be written.
+    """Writes the files of a command, if it names formats, the report and what the fit drew into one
+    archive in the folder of a result; returns the `files` in it and their `bytes`. InputError where
+    a format does not fit, or files cannot be written.
     """
     reporter.stage("files")
-    results = open_people(folder)
-    stage = Stage.from_cameras(folder.name, results[0].rig, results[0].motion)
-    motions = [result.motion for result in results]
-    paths = export_motion(motions, folder, formats, True, stage) if formats else []
+    paths, notes = command.write() if command.to else ([], [])
+    for note in notes:
+        reporter.note(note)
     if report:
         paths.append(write_report(folder, folder / REPORT, overwrite=True, reporter=reporter))
     if pictures:

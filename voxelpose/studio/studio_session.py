@@ -15,6 +15,7 @@ from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.report.page import sheet_image
+from voxelpose.results import people_folders
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import Typed
@@ -121,6 +122,7 @@ class StudioSession:
             "results": self.folder.results(),
             "bin": self.changes.bin(),
             "formats": export_formats(),
+            "export": form_of("export", self.folder.root),
         }
 
     def project(self, project: str) -> dict[str, Any]:
@@ -239,13 +241,22 @@ class StudioSession:
         formats: Annotated[list[Name], Meta(max_length=20)],
         report: bool = False,
         pictures: bool = False,
+        person: str = "",
+        settings: Typed | None = None,
     ) -> None:
-        """Begins an export. InputError where another job is running, or there is no such result."""
+        """Begins an export, of one of several people or of all. InputError where another job is
+        running, there is no such result or person, or a setting makes no sense.
+        """
         folder = self.folder.result(result)
         known = [name for name in export_formats() if name in formats]
         if not known and not report and not pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
-        self.job.start("export", result, export, folder, known, report, pictures)
+        people = {one.name: one for one in people_folders(folder)} if person else {"": folder}
+        if person not in people:
+            raise InputError(f"{result} has no person {person[:40]!r}: choose another one")
+        fixed = {"result": people[person], "to": ",".join(known), "out": None}
+        command = filled_in("export", self.folder, folder, fixed, settings or {})
+        self.job.start("export", result, export, folder, command, report, pictures)
 
     def sheet(self, result: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""

@@ -188,7 +188,9 @@ def events(server) -> list[dict]:
 def archive(server) -> None:
     nothing = {"result": "fitted", "formats": []}
     assert "nothing is chosen" in ask(server, "/api/export", nothing)[1]["error"]
-    asked = {"result": "fitted", "formats": ["bvh", "csv", "fbx"], "report": True}
+    strange = {"formats": ["bvh"], "settings": {"skeleton": "biped"}}
+    assert "must be one of" in ask(server, "/api/export", nothing | strange)[1]["error"]
+    asked = {"result": "fitted", "formats": ["bvh", "csv", "obj"], "report": True}
     assert ask(server, "/api/export", asked)[0] == 200
     state = ended(server)
     assert state["state"] == "done", state
@@ -215,9 +217,16 @@ def people(server, desk) -> None:
     assert found["duo"]["frames"] == "2 people, 3 of 4, 3 of 4 frames"
     assert found["duo"]["words"].startswith("doubtful: person_1: ")
     assert [one["name"] for one in state["projects"]] == ["walk"]
+    assert found["duo"]["people"] == names and found["fitted"]["people"] == []
     asked = {"result": "duo", "formats": ["bvh", "glb"]}
     assert ask(server, "/api/export", asked)[0] == 200
     assert {"motion.glb", "person_2/motion.bvh"} <= {*ended(server)["files"]}
+    assert (
+        "has no person 'eve'" in ask(server, "/api/export", asked | {"person": "eve"})[1]["error"]
+    )
+    asked |= {"person": "person_2", "settings": {"skeleton": "vrm", "frames": "0:9"}}
+    assert ask(server, "/api/export", asked)[0] == 200
+    assert "person_2/export/motion.glb" in ended(server)["files"]
     settings.write_text(settings.read_text().replace("../../walk", "../../../walk"))
     status, answer = ask(server, "/view/duo/-/")
     assert status == 400 and "lies outside of" in answer["error"]

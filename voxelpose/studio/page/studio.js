@@ -90,10 +90,13 @@ class Studio {
     }
   }
 
-  // Sends a form, unless a field of it holds what it cannot; then shows the panel of the job.
+  // Sends a form, unless a field of it holds what it cannot; then shows the panel of the job. Returns
+  // whether it was taken.
   async begin(path, content, panel, holder) {
-    if (isWrong(holder)) return;
-    if (await this.send(path, content, holder)) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
+    if (isWrong(holder)) return false;
+    const taken = await this.send(path, content, holder);
+    if (taken) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
+    return taken;
   }
 }
 
