@@ -153,8 +153,8 @@ class StudioFolder:
 
     def results(self) -> list[dict[str, Any]]:
         """All results, also in a batch's folder, the latest first: `name`, its `project` (None: not
-        here), `level` and `words` of its verdict, its `command`, `frames`, names of several `people`,
-        time it was `made`, whether it has a contact `sheet`.
+        here), `level` and `words` of its verdict, its `command`, `frames`, names of several
+        `people`, time it was `made`, whether it has a contact `sheet`.
         """
         results = [self._describe_result(folder) for folder in self._result_folders()]
         return sorted(results, key=lambda result: -result["made"])
